@@ -508,8 +508,7 @@ def _shape(law: DwellLawFit, name: str, unit: str) -> str:
 
 def _relaxation_blocks(topic: Topic, found: CampaignCharacteristics) -> Iterator[Block]:
     yield topic.figure("campaign-stop-relaxation", relaxation(found))
-    groups = found.stops.group_by("speed_m_s", "released", "stop_s", maintain_order=True)
-    yield topic.table((_medians(key, group) for key, group in sorted(groups, key=lambda pair: pair[0])), "medians")
+    yield topic.table(_medians(found.stops), "medians")
 
 
 def _known(stops: pl.DataFrame, name: str) -> pl.DataFrame:
@@ -538,32 +537,30 @@ def relaxation(found: CampaignCharacteristics) -> Figure:
     return figure_of("relaxation", panels)
 
 
-def _medians(key: tuple[Any, ...], group: pl.DataFrame) -> tuple[object, ...]:
-    """Return medians over stops of equal speed, axis and duration."""
-    speed_m_s, released, duration_s = key
+def _medians(stops: pl.DataFrame) -> Iterator[tuple[object, ...]]:
+    """Yield medians over stops of equal speed, axis and duration."""
 
-    def median(name: str, stops: pl.DataFrame = group) -> float | None:
-        known = stops[name].to_numpy()
-        known = known[np.isfinite(known)]
-        return float(np.median(known)) if known.size else None
+    def median(name: str, *which: pl.Expr) -> pl.Expr:
+        return pl.col(name).filter(pl.col(name).is_finite(), *which).median()
 
-    decade = [pl.col(f"relaxation_n_per_decade{end}") for end in ("", "_low", "_high")]
-    back = _known(group, "recovery_m")
-    whole = back.filter("recovery_complete")
-    forms = group.filter(pl.col("relaxation_form") != "")["relaxation_form"].mode().sort()
-    distance = median("recovery_m", whole)
-    cut = f" ({len(back) - len(whole)} cut)" if len(back) > len(whole) else ""
-    return (
-        f"{duration_s:g} s, {'released' if released else 'held'}, {MM * speed_m_s:.3g} mm/s",
-        len(group),
-        median("relaxation_n"),
-        forms[0] if len(forms) else None,
-        median("relaxation_n_per_decade", group.filter(decade[2] - decade[1] < 2.0 * decade[0].abs())),
-        median("increment_n"),
-        median("loading_rate_n_s"),
-        f"{'–' if distance is None else format(MM * distance, '.3g')}{cut}",
-        median("recovery_s", whole),
+    value, low, high = (pl.col(f"relaxation_n_per_decade{end}") for end in ("", "_low", "_high"))
+    form, is_complete = pl.col("relaxation_form"), pl.col("recovery_complete")
+    key = ("speed_m_s", "released", "stop_s")
+    groups = stops.group_by(key).agg(
+        count=pl.len(),
+        relaxation_n=median("relaxation_n"),
+        form=form.filter(form != "").mode().sort().first(),
+        decade_n=median("relaxation_n_per_decade", high - low < 2.0 * value.abs()),
+        increment_n=median("increment_n"),
+        rate_n_s=median("loading_rate_n_s"),
+        way_m=median("recovery_m", is_complete),
+        cut=(pl.col("recovery_m").is_not_nan() & ~is_complete).sum(),
+        recovery_s=median("recovery_s", pl.col("recovery_m").is_not_nan(), is_complete),
     )
+    for speed_m_s, is_released, stop_s, *values, way_m, cut, recovery_s in groups.sort(key).iter_rows():
+        way = "–" if way_m is None else format(MM * way_m, ".3g")
+        named = f"{stop_s:g} s, {'released' if is_released else 'held'}, {MM * speed_m_s:.3g} mm/s"
+        yield named, *values, f"{way} ({cut} cut)" if cut else way, recovery_s
 
 
 # --- the run ---------------------------------------------------------------------------------------------------------

@@ -12,7 +12,7 @@ from pneudrive.control.pose.path import PoseScore
 from pneudrive.control.scores import view_of_score, written
 from pneudrive.figures import MODEL, Axis, Figure, Line, Look, Panel, Rule, look, stack, thin
 from pneudrive.report.page import Topic, plural, view_report
-from pneudrive.report.render import box_marks, draw_figure
+from pneudrive.report.render import DrawnFigure, box_marks, draw_figure
 from pneudrive.simulation.trajectory import attributes, check_si
 from pneudrive.views import MOST_LEADING, Finding, LeadingValue, ShownFigure, ShownTable, ShownValue, View
 
@@ -20,7 +20,6 @@ if TYPE_CHECKING:
     from collections.abc import Collection, Iterator, Mapping, Sequence
     from pathlib import Path
 
-    import matplotlib.figure
     import xarray as xr
 
     from pneudrive.control.benchmarks import ControlComparison
@@ -32,7 +31,7 @@ SMALL_M = 5e-3  # largest error that is drawn in micrometres
 REFERENCE = Look("grey", "--")
 
 
-def plot_control(run: xr.Dataset, path: str | Path | None = None) -> matplotlib.figure.Figure:
+def plot_control(run: xr.Dataset, path: str | Path | None = None) -> DrawnFigure:
     """Draw a run under control over time: position and reference, error, pressures, command, disturbance.
 
     For a platform, draw coordinates with references, errors, and positions and forces of the legs.
@@ -64,7 +63,8 @@ def run_figure(run: xr.Dataset) -> Figure:
     """Draw a run under control over time."""
     check_si(run)
     part = thin(run.time, MOST_DRAWN)
-    time, known = run.time.to_numpy()[part], {str(name): run[name].to_numpy()[part] for name in run.data_vars}
+    time = run.time.to_numpy()[part]
+    known = {str(name): run[name].to_numpy()[part] for name in run.data_vars}
     title = f"{run.attrs.get('law', '')} on {run.attrs.get('title', 'a drive')}"
     score = attributes(run).get("score", {})
     panels = _pose_panels(time, known, score, title) if "coordinates" in score else _axis_panels(time, known, title)
@@ -109,7 +109,7 @@ def _pose_panels(time: np.ndarray, known: dict[str, np.ndarray], score: dict[str
     ]
 
 
-def plot_reference(reference: Reference, plant: Plant, path: str | Path | None = None) -> matplotlib.figure.Figure:
+def plot_reference(reference: Reference, plant: Plant, path: str | Path | None = None) -> DrawnFigure:
     """Draw a reference with the stroke and the highest speed of the drive.
 
     Parameters

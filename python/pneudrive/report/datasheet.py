@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from itertools import islice
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -19,7 +18,7 @@ from pneudrive.numbers import plain
 from pneudrive.report.circuit.svg import draw_circuit
 from pneudrive.report.fit import references
 from pneudrive.report.page import Items, Report, Section, Topic, figure_of, view_section, write_pdf
-from pneudrive.report.render import draw_figure
+from pneudrive.report.render import DrawnFigure, draw_figure
 from pneudrive.report.validation import MOST_SHOWN, channel_figure, friction_figure
 from pneudrive.simulation.trajectory import check_target, write_whole
 from pneudrive.validate.validation import run_columns
@@ -29,7 +28,6 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
     from pathlib import Path
 
-    import matplotlib.figure
     import xarray as xr
 
     from pneudrive.datasheet.measured import ComparedNumber, MeasuredBeside
@@ -45,7 +43,7 @@ CURVES = (
 SMALL_CIRCUIT = ("<svg ", '<svg style="max-width: 26rem; display: block" ')
 
 
-def plot_characteristic(found: xr.Dataset, path: str | Path | None = None) -> matplotlib.figure.Figure:
+def plot_characteristic(found: xr.Dataset, path: str | Path | None = None) -> DrawnFigure:
     """Draw a characteristic.
 
     Parameters
@@ -88,15 +86,15 @@ def characteristic_view(found: xr.Dataset) -> View:
     notes = [found.attrs["definition"], f"Standard: {found.attrs['standard']}"]
     notes += [f"More than {MOST_VALUES} values each, in --out FILE.csv: {', '.join(long)}"] if long else []
     kind, single = characteristics()[found.attrs["characteristic"]], [found[name] for name in results_of(found)]
-    values = (
+    values = [
         ShownValue(str(one.name), "", in_words(str(one.name)), float(one), one.attrs["units"])
         for one in single
         if not one.ndim
-    )
+    ]
     panels = [characteristic_panel(found, name) for name in kind.y.split()] if kind.x else []
     return View(
         found.attrs["title"],
-        leading=tuple(map(LeadingValue, islice(values, MOST_LEADING))),
+        leading=tuple(map(LeadingValue, values[:MOST_LEADING])),
         notes=(*notes, f"Interval: {found.attrs.get('interval', 'not asked for')}"),
         tables=(ShownTable("", ("result", "at", "value", "meaning"), tuple(rows)),),
         figures=(ShownFigure(kind.name, f"{kind.title}.", figure_of("characteristic", panels)),) if panels else (),
@@ -109,12 +107,9 @@ def characteristic_panel(found: xr.Dataset, name: str = "", title: str = "") -> 
     name, *others = [name] if name else kind.y.split()
     if found[kind.x].dtype.kind in "US":
         return _bars(found, kind.x, name, title or kind.title)
-    marks: list[Line | Band] = []
-    for index, (label, x, y, low, high) in enumerate(_curves(found, kind.x, name)):
-        marks.append(Line(x, y, label, look(index)))
-        if low is not None and high is not None:
-            marks.append(Band(x, low, high, look=look(index)))
-    right = [Line(x, y, look=Look("blue", "--")) for other in others for _, x, y, *_ in _curves(found, kind.x, other)]
+    marks = list(_curves(found, kind.x, name))
+    further = (line for other in others for line in _curves(found, kind.x, other) if isinstance(line, Line))
+    right = [replace(line, label="", look=Look("blue", "--")) for line in further]
     xs = np.abs(np.asarray(found[kind.x], dtype=float))
     is_wide = found[kind.x].attrs["units"] == "Hz" and xs.max() > LOGARITHMIC * xs.min() > 0.0
     x_axis = Axis(_label(found, kind.x), "log" if is_wide else "linear", is_si=False)
@@ -132,36 +127,22 @@ def _label(found: xr.Dataset, name: str) -> str:
     return words if unit in ("1", "") else f"{words} / {unit if unit.count('/') == 0 else f'({unit})'}"
 
 
-def _curves(
-    found: xr.Dataset, x: str, name: str
-) -> Iterator[tuple[str, np.ndarray, np.ndarray, np.ndarray | None, np.ndarray | None]]:
-    """Yield each curve in shown units: label, abscissa, ordinate and both ends of its interval."""
+def _curves(found: xr.Dataset, x: str, name: str) -> Iterator[Line | Band]:
+    """Yield a line for each curve of a result in shown units, and the band of its interval."""
     along = found[x].dims[-1]
-    others = [str(dim) for dim in found[name].dims if dim != along]
-    factor, by = shown_unit(found[name].attrs["units"])[0], shown_unit(found[x].attrs["units"])[0]
-    points = [{}] if not others else [{others[0]: k} for k in range(found.sizes[others[0]])]
-    if len(points) > MOST_CURVES:
-        points = [points[k] for k in np.linspace(0, len(points) - 1, MOST_CURVES).astype(int)]
-    for at in points:
-        abscissa = found[x].isel({dim: k for dim, k in at.items() if dim in found[x].dims})
-        low, high = (
-            factor * np.asarray(found[f"{name}_{end}"].isel(at)) if f"{name}_{end}" in found else None
-            for end in ("low", "high")
-        )
-        yield (
-            _of(found, at, at is points[0]),
-            by * np.asarray(abscissa, dtype=float),
-            factor * np.asarray(found[name].isel(at)),
-            low,
-            high,
-        )
-
-
-def _of(found: xr.Dataset, at: dict[str, int], is_first: bool) -> str:
-    """Return the label of a curve; only the first one names the quantity."""
-    words = ", ".join(value_in_words(found, dim, k) for dim, k in at.items())
-    names = [in_words(dim) for dim in at if found[dim].dtype.kind not in "US"]
-    return words if is_first else words.removeprefix("".join(names)).strip()
+    (other,) = [str(dim) for dim in found[name].dims if dim != along] or [""]
+    factor, by = (shown_unit(found[of].attrs["units"])[0] for of in (name, x))
+    count = found.sizes.get(other, 1)
+    for index, k in enumerate(np.linspace(0, count - 1, min(count, MOST_CURVES)).astype(int)):
+        at = {other: k} if other else {}
+        abscissa = by * np.asarray(found[x].isel(at, missing_dims="ignore"), dtype=float)
+        label = value_in_words(found, other, k) if other else ""
+        if index and other and found[other].dtype.kind not in "US":  # only the first label names the quantity
+            label = label.removeprefix(in_words(other)).strip()
+        yield Line(abscissa, factor * np.asarray(found[name].isel(at)), label, look(index))
+        if f"{name}_low" in found:
+            low, high = (factor * np.asarray(found[f"{name}_{end}"].isel(at)) for end in ("low", "high"))
+            yield Band(abscissa, low, high, look=look(index))
 
 
 def value_in_words(found: xr.Dataset, dim: str, index: int) -> str:

@@ -134,22 +134,12 @@ def provenance_section(found: Characterisation | None, study: Addition | None) -
 
 
 def _notes(topic: Topic, found: Characterisation) -> Iterator[Block]:
-    for note in source_notes(found):
-        yield topic.text("note", note=f"{note.parent.name}/{note.name}")
-        yield Paragraph(_head(note), "code")
-
-
-def source_notes(found: Characterisation) -> list[Path]:
-    """Return the paths of files SOURCE.md next to the recordings or one folder above."""
-    notes = []
-    for recording in found.recordings:
-        if recording.source is None:
-            continue
-        for folder in (Path(recording.source).parent, Path(recording.source).parent.parent):
-            note = folder / SOURCE_NOTE
-            if note.is_file() and note not in notes:
-                notes.append(note)
-    return notes
+    """Yield the files SOURCE.md next to the recordings or one folder above."""
+    sources = (Path(recording.source) for recording in found.recordings if recording.source is not None)
+    for folder in dict.fromkeys(folder for source in sources for folder in source.parents[:2]):
+        if (folder / SOURCE_NOTE).is_file():
+            yield topic.text("note", note=f"{folder.name}/{SOURCE_NOTE}")
+            yield Paragraph(_head(folder / SOURCE_NOTE), "code")
 
 
 def _head(path: Path) -> str:

@@ -138,19 +138,11 @@ def sketch(name: str, there: Collection[str] = (), **values: object) -> Figure:
 
 
 def _stroke(table: Mapping[str, Any], values: Mapping[str, object]) -> PenStroke:
-    color, text = table.get("color", "black").lower(), table.get("text", "")
+    own = {key: value for key, value in table.items() if key not in ("when", "box")}
     if "box" in table:
         x, y, width, height = table["box"]
-        corners = [(x, y), (x + width, y), (x + width, y + height), (x, y + height), (x, y)]
-        return PenStroke(corners, fill="paper" if color == "white" else color, width=table["lw"])
-    look = {"color": color, "width": table.get("lw", 1.0), "cap": table.get("cap", "round")}
-    if "line" in table:
-        return PenStroke(table["line"], **look)
-    if "arrow" in table:
-        return PenStroke(table["arrow"], text, head=table["head"], **look)
-    align = f"{table.get('align', 'center')} center"
-    look = {"color": color, "size": table["size"], "bold": "weight" in table}
-    return PenStroke([table["at"]], text.format(**values), align=align, **look)
+        own["points"] = [(x, y), (x + width, y), (x + width, y + height), (x, y + height), (x, y)]
+    return PenStroke(**own | {"text": own.get("text", "").format(**values)})
 
 
 def is_open(recording: Recording, side: str) -> bool:

@@ -12,8 +12,6 @@ from operator import attrgetter, itemgetter
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias
 
-import numpy as np
-
 from pneudrive import units
 from pneudrive.arrays import Plain, evenly
 from pneudrive.describe.files.toml import tomllib
@@ -23,19 +21,16 @@ from pneudrive.files.content import rendered
 from pneudrive.files.writing import make_subfolder
 from pneudrive.friction.friction_map import Condition, group_of
 from pneudrive.numbers import with_interval
-from pneudrive.report.render import PNG_DPI, applied, finish, lay_out, load_matplotlib, render
+from pneudrive.report.render import PNG_DPI, DrawnFigure, applied, finish, lay_out, load_matplotlib, render
 from pneudrive.simulation.trajectory import whole, write_whole
 from pneudrive.views import Finding, ShownFigure, ShownTable, View
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 
-    import matplotlib.figure
-
     from pneudrive.friction.campaign.result import CampaignCharacteristics
     from pneudrive.friction.characterisation import Characterisation
     from pneudrive.friction.level import Level, RecordingResult
-    from pneudrive.signals.recording import Recording
 
 
 # --- Parts of a report (sections, text, tables, pictures) and the files made of them.
@@ -73,7 +68,7 @@ class Picture(ShownFigure):
 
     synthetic: bool = False
 
-    def drawn(self) -> matplotlib.figure.Figure:
+    def drawn(self) -> DrawnFigure:
         """Draw the figure, within `applied`, with letters, mark and fixed places of its panels."""
         figure = render(self.figure) if isinstance(self.figure, Figure) else self.figure
         finish(figure, synthetic=self.synthetic)
@@ -94,11 +89,6 @@ class Section:
     synthetic: bool | None = None
 
 
-def section(key: str, title: str, *blocks: Block | None, synthetic: bool | None = None) -> Section:
-    """Return a section of the blocks that are not None."""
-    return Section(key, title, tuple(block for block in blocks if block is not None), synthetic)
-
-
 def view_section(key: str, view: View, *, synthetic: bool | None = None) -> Section:
     """Return the section of a result: findings, leading values and notes, values, figures and tables."""
     facts: dict[str, list[str]] = {"fails": [], "note": [], "plain": [value.text for value in view.leading]}
@@ -111,7 +101,7 @@ def view_section(key: str, view: View, *, synthetic: bool | None = None) -> Sect
     values = (("Values", table) for table in view.value_tables())
     for caption, (head, rows) in (*values, ("Curves", view.curve_table())):
         tables += [ShownTable(caption, tuple(head), tuple(map(tuple, rows)))] if rows else []
-    return section(key, view.title, *lists, *view.figures, *tables, *view.tables, synthetic=synthetic)
+    return Section(key, view.title, (*lists, *view.figures, *tables, *view.tables), synthetic)
 
 
 def view_report(view: View, *sections: Section | None, synthetic: bool = False) -> Report:
@@ -246,7 +236,7 @@ def write_picture(picture: Picture, folder: Path) -> str:
     return inline(svg, picture.name, picture.caption)
 
 
-def svg_text(figure: matplotlib.figure.Figure) -> str:
+def svg_text(figure: DrawnFigure) -> str:
     """Return a figure as SVG without a date, so that equal data give equal files."""
     out = StringIO()
     figure.savefig(out, format="svg", metadata={"Date": None})
@@ -281,27 +271,17 @@ def condition_names(found: CampaignCharacteristics) -> Callable[[Condition], str
     return partial(Condition.label, ambient_pressure_pa=found.identity.ambient_pressure_pa)
 
 
-def seal_of(recording: Recording) -> str:
-    """Return the name of the assembly: seal, mounting, drive."""
-    return group_of(recording.labels)
-
-
 def by_seal(found: Characterisation) -> dict[str, list[RecordingResult]]:
-    """Group recordings by seal, each group in order of pressure."""
+    """Group recordings by assembly (seal, mounting, drive), each group in order of pressure."""
     groups: dict[str, list[RecordingResult]] = {}
     for result in found.results:
-        groups.setdefault(seal_of(result.recording), []).append(result)
+        groups.setdefault(group_of(result.recording.labels), []).append(result)
     return {seal: sorted(group, key=lambda r: gauge_bar(r.levels[0])) for seal, group in groups.items()}
 
 
 def gauge_bar(level: Level) -> float:
     """Return the higher gauge pressure of both chambers, mean of both directions, bar."""
     return level.pressure_pa / 1e5
-
-
-def speed_mm_s(level: Level) -> float:
-    """Return the mean speed of both directions in the window, mm/s."""
-    return 1e3 * level.speed_m_s
 
 
 def chance(p: float) -> str:
@@ -312,7 +292,7 @@ def chance(p: float) -> str:
     >>> chance(0.0342), chance(1e-5), chance(math.nan)
     ('0.034', '< 0.001', '–')
     """
-    return "–" if not np.isfinite(p) else "< 0.001" if p < 1e-3 else f"{p:.2g}"
+    return "–" if not math.isfinite(p) else "< 0.001" if p < 1e-3 else f"{p:.2g}"
 
 
 def spread_evenly(items: Sequence, most: int = MOST_SHOWN) -> list:

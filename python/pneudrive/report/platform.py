@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shutil
 from contextlib import suppress
+from dataclasses import replace
 from subprocess import DEVNULL, PIPE, Popen
 from tempfile import TemporaryFile
 from typing import TYPE_CHECKING, NamedTuple
@@ -15,15 +16,14 @@ from pneudrive.figures import Axis, Drawing, Figure, Line, Panel, PenStroke, loo
 from pneudrive.platforms.kinematics import LEAST_SINGULAR_VALUE, Platform, motion_of, platform_outputs, pose_columns
 from pneudrive.report.layout_figure import SKETCHES
 from pneudrive.report.page import Topic, figure_of, texts_of, view_report
-from pneudrive.report.render import applied, draw_figure, film
+from pneudrive.report.render import DrawnFigure, applied, draw_figure, film
 from pneudrive.simulation.trajectory import check_target, columns_in, read_columns, whole, write_whole
 from pneudrive.views import LeadingValue, ShownFigure, ShownTable, ShownValue, View, worst
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping, Sequence
+    from collections.abc import Iterator, Mapping
     from pathlib import Path
 
-    import matplotlib.figure
     from numpy.typing import ArrayLike
     from PIL import Image
 
@@ -37,7 +37,8 @@ VIEW = np.array([[0.866, 0.866, 0.0], [0.35, -0.35, -0.937]])
 #: Width of a picture, its margin and the size of labels, px.
 WIDTH, MARGIN, FONT = 360.0, 30.0, 11.0
 #: Distances of a label from its joint that are tried in turn, px, and the angles for each.
-DISTANCES, ANGLES = (13.0, 19.0, 25.0), np.radians([0.0, 30.0, -30.0, 60.0, -60.0, 90.0, -90.0, 130.0, -130.0])
+DISTANCES = (13.0, 19.0, 25.0)
+ANGLES = np.radians([0.0, 30.0, -30.0, 60.0, -60.0, 90.0, -90.0, 130.0, -130.0])
 #: Distance of the centre of a label from the edges of lines, px.
 CLEAR = 7.0
 #: Fraction of the length of a leg at x = 0 that the barrel has if the leg has no stroke.
@@ -46,32 +47,8 @@ BARREL = 0.6
 PISTON = 0.08
 
 
-class LineLook(NamedTuple):
-    """Look of a line, in the colour of the text.
-
-    Attributes
-    ----------
-    width : float
-        px.
-    opacity : float
-    dash : sequence of float
-        Lengths of dashes and gaps, px; empty for a solid line.
-    fill : float
-        Opacity of the area inside; 0: not filled.
-    is_path : bool
-        Whether it has the colour of paths.
-    """
-
-    width: float
-    opacity: float = 1.0
-    dash: Sequence[float] = ()
-    fill: float = 0.0
-    is_path: bool = False
-
-
-LOOKS = {name: LineLook(**table) for name, table in texts_of(SKETCHES)["lines"].items()}
-#: Colours of text, path and paper on light and on dark paper.
-INKS = {"light": ("#111111", "#c2334d", "#ffffff"), "dark": ("#e8eaed", "#ff8095", "#14181d")}
+#: Look of each part: a stroke without points.
+LOOKS = {name: PenStroke((), cap="butt", **table) for name, table in texts_of(SKETCHES)["lines"].items()}
 
 
 class PlatformScene(NamedTuple):
@@ -214,7 +191,7 @@ LEG_PANELS = Topic("trajectory", "legs").texts["panels"]
 
 def draw_platform(
     platform: Platform, poses: ArrayLike | None = None, path: str | Path | None = None, *, dark: bool = False
-) -> matplotlib.figure.Figure:
+) -> DrawnFigure:
     """Draw a platform at the last one of some poses, with the path of its origin.
 
     Parameters
@@ -288,7 +265,7 @@ def animate_platform(
 
     pictures = (_paper(scene, k, (6.0, 16.0, f"{t:.3f} s, simulated")) for k, t in enumerate(moments))
     with applied(dark=dark), whole(target) as temporary:
-        frames = film(pictures, FILM_DPI, dark=dark)
+        frames = film(pictures, FILM_DPI)
         if program is not None and suffix == ".mp4":
             _write_film(program, frames, temporary)
         else:
@@ -323,10 +300,9 @@ def scene_drawing(scene: PlatformScene, row: int = -1, *texts: tuple[float, floa
     strokes = []
     for what, points in [*scene.lines, ("path", scene.path[None])]:
         own, corners = LOOKS[what], points[row if len(points) > 1 else 0]
-        given = {"color": "path" if own.is_path else "black", "fill": "black" if own.fill else "", "tint": own.fill}
         dash = [part / own.width for part in own.dash]
         width = 72.0 / PX_IN * own.width * scale
-        strokes.append(PenStroke(corners, width=width, dash=dash, opacity=own.opacity, cap="butt", **given))
+        strokes.append(replace(own, points=corners, width=width, dash=dash))
     size = 72.0 / PX_IN * FONT
     strokes += [PenStroke([at], text, size=size * max(scale, 0.6)) for text, at in scene.labels]
     strokes += [PenStroke([(x, y)], text, size=size, align="left baseline") for x, y, text in texts]

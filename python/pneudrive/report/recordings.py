@@ -13,6 +13,7 @@ import numpy as np
 from pneudrive.errors import RecordingError
 from pneudrive.figures import MEASURED, THIN, Axis, Band, Bars, Figure, Line, Look, Markers, Panel, Rule, look
 from pneudrive.friction.budget import COVERAGE_FACTOR
+from pneudrive.friction.friction_map import group_of
 from pneudrive.friction.pressure import MINIMUM_RANGE_PA, NET, ClosureFit, LevelPoint, PressureLine
 from pneudrive.friction.sentences import flag_findings
 from pneudrive.numbers import fixed, plain, with_u
@@ -20,7 +21,7 @@ from pneudrive.report import campaign, page, strokes
 from pneudrive.report.fit import Study, provenance_section
 from pneudrive.report.layout_figure import is_open, record_figure, recorded_rig
 from pneudrive.report.page import MOST_SHOWN, Report, Topic, by_seal, figure_of, gauge_bar, plural, spread_evenly
-from pneudrive.report.render import draw_figure
+from pneudrive.report.render import DrawnFigure, draw_figure
 from pneudrive.report.strokes import map_view, recovered_section
 from pneudrive.signals.motion import find_strokes
 from pneudrive.signals.recording import Recording, clean
@@ -31,14 +32,11 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
     from pathlib import Path
 
-    import matplotlib.figure
-
     from pneudrive.estimate.estimates import Estimate
     from pneudrive.friction.campaign.result import CampaignCharacteristics
     from pneudrive.friction.characterisation import Characterisation
     from pneudrive.friction.level import Level
     from pneudrive.report.fit import Fits
-    from pneudrive.report.page import Section
 
 #: Sections that recordings share with campaigns; a section without data is None.
 CURVES = (
@@ -193,7 +191,7 @@ def _loop(level: Level) -> Panel:
         ("offset (half sum)", p.offset_n, Look("orange", ":"), 1.8),
     )
     lines = [Line(p.position_m, values, label, own, width) for label, values, own, width in means]
-    pressure, speed = fixed(gauge_bar(level), 1), page.speed_mm_s(level)
+    pressure, speed = fixed(gauge_bar(level), 1), 1e3 * level.speed_m_s
     title = f"{page.broken(level.recording, NAME_LETTERS)}\n{pressure} bar, {speed:.3g} mm/s"
     return Panel([Rule(level.window_m), *every, Rule(y=0.0), *lines], title)
 
@@ -253,7 +251,7 @@ MOST_PANELS = 9
 BAND = {True: "a further run", False: "a further recording of the same run"}
 
 
-def plot_pressure(found: Characterisation, path: str | Path) -> matplotlib.figure.Figure:
+def plot_pressure(found: Characterisation, path: str | Path) -> DrawnFigure:
     """Draw friction against pressure with prediction bands, and write it.
 
     Parameters
@@ -323,13 +321,13 @@ def recordings_report(
     The parameters are those of `write_report`; `study` is its `reproduction`.
     """
     addition = None if study is None else study.addition(found)
-    parts: list[Section | None] = []
+    parts: list[page.Section | None] = []
     if found is not None:
         sections = (measured, record, strokes.drift, strokes.peaks, budget)
         parts += [*(part(found) for part in sections), recovered_section(found, fits), strokes.stick_slip(found)]
     parts += addition.sections if addition is not None else ()
     parts += [] if curves is None else [part(curves) for part in CURVES]
-    joined: dict[str, Section] = {}
+    joined: dict[str, page.Section] = {}
     is_synthetic = found is not None and found.synthetic
     for part in (page.with_pictures(one, is_synthetic) for one in parts if one is not None):
         before = joined.pop(part.key, None)
@@ -381,7 +379,7 @@ def write_report(
     return recordings_report(found, fits, reproduction, curves).write(folder)
 
 
-def measured(found: Characterisation) -> Section:
+def measured(found: Characterisation) -> page.Section:
     """Return the section on rig, sensors and files."""
     topic, first = Topic("recordings", "measured"), found.recordings[0]
     uses = found.stroke_uses.values()
@@ -423,7 +421,7 @@ def _files(found: Characterisation) -> Iterator[tuple]:
         r = result.recording
         where = f"{r.source.parent.name}/{r.source.name}" if r.source else "simulated" if r.synthetic else "from Python"
         diameter = np.sqrt(4 * max(r.area_a_m2, r.area_b_m2) / np.pi) * 1e3
-        labels = (page.seal_of(r), r.labels.get("run", ""), r.sha256[:16] if r.sha256 else None)
+        labels = (group_of(r.labels), r.labels.get("run", ""), r.sha256[:16] if r.sha256 else None)
         use = found.stroke_uses[r.name]
         yield where, *labels, len(r), use.recorded, use.used, use.why or None, r.time_s[-1] - r.time_s[0], diameter
 
@@ -431,7 +429,7 @@ def _files(found: Characterisation) -> Iterator[tuple]:
 MOST_RECORDS = 9
 
 
-def record(found: Characterisation) -> Section:
+def record(found: Characterisation) -> page.Section:
     """Return the section that shows all channels of one recording of each seal over time."""
     topic, pictures = Topic("recordings", "record"), []
     for index, group in enumerate(list(by_seal(found).values())[:MOST_RECORDS], 1):
@@ -444,7 +442,7 @@ def record(found: Characterisation) -> Section:
 STATISTICAL = "spread between strokes"
 
 
-def budget(found: Characterisation) -> Section:
+def budget(found: Characterisation) -> page.Section:
     """Return the section on contributions to friction, at the smallest and the largest uncertainty."""
     topic, levels = Topic("recordings", "budget"), sorted(found.levels, key=lambda level: level.expanded_n)
     shown = levels if len(levels) == 1 else [levels[0], levels[-1]]

@@ -31,6 +31,7 @@ if TYPE_CHECKING:
 
     from pneudrive.arrays import Plain
 
+DrawnFigure: TypeAlias = "Figure"  # of matplotlib
 PNG_DPI = 300  # as journals require of photographs; the SVG beside it is better for lines
 _STYLE = package_table(__file__, "style.toml")
 #: Settings of matplotlib, legends of a panel by their place, and colours by name on light and on dark paper.
@@ -50,12 +51,14 @@ _INKED = {
 _OF_WINDOWS = ("backend", "backend_fallback", "interactive", "toolbar")
 
 
-def ink(color: str | float, *, dark: bool = False) -> Any:  # noqa: ANN401 - a colour of matplotlib
-    """Return a colour by its name, or by its position on the ramp."""
+def ink(color: str | float) -> Any:  # noqa: ANN401 - a colour of matplotlib
+    """Return a colour by its name, or by its position on the ramp, for the paper of `applied`."""
+    is_dark = load_matplotlib().rcParams["axes.facecolor"] == INKS["paper"][True]
     if isinstance(color, str):
-        return INKS[color][dark] if color in INKS else color
-    light, deep = reversed(RAMP) if dark else RAMP
-    return tuple(a + color * (b - a) + (0.2 if dark else 0.0) * (1.0 - color) for a, b in zip(light, deep, strict=True))
+        return INKS[color][is_dark] if color in INKS else color
+    light, deep = reversed(RAMP) if is_dark else RAMP
+    more = 0.2 if is_dark else 0.0
+    return tuple(a + color * (b - a) + more * (1.0 - color) for a, b in zip(light, deep, strict=True))
 
 
 def load_matplotlib() -> ModuleType:
@@ -79,7 +82,7 @@ def applied(*, dark: bool = False) -> Iterator[None]:
     mpl = load_matplotlib()
     usual = {key: value for key, value in mpl.rcParamsDefault.items() if key not in _OF_WINDOWS}
     changed = {key: value for key, value in usual.items() if mpl.rcParams[key] != value}
-    inked = {key: ink(name, dark=dark) for name, keys in _INKED.items() for key in keys}
+    inked = {key: INKS[name][dark] for name, keys in _INKED.items() for key in keys}
     with mpl.rc_context({**changed, **_SETTINGS, **inked}):
         yield
 
@@ -202,54 +205,20 @@ def draw_figure(
     CommandError
         Unknown suffix, or the file cannot be written.
     """
-
-    def draw() -> Figure:
-        made = render(figure, dark=dark)
+    target = None if path is None else check_target(path, PICTURES)
+    with applied(dark=dark):
+        made = render(figure)
         if synthetic is not None:
             finish(made, synthetic=synthetic)
-        return made
-
-    return drawn(draw, path, dark=dark)
-
-
-def write_picture(figure: Figure, target: Path) -> None:
-    """Write a figure, within `applied`, to a file that `check_target` accepted.
-
-    Raises
-    ------
-    CommandError
-        If the file cannot be written.
-    """
-    form = target.suffix.lower()[1:]
-    options: Plain = {"metadata": {"Date": None}} if form == "svg" else {}
-    with whole(target) as temporary:
-        figure.savefig(temporary, format=form, dpi=PNG_DPI, **options)
-
-
-def drawn(
-    draw: Callable[[], Figure],
-    path: str | Path | None = None,
-    suffixes: tuple[str, ...] = PICTURES,
-    write: Callable[[Figure, Path], None] = write_picture,
-    *,
-    dark: bool = False,
-) -> Figure:
-    """Draw with a function, and write the result if a path is given.
-
-    Raises
-    ------
-    CommandError
-        Unknown suffix, or the file cannot be written.
-    """
-    target = None if path is None else check_target(path, suffixes)
-    with applied(dark=dark):
-        figure = draw()
         if target is not None:
-            write(figure, target)
-    return figure
+            form = target.suffix.lower()[1:]
+            options: Plain = {"metadata": {"Date": None}} if form == "svg" else {}
+            with whole(target) as temporary:
+                made.savefig(temporary, format=form, dpi=PNG_DPI, **options)
+    return made
 
 
-def render(figure: figures.Figure, *, dark: bool = False) -> Figure:
+def render(figure: figures.Figure) -> Figure:
     """Return a figure of matplotlib, within `applied`."""
     rows, columns = figure.grid
     made = new_figure(figure.row_in * rows + figure.rest_in, figure.width_in)
@@ -276,7 +245,7 @@ def render(figure: figures.Figure, *, dark: bool = False) -> Figure:
         made.set_layout_engine("none")
         for axis, _ in drawn_panels:
             axis.set_position((0.0, 0.0, 1.0, 1.0))
-    labels = [_panel(axis, panel, figure, dark=dark) for axis, panel in drawn_panels]
+    labels = [_panel(axis, panel, figure) for axis, panel in drawn_panels]
     done: set[tuple[str, Any]] = set()
     for axis, panel in drawn_panels:
         for side, own in zip("xy", figure.axes_of(panel), strict=True):
@@ -298,7 +267,7 @@ def render(figure: figures.Figure, *, dark: bool = False) -> Figure:
     return made
 
 
-def film(pictures: Iterable[figures.Figure], dpi: float, *, dark: bool) -> Iterator[Image.Image]:
+def film(pictures: Iterable[figures.Figure], dpi: float) -> Iterator[Image.Image]:
     """Yield an image of each figure, within `applied`. Figures have one size and contain one drawing each."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from PIL import Image
@@ -306,7 +275,7 @@ def film(pictures: Iterable[figures.Figure], dpi: float, *, dark: bool) -> Itera
     canvas = None
     for picture in pictures:
         if canvas is None:
-            made = render(picture, dark=dark)
+            made = render(picture)
             made.set_dpi(dpi)
             canvas = FigureCanvasAgg(made)
         else:
@@ -314,7 +283,7 @@ def film(pictures: Iterable[figures.Figure], dpi: float, *, dark: bool) -> Itera
             assert panel is not None
             for artist in (*axis.lines, *axis.patches, *axis.texts):
                 artist.remove()
-            DRAWN[Drawing](panel.marks[0], axis, *picture.axes_of(panel), dark=dark)
+            DRAWN[Drawing](panel.marks[0], axis, *picture.axes_of(panel))
         canvas.draw()
         yield Image.fromarray(np.asarray(canvas.buffer_rgba())[..., :3].copy())
 
@@ -349,21 +318,21 @@ def _outer(made: Figure, figure: figures.Figure, axes: dict[int, Axes]) -> None:
                     getattr(axis, f"set_{side}label")("")
 
 
-def _panel(axis: Axes, panel: Panel, figure: figures.Figure, *, dark: bool) -> Plain:
+def _panel(axis: Axes, panel: Panel, figure: figures.Figure) -> Plain:
     """Draw one panel and return the legend handles of its labels."""
     x, y = figure.axes_of(panel)
     if panel.title:
         axis.set_title(panel.title, fontsize=TITLE_PT * figure.text_scale)
     if all(isinstance(mark, Line | Band | Rule) for mark in panel.marks):
         axis.margins(x=0)
-    handles = _marks(axis, panel.marks, x, y, dark=dark)
+    handles = _marks(axis, panel.marks, x, y)
     _scale(axis, "x", x, panel.marks)
     _scale(axis, "y", y, panel.marks)
     if panel.right:
         right, own = axis.twinx(), figures.axis(panel.right_y)
-        _marks(right, panel.right, x, own, dark=dark)
+        _marks(right, panel.right, x, own)
         look = getattr(panel.right[0], "look", None) or figures.MEASURED
-        right.set_ylabel(own.label, color=ink(look.color, dark=dark), fontsize=LABEL_PT * figure.text_scale)
+        right.set_ylabel(own.label, color=ink(look.color), fontsize=LABEL_PT * figure.text_scale)
         right.tick_params(labelsize=TICK_PT * figure.text_scale)
     if figure.text_scale != 1.0:
         axis.tick_params(labelsize=TICK_PT * figure.text_scale)
@@ -372,11 +341,11 @@ def _panel(axis: Axes, panel: Panel, figure: figures.Figure, *, dark: bool) -> P
     return handles
 
 
-def _marks(axis: Axes, marks: Sequence[Any], x: Axis, y: Axis, *, dark: bool) -> Plain:
+def _marks(axis: Axes, marks: Sequence[Any], x: Axis, y: Axis) -> Plain:
     """Draw marks; return the legend handle of each label."""
     handles: Plain = {}
     for mark in marks:
-        handle = DRAWN[type(mark)](mark, axis, x, y, dark=dark)
+        handle = DRAWN[type(mark)](mark, axis, x, y)
         label = getattr(mark, "label", "")
         if label and handle is not None:
             handles.setdefault(label, handle)
@@ -433,10 +402,10 @@ def _limit(axis: Axes, side: str, own: Axis, *, is_first: bool) -> None:
         limit(low, high)
 
 
-def _line(mark: Line, axis: Axes, x: Axis, y: Axis, *, dark: bool) -> Handle:
+def _line(mark: Line, axis: Axes, x: Axis, y: Axis) -> Handle:
     return axis.plot(
         *(x.shown(mark.x), y.shown(mark.y)),
-        color=ink(mark.look.color, dark=dark),
+        color=ink(mark.look.color),
         linestyle=mark.look.dash,
         linewidth=mark.width,
         drawstyle="steps-post" if mark.steps else "default",
@@ -444,18 +413,18 @@ def _line(mark: Line, axis: Axes, x: Axis, y: Axis, *, dark: bool) -> Handle:
     )[0]
 
 
-def _band(mark: Band, axis: Axes, x: Axis, y: Axis, *, dark: bool) -> Handle:
-    tint: Plain = {"color": ink("band", dark=dark)}
+def _band(mark: Band, axis: Axes, x: Axis, y: Axis) -> Handle:
+    tint: Plain = {"color": ink("band")}
     if mark.look is not None:
-        tint = {"color": ink(mark.look.color, dark=dark), "alpha": TINT}
+        tint = {"color": ink(mark.look.color), "alpha": TINT}
     return axis.fill_between(x.shown(mark.x), y.shown(mark.low), y.shown(mark.high), lw=0, **tint)
 
 
-def _points(mark: Markers, axis: Axes, x: Axis, y: Axis, *, dark: bool) -> Handle:
-    color = ink(mark.look.color, dark=dark)
+def _points(mark: Markers, axis: Axes, x: Axis, y: Axis) -> Handle:
+    color = ink(mark.look.color)
     shown: Plain = {"color": color, "ms": mark.size, "marker": mark.look.marker}
     shown |= {"ls": mark.look.dash if mark.joined else "none", "lw": 0.9}
-    shown["mfc"] = color if mark.filled else ink("paper", dark=dark)
+    shown["mfc"] = color if mark.filled else ink("paper")
     at, values = x.shown(mark.x), y.shown(mark.y)
     for where, name in zip(zip(at, values, strict=True), mark.names, strict=False):
         axis.annotate(name, where, NAME_PT, textcoords="offset points", fontsize=5.5)
@@ -465,46 +434,46 @@ def _points(mark: Markers, axis: Axes, x: Axis, y: Axis, *, dark: bool) -> Handl
     return axis.errorbar(at, values, yerr=reach, elinewidth=0.8, capsize=min(mark.size / 2.0, 2.0), **shown)
 
 
-def _rule(mark: Rule, axis: Axes, x: Axis, y: Axis, *, dark: bool) -> Handle:
+def _rule(mark: Rule, axis: Axes, x: Axis, y: Axis) -> Handle:
     handle = None
     for own, value, line, span in ((x, mark.x, axis.axvline, axis.axvspan), (y, mark.y, axis.axhline, axis.axhspan)):
         if isinstance(value, tuple):
-            color = ink(mark.look.color if mark.look.color in TINTS else "shade", dark=dark)
+            color = ink(mark.look.color if mark.look.color in TINTS else "shade")
             handle = span(*own.shown(value), color=color, lw=0, zorder=0)
         elif value is not None:
-            color = ink(mark.look.color, dark=dark)
+            color = ink(mark.look.color)
             handle = line(float(own.shown(value)), color=color, ls=mark.look.dash, lw=mark.width)
     return handle
 
 
-def _bars(mark: Bars, axis: Axes, x: Axis, y: Axis, *, dark: bool) -> Handle:
-    face: Plain = {"color": ink(mark.look.color, dark=dark)}
+def _bars(mark: Bars, axis: Axes, x: Axis, y: Axis) -> Handle:
+    face: Plain = {"color": ink(mark.look.color)}
     if mark.hatched:
-        face = {"color": ink("paper", dark=dark), "hatch": "////"}
-    face |= {"edgecolor": ink("black", dark=dark), "linewidth": 0.6}
+        face = {"color": ink("paper"), "hatch": "////"}
+    face |= {"edgecolor": ink("black"), "linewidth": 0.6}
     if mark.across:
         return axis.barh(y.shown(mark.at), x.shown(mark.values), mark.thickness / y.size, **face)
     return axis.bar(x.shown(mark.at), y.shown(mark.values), mark.thickness / x.size, **face)
 
 
-def _heat(mark: Heat, axis: Axes, x: Axis, y: Axis, *, dark: bool) -> Handle:
+def _heat(mark: Heat, axis: Axes, x: Axis, y: Axis) -> Handle:
     values = axis.pcolormesh(x.shown(mark.x), y.shown(mark.y), mark.z, shading="nearest", cmap="cividis")
     axis.figure.colorbar(values, ax=axis, label=mark.label)
 
 
-def _drawing(mark: Drawing, axis: Axes, x: Axis, y: Axis, *, dark: bool) -> Handle:
+def _drawing(mark: Drawing, axis: Axes, x: Axis, y: Axis) -> Handle:
     axis.set_axis_off()
     axis.grid(visible=False)
     for stroke in mark.strokes:
-        _stroke(axis, stroke, dark=dark)
+        _stroke(axis, stroke)
     axis.set(xlim=mark.x, ylim=mark.y)
     if mark.equal:
         axis.set_aspect("equal", anchor="N")
 
 
-def _stroke(axis: Axes, stroke: PenStroke, *, dark: bool) -> None:
+def _stroke(axis: Axes, stroke: PenStroke) -> None:
     """Draw an arrow, a text, or a line with its filled area."""
-    color, points = ink(stroke.color, dark=dark), np.asarray(stroke.points, dtype=float)
+    color, points = ink(stroke.color), np.asarray(stroke.points, dtype=float)
     if stroke.head:
         look = {"arrowstyle": stroke.head, "lw": stroke.width, "color": color}
         begin, end = points
@@ -516,7 +485,7 @@ def _stroke(axis: Axes, stroke: PenStroke, *, dark: bool) -> None:
         axis.text(x, y, stroke.text, fontsize=stroke.size, color=color, **place)
     else:
         if stroke.fill:
-            face = {"facecolor": ink(stroke.fill, dark=dark), "alpha": stroke.tint}
+            face = {"facecolor": ink(stroke.fill), "alpha": stroke.tint}
             axis.fill(*points.T, edgecolor=color, lw=0.0 if stroke.tint < 1.0 else stroke.width, **face)
         if stroke.fill and stroke.tint == 1.0:  # the outline is hidden by what is drawn later, as the area is
             return

@@ -19,7 +19,7 @@ from pneudrive.report.circuit.svg import draw_circuit
 from pneudrive.report.fit import references
 from pneudrive.report.layout_figure import sketch
 from pneudrive.report.page import Items, Paragraph, Report, Section, Topic, figure_of, view_section
-from pneudrive.report.render import draw_figure
+from pneudrive.report.render import DrawnFigure, draw_figure
 from pneudrive.sizing.checks import READ, SizedDrive, read
 from pneudrive.sizing.choices import WITHOUT
 from pneudrive.sizing.result import WRITTEN, in_words, maker_type, yearly
@@ -31,8 +31,6 @@ from pneudrive.views import Finding, LeadingValue, ShownFigure, ShownTable, Show
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
-
-    import matplotlib.figure
 
     from pneudrive.sizing.result import SizingResult
 
@@ -121,7 +119,7 @@ def _ends(drive: SizedDrive, name: str, factor: float) -> str:
     return f"{low} … {high}"
 
 
-def plot_sizing(result: SizingResult, path: str | Path | None = None) -> matplotlib.figure.Figure:
+def plot_sizing(result: SizingResult, path: str | Path | None = None) -> DrawnFigure:
     """Draw the time that 1 % of the samples exceed over the air of a cycle: a point for each choice, and the limits.
 
     Lines at the best candidate show the range of 98 % of its samples.

@@ -18,9 +18,9 @@ from pneudrive.identify.identified import comparison_figure
 from pneudrive.report.control import view_of_controlled_run
 from pneudrive.report.fit import write_fit_report
 from pneudrive.report.page import Section, Topic, figure_of, inline, plural, svg_text, view_report, view_section
-from pneudrive.report.render import PICTURES, draw_figure, drawn, render, write_picture
+from pneudrive.report.render import PICTURES, DrawnFigure, applied, draw_figure
 from pneudrive.simulation.run_view import run_view
-from pneudrive.simulation.trajectory import attributes, check_si, columns, write_whole
+from pneudrive.simulation.trajectory import attributes, check_si, check_target, columns, write_whole
 from pneudrive.units import readable
 from pneudrive.views import MOST_LEADING, Finding, LeadingValue, ShownFigure, ShownTable, ShownValue, View, worst
 
@@ -28,7 +28,6 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
     from pathlib import Path
 
-    import matplotlib.figure
     import xarray as xr
 
     from pneudrive.describe.circuit import Circuit
@@ -43,12 +42,9 @@ WITHOUT = Look("grey", "--")
 MOST_IN_A_ROW = 4  # entries of a legend
 TITLE_LETTERS = 100  # of a line
 MOST_SHOWN = 4000  # samples of a view
-ENDINGS = (*PICTURES, ".html")
 
 
-def plot(
-    run: xr.Dataset, path: str | Path | None = None, circuit: Circuit | Drive | None = None
-) -> matplotlib.figure.Figure:
+def plot(run: xr.Dataset, path: str | Path | None = None, circuit: Circuit | Drive | None = None) -> DrawnFigure:
     """Draw a trajectory over time: position, velocity, pressures, temperatures, friction, end stops, command.
 
     Parameters
@@ -78,15 +74,14 @@ def plot(
     >>> len(pn.report.plot(run).axes)
     6
     """
-
-    def write(figure: matplotlib.figure.Figure, target: Path) -> None:
-        if target.suffix.lower() == ".html":
-            _write_page(figure, run, target, circuit)
-        else:
-            write_picture(figure, target)
-
-    spec = over_time(run)
-    return drawn(lambda: render(spec), path, ENDINGS, write)
+    figure = over_time(run)
+    target = None if path is None else check_target(path, (*PICTURES, ".html"))
+    if target is None or target.suffix.lower() != ".html":
+        return draw_figure(figure, target)
+    made = draw_figure(figure)
+    with applied():
+        _write_page(made, run, target, circuit)
+    return made
 
 
 def over_time(run: xr.Dataset, most: int = 20_000) -> Figure:
@@ -136,9 +131,7 @@ def view_of_run(run: xr.Dataset, described: Circuit | Drive | None = None) -> Vi
     return replace(run_view(columns(run), about, described), figures=(figure,))
 
 
-def _write_page(
-    figure: matplotlib.figure.Figure, run: xr.Dataset, target: Path, circuit: Circuit | Drive | None
-) -> None:
+def _write_page(figure: DrawnFigure, run: xr.Dataset, target: Path, circuit: Circuit | Drive | None) -> None:
     """Write a page that loads no other files: platforms, values and picture of the run, then its provenance."""
     from pneudrive.platforms import platforms
     from pneudrive.report.platform import platform_run_view
@@ -155,7 +148,7 @@ def _write_page(
     write_whole(target, report.alone())
 
 
-def plot_lines(study: xr.Dataset, path: str | Path | None = None) -> matplotlib.figure.Figure:
+def plot_lines(study: xr.Dataset, path: str | Path | None = None) -> DrawnFigure:
     """Draw mean speed and stroke time over the length of the tubes, a curve for each bore.
 
     Parameters

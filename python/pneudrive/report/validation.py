@@ -270,7 +270,8 @@ def write_friction_report(found: FrictionValidation, folder: str | Path) -> Path
 
 
 def _of_curve(c: FrictionCurve) -> tuple[object, ...]:
-    mean, largest = float(np.mean(c.model_n - c.friction_n)), float(c.metrics.largest)
+    mean = float(np.mean(c.model_n - c.friction_n))
+    largest = float(c.metrics.largest)
     shares = (100 * c.metrics.nrmse, 100 * c.inside)
     return c.condition, DIRECTIONS[c.direction], c.speed_m_s.size, mean, largest, *shares
 

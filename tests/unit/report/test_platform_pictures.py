@@ -15,12 +15,12 @@ import pneudrive as pn
 from pneudrive.cli.main import run as command
 from pneudrive.report.platform import (
     FRAMES_S,
-    INKS,
     LEG_PANELS,
     SHORTEST_S,
     draw_platform,
     platform_lines,
 )
+from pneudrive.report.render import INKS
 from pneudrive.simulation.trajectory import save
 
 KINDS = ["platform/3-rps", "platform/3-upu", "platform/6-ups", "platform/linear-delta"]
@@ -54,7 +54,7 @@ def test_labels_lie_apart_and_inside(kind):
         figure = draw_platform(own, path)
         texts = [text for text in figure.axes[0].texts if text.get_text() != "simulated"]
         assert [text.get_text() for text in texts] == [str(i) for i, _ in enumerate(own.legs, start=1)]
-        assert {text.get_color() for text in texts} == {INKS["light"][0]}
+        assert {text.get_color() for text in texts} == {INKS["black"][0]}
         boxes = [text.get_window_extent() for text in figure.axes[0].texts]
         paper = figure.bbox
         assert all(paper.x0 <= b.x0 and b.x1 <= paper.x1 and paper.y0 <= b.y0 and b.y1 <= paper.y1 for b in boxes)

@@ -260,9 +260,10 @@ def _points(shape: Shape) -> Points:
     return tuple((x + shape.size * math.cos(angle), y + shape.size * math.sin(angle)) for angle in steps)
 
 
-def _bounds(points: Sequence[Point]) -> Box:
-    xs, ys = [x for x, _ in points], [y for _, y in points]
-    return min(xs), min(ys), max(xs), max(ys)
+def _bounds(points: Iterable[Point], room: float = 0.0) -> Box:
+    """Return the rectangle around points, with room on all sides."""
+    xs, ys = zip(*points, strict=True)
+    return min(xs) - room, min(ys) - room, max(xs) + room, max(ys) + room
 
 
 def _side(place: Place, box: Box) -> str:
@@ -346,7 +347,7 @@ class Routes:
 
     def __init__(self, placed: Placed, nets: Sequence[Net]) -> None:
         self.blocked = {cell for block in placed.values() for cell in block.cells()}
-        self.bounds = _around(self.blocked)
+        self.bounds = _bounds(self.blocked, MARGIN)
         self.pins = {point: number for number, net in enumerate(nets) for point in net.points(placed)}
         self.through: dict[Place, dict[int, str]] = {}  # point -> net -> "h", "v", or "x" where it bends or branches
         self.lines: list[set[Step]] = [set() for _ in nets]
@@ -465,15 +466,9 @@ class Routes:
                 yield Shape("dot", moved([branch]), size=0.28, net=number)
 
 
-def _around(cells: Iterable[Place]) -> tuple[int, int, int, int]:
-    cells = list(cells)
-    xs, ys = [x for x, _ in cells], [y for _, y in cells]
-    return min(xs) - MARGIN, min(ys) - MARGIN, max(xs) + MARGIN, max(ys) + MARGIN
-
-
-def _reach(points: Sequence[Place]) -> int:
-    xs, ys = [x for x, _ in points], [y for _, y in points]
-    return max(xs) - min(xs) + max(ys) - min(ys)
+def _reach(points: Sequence[Place]) -> float:
+    low_x, low_y, high_x, high_y = _bounds(points)
+    return high_x - low_x + high_y - low_y
 
 
 def _far(one: Place, other: Place) -> int:
@@ -697,18 +692,13 @@ def _order(
 
 def _apart(want: Sequence[float], extents: Sequence[tuple[float, float]], gap: float) -> list[int]:
     """Return places, in this order, that keep the blocks apart and are nearest to the wanted places (least squares)."""
+    from scipy.optimize import isotonic_regression
+
     offsets = [0.0]
     for (_, right), (left, _) in pairwise(extents):
         offsets.append(offsets[-1] + math.ceil(right - left + gap))
-    pools: list[tuple[float, int]] = []  # mean, number: pool adjacent violators
-    for value in (w - o for w, o in zip(want, offsets, strict=True)):
-        mean, count = value, 1
-        while pools and pools[-1][0] > mean:
-            before, many = pools.pop()
-            mean, count = (before * many + mean * count) / (many + count), many + count
-        pools.append((mean, count))
-    free = [mean for mean, count in pools for _ in range(count)]
-    return [round(value) + round(offset) for value, offset in zip(free, offsets, strict=True)]
+    free = isotonic_regression([w - o for w, o in zip(want, offsets, strict=True)]).x
+    return [round(value) + round(offset) for value, offset in zip(free.tolist(), offsets, strict=True)]
 
 
 def _fix(circuit: Circuit, placed: Placed) -> None:

@@ -12,13 +12,11 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from pneudrive.figures import Drawing, Figure, Panel, PenStroke
 from pneudrive.report.circuit.layout import LINE, MODULE_IN, NAME_PT, TEXT_PT, Shape, arranged, text_width
-from pneudrive.report.render import draw_figure
+from pneudrive.report.render import DrawnFigure, draw_figure
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
     from pathlib import Path
-
-    import matplotlib.figure
 
     from pneudrive.describe import Circuit, Drive
     from pneudrive.report.circuit.layout import Block, Box, Routes
@@ -217,7 +215,7 @@ PEN, THICK = 0.8, 1.6  # points: width of lines, and of moving parts
 ARC_STEPS = 48  # of an arc or a dot
 
 
-def draw_circuit(circuit: Circuit | Drive, path: str | Path | None = None) -> matplotlib.figure.Figure:
+def draw_circuit(circuit: Circuit | Drive, path: str | Path | None = None) -> DrawnFigure:
     """Draw a circuit, or the circuit of a drive: supply below, actuators above.
 
     Parameters
