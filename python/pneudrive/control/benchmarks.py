@@ -231,7 +231,7 @@ def assumptions(tunings: Mapping[str, Tuning]) -> Plain:
             "period_s": tuning.period_s,
             "believes": tuning.belief.name,
             "belief_hash": tuning.belief.description_hash,
-            "adaptation": tuning.adaptation,
+            "adaptation": tuning.controller.adaptation,
             "gains": [
                 {**gain._asdict(), "written": str(gain), "rule": "given" if gain.given else gain.rule}
                 for gain in tuning.gains

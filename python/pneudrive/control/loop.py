@@ -356,7 +356,7 @@ def _provenance(prepared: Prepared, seed: int) -> Plain:
         known
         | provenance_of(circuit, tuning, setup, reference.text, seed, prepared.rtol)
         | {
-            "factors": dict(tuning.factors.to_dict()),
+            "factors": tuning.controller.factors.to_dict(),
             "belief_hash": tuning.belief.description_hash,
             "mismatch": prepared.mismatch,
             "deviations": prepared.truth.values,

@@ -6,7 +6,7 @@ import math
 from functools import cache
 from itertools import pairwise
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, Literal, NamedTuple, TypeVar
+from typing import Annotated, Any, ClassVar, Literal, TypeVar
 
 from pydantic import Field, model_validator
 
@@ -399,45 +399,6 @@ class OnFault(Described):
     law: Annotated[str | None, BuiltInLaw(tuple(_core.control_laws()))] = Field(
         default=None, description="replaces a failed controller; absent: inversion, except for custom controllers"
     )
-
-
-class Supervision(NamedTuple):
-    """The supervisor of a controller."""
-
-    limits: ControlLimits = ControlLimits()
-    motion: MotionComplete = MotionComplete()
-    on_fault: OnFault = OnFault()
-
-    def lines(self) -> list[str]:
-        """Return the tables of the supervisor as lines of a controller file, without default values."""
-        lines = []
-        for table, usual in zip(self, USUAL, strict=True):
-            if table != usual:
-                given = [f"{key} = {toml.value_text(value)}" for key, value in table.to_dict().items()]
-                lines += ["", f"[{table.table_name}]", *given]
-        return lines
-
-    def core(self, ambient_pa: float) -> Plain:
-        """Return the supervisor in the core's form, in SI with absolute pressures."""
-        limits, motion, fault = self
-        pressure = limits.pressure
-        rules = {
-            "position_m": limits.position,
-            "speed_m_s": limits.speed_m_s,
-            "pressure_pa": None if pressure is None else [own.absolute_pa(ambient_pa) for own in pressure],
-            "stop_deceleration_m_s2": limits.stop_deceleration_m_s2,
-            "motion": [motion.tolerance_m, motion.settled_for_s, motion.timeout_s],
-            "on_position": fault.position,
-            "on_pressure": fault.pressure,
-            "on_valve": fault.valve,
-            "on_supply": fault.supply,
-        }
-        given = {key: value for key, value in rules.items() if value is not None}
-        return {"supervision": given, "standby": fault.law}
-
-
-#: Of a controller that says nothing of it.
-USUAL = Supervision()
 
 
 def told(events: list[tuple[float, str, float]]) -> list[Plain]:

@@ -19,7 +19,7 @@ from pneudrive.control.own_law import OWN, OwnLaw, is_own, own_law
 from pneudrive.describe.base import Described
 from pneudrive.describe.files import toml
 from pneudrive.describe.files.catalogue import PREFIX
-from pneudrive.describe.marks import Bounds, Length, Quantity, Reads
+from pneudrive.describe.marks import Bounds, Quantity, Reads
 from pneudrive.errors import CommandError, DescriptionError, WrongValueError, invalid, nearest, warn, within, wrong
 from pneudrive.own_code import split
 from pneudrive.repr_tables import Shown
@@ -28,7 +28,7 @@ from pneudrive.simulation.trajectory import write_whole
 from pneudrive.views import VALUE, ShownValue, View, Viewed
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping
+    from collections.abc import Callable
 
     from pneudrive.arrays import Plain
     from pneudrive.describe import Circuit, Drive
@@ -42,7 +42,9 @@ class HoldBand(Described):
     """Band for holding. Once the reference rests and the error stays in the band, the force of the air is kept."""
 
     table_name: ClassVar[str] = "hold"
-    band_m: Length = Field(default=BAND_M, description="error below which it begins")
+    band_m: Annotated[float, Quantity("m", "um", Bounds(above=0.0))] = Field(
+        default=BAND_M, description="error below which it begins"
+    )
     after_s: Annotated[float, Quantity("s", "ms", Bounds(at_least=0.0))] = Field(
         default=AFTER_S, description="how long the error has to be within the band"
     )
@@ -89,9 +91,10 @@ class Factors(Described):
         """The three factors in the core's order."""
         return self.gain, self.damping, self.filter
 
-
-#: Factors that change nothing.
-USUAL_FACTORS = Factors()
+    @property
+    def changed(self) -> tuple[float, ...]:
+        """The three factors; empty if all are 1."""
+        return () if set(self.values) == {1.0} else self.values
 
 
 #: Removed tables of a controller file: key, the values that change nothing, and what to do about others.
@@ -134,7 +137,7 @@ class Controller(Described):
     adaptation: bool = Field(
         default=True, strict=True, description="it learns friction, mass and valve of its drive while it runs"
     )
-    factors: Factors = USUAL_FACTORS
+    factors: Factors = Factors()
     gains: Annotated[dict[str, Any], _numbers("gains")] = Field(default_factory=dict)
     valves: Annotated[dict[str, Any], _numbers("valves")] = Field(default_factory=dict)
     hold: Annotated[HoldBand | None, Reads(_hold)] = Field(default=HoldBand(), description="false: it never holds")
@@ -153,10 +156,29 @@ class Controller(Described):
                 raise wrong(table, f"the table [{table}] is not known", remedy=remedy)
         return {key: value for key, value in given.items() if key not in REMOVED_TABLES}
 
-    @property
-    def supervision(self) -> instrumentation.Supervision:
-        """Supervisor of the controller."""
-        return instrumentation.Supervision(self.limits, self.motion, self.on_fault)
+    def core(self, law: str, belief: Circuit, **numbers: Any) -> Plain:  # noqa: ANN401 - numbers by key, or factors
+        """Return the controller in the core's form, SI, with its ``gains``, ``valves`` and ``factors``."""
+        hold = None if self.hold is None else [self.hold.band_m, self.hold.after_s]
+        form = {"law": law, "period_s": self.period_s, "gains": {}, "hold": hold, "adaptation": self.adaptation}
+        form |= {table: each for table, each in numbers.items() if each}
+        return form | {"belief": json.loads(belief.core_json())}
+
+    def supervision_core(self, ambient_pa: float) -> Plain:
+        """Return the supervisor in the core's form, in SI with absolute pressures."""
+        limits, motion, fault = self.limits, self.motion, self.on_fault
+        rules = {
+            "position_m": limits.position,
+            "speed_m_s": limits.speed_m_s,
+            "pressure_pa": limits.pressure and [own.absolute_pa(ambient_pa) for own in limits.pressure],
+            "stop_deceleration_m_s2": limits.stop_deceleration_m_s2,
+            "motion": [motion.tolerance_m, motion.settled_for_s, motion.timeout_s],
+            "on_position": fault.position,
+            "on_pressure": fault.pressure,
+            "on_valve": fault.valve,
+            "on_supply": fault.supply,
+        }
+        given = {key: value for key, value in rules.items() if value is not None}
+        return {"supervision": given, "standby": fault.law}
 
 
 def gain_quantity(unit: str) -> Quantity:
@@ -279,12 +301,8 @@ class Tuning(Viewed):
 
     Attributes
     ----------
-    law : str
-    period_s : float
-    hold : HoldBand or None
-        Limits within which the drive is held at rest; None: it is never held.
-    adaptation : bool
-        Whether the controller learns friction, mass and valve of its drive during a run.
+    controller : Controller
+        Controller as its file describes it.
     gains : tuple of TunedGain
     plant : Plant
     belief : Circuit
@@ -295,27 +313,28 @@ class Tuning(Viewed):
         Limitations of the controller, as sentences.
     own : OwnLaw or None
         Custom law, or None. A custom law has no gains here.
-    supervision : Supervision
-        Limits, conditions of a complete motion, and reactions to faults.
     valves : tuple of TunedGain
         Numbers of several valves, or of a switching valve.
-    factors : Factors
-        Factors of the gains.
     """
 
-    law: str
-    period_s: float
-    hold: HoldBand | None
-    adaptation: bool
+    controller: Controller
     gains: tuple[TunedGain, ...]
     plant: Plant
     belief: Circuit
     source: str = ""
     limits: tuple[str, ...] = ()
     own: OwnLaw | None = None
-    supervision: instrumentation.Supervision = instrumentation.USUAL
     valves: tuple[TunedGain, ...] = ()
-    factors: Factors = USUAL_FACTORS
+
+    @property
+    def law(self) -> str:
+        """Name of the law."""
+        return self.controller.law if self.own is None else self.own.name
+
+    @property
+    def period_s(self) -> float:
+        """Time between two samples, s."""
+        return self.controller.period_s
 
     @property
     def model(self) -> LawModel:
@@ -329,34 +348,32 @@ class Tuning(Viewed):
 
     def core(self) -> Plain:
         """Return the controller in the core's form, in SI."""
-        each = {"gains": self.gains, "valves": self.valves}
-        numbers = {table: {one.key: one.value for one in own} for table, own in each.items()}
-        word = self.law if self.own is None else OWN
-        form = core_form(word, self.period_s, self.hold, self.adaptation, self.belief, numbers)
-        form |= factors_form(self.factors)
-        return form | self.supervision.core(self.belief.ambient.pressure_pa)
+        word, controller = self.law if self.own is None else OWN, self.controller
+        gains, valves = ({one.key: one.value for one in own} for own in (self.gains, self.valves))
+        form = controller.core(word, self.belief, gains=gains, valves=valves, factors=controller.factors.changed)
+        return form | controller.supervision_core(self.belief.ambient.pressure_pa)
 
     def to_toml(self, folder: str | Path = "") -> str:
         """Return the text of a controller file for a folder, with meaning and rule of each gain."""
-        word = self.law if self.own is None else _code_seen_from(folder, self.law)
+        controller, word = self.controller, self.law if self.own is None else _code_seen_from(folder, self.law)
         lines = ["schema = 1", f'law = "{word}"', f'period = "{units.write(self.period_s, "s", "ms")}"']
         if self.source:
             lines.append(f"drive = {toml.value_text(_seen_from(folder, self.source))}")
-        if self.factors != USUAL_FACTORS:
-            given = ", ".join(f"{key} = {value!r}" for key, value in self.factors.to_dict().items())
+        if controller.factors.changed:
+            given = ", ".join(f"{key} = {value!r}" for key, value in controller.factors.to_dict().items())
             lines.append(f"factors = {{ {given} }}  # of {_factored(self.law)}")
         for name, numbers in (("gains", self.gains), ("valves", self.valves)):
             lines += ["", f"[{name}]", *_lines(numbers)] if numbers or name == "gains" else []
-        if not self.adaptation:
+        if not controller.adaptation:
             lines.insert(3, "adaptation = false")
-        if self.hold is None:
+        if controller.hold is None:
             lines.insert(3, "hold = false")
         else:
-            band, after = units.write(self.hold.band_m, "m", "um"), units.write(self.hold.after_s, "s", "ms")
-            lines += ["", "[hold]", f'band = "{band}"', f'after = "{after}"']
-            if (self.hold.band_m, self.hold.after_s) == (BAND_M, AFTER_S):
-                lines[-2:] = [f"{line}  # assumed" for line in lines[-2:]]
-        lines += self.supervision.lines()
+            usual = "  # assumed" * (controller.hold == HoldBand())
+            lines += ["", "[hold]", *(f"{line}{usual}" for line in _entries(controller.hold.with_defaults()))]
+        for table in (controller.limits, controller.motion, controller.on_fault):
+            if table != type(table)():
+                lines += ["", f"[{table.table_name}]", *_entries(table.to_dict())]
         return "\n".join([*lines, ""])
 
     def save(self, path: str | Path) -> Path:
@@ -384,8 +401,8 @@ class Tuning(Viewed):
         ]
         rows += [ShownValue(name, name, "assumed drive, near mid-stroke", text) for name, text in self.plant.rows()]
         title = f"{self.law} for {self.belief.name}, every {1e3 * self.period_s:g} ms"
-        factors = " ".join(f"{factor:g}" for factor in self.factors.values)
-        given = () if set(self.factors.values) == {1.0} else (f"given factors {factors} of {_factored(self.law)}",)
+        factors = " ".join(f"{factor:g}" for factor in self.controller.factors.values)
+        given = (f"given factors {factors} of {_factored(self.law)}",) if self.controller.factors.changed else ()
         return View(title, tuple(rows), notes=(*given, *self.limits))
 
 
@@ -397,29 +414,13 @@ def _lines(numbers: tuple[TunedGain, ...]) -> list[str]:
     ]
 
 
-def factors_form(factors: Factors) -> Plain:
-    """Return the factors of the gains in the core's form; empty if all are 1."""
-    return {} if factors == USUAL_FACTORS else {"factors": factors.values}
+def _entries(table: Plain) -> list[str]:
+    return [f"{key} = {toml.value_text(value)}" for key, value in table.items()]
 
 
 def _factored(law: str) -> str:
     """Return the gain that each factor multiplies, in words."""
     return ", ".join(f"{gain} ({factor})" for of, factor, gain in _core.control_factors() if of == law)
-
-
-def core_form(
-    law: str,
-    period_s: float,
-    hold: HoldBand | None,
-    adaptation: bool,
-    belief: Circuit,
-    numbers: Mapping[str, dict[str, float]],
-) -> Plain:
-    """Return a controller in the core's form, SI. `numbers` has the numbers of ``gains`` and of ``valves``."""
-    held = None if hold is None else [hold.band_m, hold.after_s]
-    core = {"law": law, "period_s": period_s, "gains": {}, "hold": held, "adaptation": adaptation}
-    core |= {table: each for table, each in numbers.items() if each or table == "gains"}
-    return core | {"belief": json.loads(belief.core_json())}
 
 
 def _seen_from(folder: str | Path, source: str) -> str:
@@ -506,7 +507,7 @@ def tune(
         believed = drive if believes is None else believes
         tuning = _tuned(table, word, believed, folder, is_told=believes is not None)
     if own is not None:
-        tuning = replace(tuning, own=own, law=own.name)
+        tuning = replace(tuning, own=own)
     return replace(tuning, limits=limitations(tuning, read))
 
 
@@ -559,14 +560,8 @@ def _tuned(table: Controller, word: str, drive: Drive | Circuit, folder: Path, *
     belief = drive.circuit
     check_valves(belief)
 
-    def asked(
-        gains: dict[str, float] | None = None,
-        valves: dict[str, float] | None = None,
-        more: Plain | None = None,
-    ) -> tuple[Plain, list[list[_Ruled]]]:
-        numbers = {"gains": gains or {}, "valves": valves or {}}
-        form = core_form(word, table.period_s, table.hold, table.adaptation, belief, numbers)
-        return _core.control_tune(json.dumps(form | (more or {})), 0.0)
+    def asked(**numbers: Any) -> tuple[Plain, list[list[_Ruled]]]:  # noqa: ANN401 - see `Controller.core`
+        return _core.control_tune(json.dumps(table.core(word, belief, **numbers)), 0.0)
 
     try:
         plant, ruled = asked()
@@ -580,14 +575,11 @@ def _tuned(table: Controller, word: str, drive: Drive | Circuit, folder: Path, *
     if table.valves and not ruled[1]:
         raise invalid("valves", "control.table_of_valves")
     valves = _numbers_of("valves", "these valves", table.valves, ruled[1], lambda given: asked(valves=given))
-    chosen = factors_form(table.factors)
-    if chosen:
-        try:
-            asked(more=chosen)
-        except ValueError as error:
-            raise wrong(str(error).split(" ")[0], str(error)) from None
-    made = Tuning(table.law, table.period_s, table.hold, table.adaptation, gains, Plant(**plant), belief, source)
-    return replace(made, supervision=table.supervision, valves=valves, factors=table.factors)
+    try:
+        asked(factors=table.factors.changed)
+    except ValueError as error:
+        raise wrong(str(error).split(" ")[0], str(error)) from None
+    return Tuning(table, gains, Plant(**plant), belief, source, valves=valves)
 
 
 def _numbers_of(
