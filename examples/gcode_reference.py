@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 import pneudrive as pn
-from pneudrive.control.motion import PEAK, along_line, blended, polynomials
+from pneudrive.control.motion import PEAK, along_line, blended
 from pneudrive.errors import CommandError
 from pneudrive.units import LARGEST
 
@@ -181,7 +181,10 @@ def _move(asked: dict[str, float], state: _Modal) -> None:
 def references(path: str | Path) -> dict[str, pn.control.Reference]:
     """Return a reference for each axis of a program file."""
     each = read_program(Path(path).read_text("utf-8-sig"), str(path))
-    return {axis: polynomials(f"{path}:{axis}", own.start_m, own.pieces) for axis, own in each.items()}
+    return {
+        axis: pn.control.Reference(f"{path}:{axis}", own.start_m, pieces=tuple(own.pieces))
+        for axis, own in each.items()
+    }
 
 
 def main() -> None:

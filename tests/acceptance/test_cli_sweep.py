@@ -195,7 +195,7 @@ def test_a_full_disk_is_one_message_and_finished_chunks_are_kept(tmp_path, capsy
     ("more", "said"),
     [
         (["--vary", "cylinder.bor = 20 mm"], "Did you mean 'cylinder.bore'"),
-        (["--vary", "cylinder.bore = 20 mm", "--vary", "cylinder.bore = 21 mm"], "given twice"),
+        (["--vary", "cylinder.bore = 20 mm", "--vary", "cylinder.bore = 21 mm"], "cylinder.bore twice"),
         (["--vary", "cylinder.bore = 20 mm, 21 mm", "--vary", "load.mass = 1 kg"], "unequal lengths"),
         (["--vary", "cylinder.bore = 20 mm, 0 mm"], "row 1 of the design"),
         (["--vary", "nowhere.csv"], "nowhere.csv"),

@@ -161,7 +161,9 @@ def test_the_rig_of_a_campaign_is_known_by_its_path(served: Served, rig: str) ->
     (served.folder / "tuesday/rig.toml").write_text(text)
     digest = hashlib.sha256(text.encode()).hexdigest()
     for name in ("campaign.json", "rig.json"):
-        (campaign / name).write_text(json.dumps({"rig": rig, "rig_sha256": digest}))
+        (campaign / name).write_text(
+            json.dumps({"inputs": [{"kind": "rig", "name": rig, "file": rig, "sha256": digest}]})
+        )
     is_known = not rig.startswith("/")
     found = states(get(served, "/api/lineage", path="campaigns/first")["inputs"])
     assert found == {rig: "same" if is_known else "missing"}

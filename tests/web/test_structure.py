@@ -14,7 +14,7 @@ from pneudrive.cli.main import run as run_command
 from pneudrive.describe.circuit import Circuit
 from pneudrive.errors import CommandError
 from pneudrive.web.drive.run_request import described_at
-from pneudrive.web.drive.structure import StructureRequest, kinds, restructured
+from pneudrive.web.drive.structure import kinds, restructured
 from pneudrive.web.workspace import Workspace
 from web.conftest import Served
 from web.test_friction import post
@@ -31,7 +31,7 @@ def workspace(tmp_path: Path) -> Workspace:
 
 def changed(workspace: Workspace, text: str, act: str, one: str = "", other: str = "", kind: str = "") -> str:
     asked = {"path": "pair.toml", "text": text, "act": act, "one": one, "other": other, "kind": kind}
-    return restructured(workspace, StructureRequest.of(asked))["text"]
+    return restructured(workspace, **asked)["text"]
 
 
 def circuit(workspace: Workspace, text: str) -> Circuit:

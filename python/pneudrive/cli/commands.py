@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import inspect
 import sys
+from contextlib import nullcontext
 from functools import wraps
 from importlib import import_module
 from pathlib import Path
@@ -18,6 +19,7 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, get_origin
 import typer
 from typer.core import TyperGroup
 
+import pneudrive as pn
 from pneudrive.cli import options
 from pneudrive.documented import parts_of
 from pneudrive.errors import CommandError, nearest
@@ -52,7 +54,8 @@ def command_from(function: Callable[..., Any], name: str, *, hidden: bool = Fals
 
     @wraps(function)
     def called(**values: Any) -> Any:  # noqa: ANN401
-        with options.opened_catalogue(values.pop("catalogue", None)):
+        folders = values.pop("catalogue", None)
+        with pn.catalogue_folders(*folders) if folders else nullcontext():
             return function(**values)
 
     parameters = [_declared(each) for each in inspect.signature(function, eval_str=True).parameters.values()]

@@ -18,7 +18,7 @@ from __future__ import annotations
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Any, Literal
 
 import typer
 
@@ -193,7 +193,6 @@ def benchmark(
     spread: str | None = None,
     members: int | None = None,
     threads: int | None = None,
-    keep_runs: Annotated[bool | None, typer.Option("--keep-runs/--scores-only")] = None,
 ) -> None:
     """Compare controllers along references, with several seeds or a spread of drives.
 
@@ -213,8 +212,6 @@ def benchmark(
         Number of members of the spread; default 200.
     threads
         Simultaneous runs; default: one per processor.
-    keep_runs
-        Keep samples of each run; default: without a spread.
 
     Examples
     --------
@@ -233,7 +230,6 @@ def benchmark(
         threads=threads,
         out=out,
         progress=watch().tell,
-        keep_runs=keep_runs,
         allow_code=allow_code,
     )
     show_view(control_page.controllers_view(found, SHOWN))

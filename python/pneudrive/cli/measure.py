@@ -51,8 +51,8 @@ rig = group(
 )
 
 
-def layout(file: Path, *, out: Path | None = None, picture: Path | None = None) -> None:
-    """Propose how to read a foreign recording, with a picture.
+def layout(file: Path, *, out: Path | None = None) -> None:
+    """Propose how to read a foreign recording, with a picture: next to the layout, or FILE.layout.png here.
 
     Options
     -------
@@ -60,8 +60,6 @@ def layout(file: Path, *, out: Path | None = None, picture: Path | None = None) 
         Recording in any supported format.
     out
         Layout file to write; default: standard output.
-    picture
-        Picture of the recording with the layout; default: next to the layout, or FILE.layout.png here.
 
     Examples
     --------
@@ -72,8 +70,7 @@ def layout(file: Path, *, out: Path | None = None, picture: Path | None = None) 
         typer.echo(proposal.text)
     else:
         trajectory.write_whole(out, proposal.text)
-    if picture is None:
-        picture = out.with_suffix(".png") if out is not None else Path(f"{layouts.stem(file)}.layout.png")
+    picture = out.with_suffix(".png") if out is not None else Path(f"{layouts.stem(file)}.layout.png")
     layout_figure.write_layout_figure(proposal, picture)
     if not proposal.problem:
         what = "a fixed volume" if proposal.kind == "fixed-volume" else f"a {proposal.kind}"

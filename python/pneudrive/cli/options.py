@@ -28,7 +28,6 @@ report : FOLDER
 
 from __future__ import annotations
 
-from contextlib import AbstractContextManager, nullcontext
 from typing import TYPE_CHECKING, Annotated, TypeVar
 
 import typer
@@ -43,18 +42,12 @@ with used_later(__name__):
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
-    from pathlib import Path
 
 
 Value = TypeVar("Value")
 Switch = Annotated[bool, typer.Option()]  # also with the opposite, --no-...
 Count = Annotated[int, typer.Option(min=0)]
 Port = Annotated[int, typer.Option(min=0, max=65535)]
-
-
-def opened_catalogue(folders: Sequence[Path] | None) -> AbstractContextManager[object]:
-    """Return a context manager that adds the folders to the catalogue while it is open."""
-    return pn.catalogue_folders(*folders) if folders else nullcontext()
 
 
 def command_of(described: pn.Drive | pn.Circuit, commands: list[str] | None) -> str | list[str] | None:

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, cast
 import typer
 
 import pneudrive as pn
-from pneudrive.cli.options import Port, changed, command_of, names_in
+from pneudrive.cli.options import Port, changed, command_of, names_in, pairs_in
 from pneudrive.cli.terminal import check_outputs, show_paths, show_view, watch, write_outputs
 from pneudrive.errors import CommandError, RecordingError, nearest
 from pneudrive.lazy_names import upper, used_later
@@ -199,7 +199,7 @@ def sweep(
     missing = len(chunks.missing())
     if missing < len(chunks.chunks):
         typer.echo(f"{len(chunks.chunks) - missing} of {len(chunks.chunks)} chunks are already computed", err=True)
-    for _ in many.results(study, chunks, chunk, None, watch()):
+    for _ in many.results(study, chunks, None, None, watch()):
         pass  # each is kept in the store
     if fits_memory:
         gathered = many.Members.of(study, chunks.frames())
@@ -233,12 +233,7 @@ def _design(
                 raise CommandError("--members is missing", remedy="Give the number of members to draw from the fit.")
             return pn.EnsembleDesign.posterior(fits.read_fit(path), members, seed=seed, method=method)
         return designs.design_of(_table(drive, path), members)
-    variables: dict[str, str] = {}
-    for text in vary:
-        name, _, values = (part.strip() for part in text.partition("="))
-        if name in variables:
-            raise CommandError(f"vary: {name} is given twice", remedy="Keep one of them.")
-        variables[name] = values
+    variables = pairs_in("--vary", vary, "load.mass = uniform(1 kg, 2 kg)")
     return replace(designs.design_of(variables, members, seed, method), correlation=dict(map(_pair, correlation)))
 
 

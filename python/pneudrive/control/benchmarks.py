@@ -71,7 +71,7 @@ class ControlledRun(NamedTuple):
     reason : str
         Why the run failed; empty if it did not.
     file : Path
-        File of the run. Unless `keep_runs` was set, a spread keeps only the file of its first member.
+        File of the run. A spread keeps only the file of its first member.
     truth : dict
         Name of each value that differs from the description -> the true value.
     """
@@ -117,7 +117,7 @@ class ControlComparison(Viewed):
     mismatch: str
     spread: str
     count: int
-    about: dict[str, Any]
+    about: Plain
     runs: tuple[ControlledRun, ...]
 
     @property
@@ -356,14 +356,6 @@ def _so_far(folder: Path, references: Mapping[str, str]) -> Iterator[ControlledR
             yield ControlledRun(law, along, seed, score, reason, folder / RUNS / Path(file).name, {})
 
 
-def finished(folder: Path) -> int:
-    """Count the runs in a folder, also those of an earlier comparison."""
-    files = sum(1 for _ in (folder / RUNS).glob("[!.]*.parquet"))
-    with suppress(OSError):
-        files += (folder / KEPT).read_bytes().count(b"\n")
-    return files
-
-
 # --- Comparison of laws along references with seeds or members of a spread; each run is kept, by file or by score.
 
 STEP_REPEATS = 3  # repeats of each step of kept runs, to measure its undisturbed time
@@ -413,60 +405,56 @@ def key_of(prepared: Prepared, seed: int, mark: str) -> str:
     return hashlib.sha256(json.dumps(decides, sort_keys=True).encode()).hexdigest()
 
 
-@dataclass
 class Store:
-    """Runs of a comparison: a file for each run that is kept, and a line with the score for every other run."""
+    """Runs of a comparison: a file for each run that is kept, and a line with the score for every other run.
 
-    folder: Path
-    lines: Path
-    keeps: bool
-    known: dict[str, tuple[Score | None, str]]
-    lock: threading.Lock
-    mark: str
+    Attributes
+    ----------
+    known : dict
+        Key of a run -> its score and why it failed, from the lines that the folder already has.
+    """
 
-    @classmethod
-    def of(cls, out: Path, *, keeps: bool, mark: str) -> Store:
-        """Open the store of a folder, with the scores that it already has."""
-        folder, lines = out / RUNS, out / KEPT
-        make_subfolder(folder)
+    def __init__(self, out: Path, *, keeps: bool, mark: str) -> None:
+        self.folder, self.lines, self.keeps, self.mark = out / RUNS, out / KEPT, keeps, mark
+        self.lock = threading.Lock()
+        make_subfolder(self.folder)
         try:
-            text = lines.read_text("utf-8", "replace") if lines.exists() else ""
+            text = self.lines.read_text("utf-8", "replace") if self.lines.exists() else ""
         except OSError as error:
-            raise CommandError.of("control.not_readable", path=lines, value=error.strerror) from None
-        known = {str(key): (score, str(reason)) for score, (key, reason) in _logged(text, "key", "reason")}
+            raise CommandError.of("control.not_readable", path=self.lines, value=error.strerror) from None
+        self.known = {str(key): (score, str(reason)) for score, (key, reason) in _logged(text, "key", "reason")}
         if text and not text.endswith("\n"):
-            with open_to_append(lines) as file:
+            with open_to_append(self.lines) as file:
                 file.write("\n")
-        return cls(folder, lines, keeps, known, threading.Lock(), mark)
 
     def run(self, prepared: Prepared, law: str, along: str, seed: int) -> ControlledRun:
         """Return a stored run, or run it and store it."""
         key = key_of(prepared, seed, self.mark)
         plain = re.sub(r"[^A-Za-z0-9]+", "-", f"{law}_{along}").strip("-")[:60]
         file = self.folder / f"{plain}_{seed}_{key[:12]}.parquet"
-        truth = prepared.truth.values
         is_kept = self.keeps or seed == 1
-        score, reason = self.known.get(key, (None, None))
-        if score is None and reason is not None:
-            return ControlledRun(law, along, seed, None, reason, file, truth)
-        score = _score_in(file, key) if is_kept else score
-        if score is not None:
-            return ControlledRun(law, along, seed, score, "", file, truth)
-        try:
-            run = run_prepared(prepared._replace(step_repeats=STEP_REPEATS if is_kept else 1), seed)
-        except SimulationError as error:
-            self._note(key, None, error.what)
-            return ControlledRun(law, along, seed, None, error.what, file, truth)
-        score = Score(**run.provenance["score"])
-        if is_kept:
-            save_columns(run.columns, run.provenance | {"key": key}, file)
-        else:
-            self._note(key, score, "")
-        return ControlledRun(law, along, seed, score, "", file, truth)
+        score, reason = self.known.get(key, (None, ""))
+        if is_kept and not reason:
+            score = _score_in(file, key)
+        if score is None and not reason:
+            score, reason = self._simulated(prepared, seed, key, file if is_kept else None)
+        return ControlledRun(law, along, seed, score, reason, file, prepared.truth.values)
 
-    def _note(self, key: str, score: Score | None, reason: str) -> None:
+    def _simulated(self, prepared: Prepared, seed: int, key: str, file: Path | None) -> tuple[Score | None, str]:
+        """Run and store; return the score, or why the run failed."""
+        score, reason = None, ""
+        try:
+            run = run_prepared(prepared._replace(step_repeats=STEP_REPEATS if file else 1), seed)
+        except SimulationError as error:
+            reason = error.what
+        else:
+            score = Score(**run.provenance["score"])
+            if file is not None:
+                save_columns(run.columns, run.provenance | {"key": key}, file)
+                return score, ""
         with self.lock:
             _log(self.lines, score, {"key": key, "reason": reason})
+        return score, reason
 
 
 def _score_in(file: Path, key: str) -> Score | None:
@@ -522,7 +510,6 @@ def benchmark(
     spread: Mismatch | str | Path | None = None,
     members: int | None = None,
     threads: int | None = None,
-    keep_runs: bool | None = None,
     rtol: float = RTOL,
     allow_code: str | None = None,
     progress: Progress | None = None,
@@ -559,8 +546,6 @@ def benchmark(
     threads : int, optional
         Number of simultaneous runs; by default the number of processors. Results do not depend on it. Custom laws run
         one after the other.
-    keep_runs : bool, optional
-        Keep the samples of each run, not only its score. The default is to keep them if there is no spread.
     rtol : float
     allow_code : str, optional
         SHA-256 of the file of a custom law, if only a controller file names it.
@@ -587,7 +572,7 @@ def benchmark(
         for law, tuning in tunings.items()
         for along, one in to_follow.items()
     }
-    store = Store.of(folder, keeps=own is None if keep_runs is None else keep_runs, mark=mark_of(folder, tunings))
+    store = Store(folder, keeps=own is None, mark=mark_of(folder, tunings))
     truths = _truths(first := next(iter(prepared.values())), own)
     keys = [key_of(one._replace(truth=truths(1)), 1, store.mark) for one in prepared.values()]
     about = {"drive": drive.name, "setup": name, "setup_about": read.about, "mismatch": first.mismatch}

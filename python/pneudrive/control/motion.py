@@ -32,20 +32,6 @@ _RUN_UP = (0, 0, 0, 0, 0, 7, -14, 10, -2.5)
 _ROUNDS = 200  # steps of a bisection: to the last bit
 
 
-class PathLimits(NamedTuple):
-    """Limits of a move.
-
-    Attributes
-    ----------
-    velocity_m_s, acceleration_m_s2, jerk_m_s3, snap_m_s4 : float
-    """
-
-    velocity_m_s: float
-    acceleration_m_s2: float
-    jerk_m_s3: float
-    snap_m_s4: float
-
-
 def piece(begin_s: float, duration_s: float, start_m: float, way_m: float, shape: Sequence[float]) -> Row:
     """Return a piece: a start position plus a distance times a polynomial."""
     numbers = [way_m * own for own in (*shape, *[0.0] * (POWERS - len(shape)))]
@@ -57,15 +43,15 @@ def blended(begin_s: float, duration_s: float, start_m: float, to_m: float, orde
     return [piece(begin_s, duration_s, start_m, to_m - start_m, BLENDS[order])]
 
 
-def within_limits(begin_s: float, start_m: float, to_m: float, limits: PathLimits) -> list[Row]:
-    """Return the fastest move of 15 pieces of constant snap within limits.
+def within_limits(begin_s: float, start_m: float, to_m: float, limits: tuple[float, ...]) -> list[Row]:
+    """Return the fastest move of 15 pieces of constant snap within limits of velocity, acceleration, jerk and snap, SI.
 
     Snap s for t_s makes the jerk s t_s, which is held for t_j. The acceleration is held for t_a, and the velocity for
     t_v. The times are set in this order, each as long as the limits and the distance allow.
 
     Examples
     --------
-    >>> rows = within_limits(0.0, 0.0, 0.3, PathLimits(1.0, 10.0, 500.0, 5e4))
+    >>> rows = within_limits(0.0, 0.0, 0.3, (1.0, 10.0, 500.0, 5e4))
     >>> len(rows), round(sum(row[1] for row in rows), 6)
     (15, 0.43)
     """
@@ -394,10 +380,3 @@ def stairs(start_m: float, moves: Sequence[ReferenceMove], rest_s: float = REST_
     each = (f"{move.begin_s:.9g} s: {units.write(move.to_m, 'm', 'mm')} in {move.duration_s:.9g} s" for move in moves)
     text = "; ".join([units.write(start_m, "m", "mm"), *each])
     return Reference(text, start_m, tuple(moves), rest_s=rest_s)
-
-
-def polynomials(
-    text: str, start_m: float, pieces: Sequence[Row], *, rest_s: float = REST_S, points_missed_m: float | None = None
-) -> Reference:
-    """Return a reference that consists of successive polynomials."""
-    return Reference(text, start_m, rest_s=rest_s, pieces=tuple(pieces), points_missed_m=points_missed_m)

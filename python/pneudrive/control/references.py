@@ -40,21 +40,19 @@ _Time = Annotated[float, Quantity("s", "s", Bounds(at_least=0.0, at_most=LONGEST
 _Over = Bounds(above=0.0)
 
 
-class MoveTable(Described):
-    """A move of a reference file."""
-
-    at_s: _Time
-    to_m: Position
-    duration_s: Annotated[float | None, Quantity("s", "s", Bounds(above=0.0, at_most=LONGEST_S))] = Field(
-        default=None, description="absent: as short as the limits of the file allow"
-    )
-
-
 class PointTable(Described):
     """A point of a reference file."""
 
     at_s: _Time
     to_m: Position
+
+
+class MoveTable(PointTable):
+    """A move of a reference file."""
+
+    duration_s: Annotated[float | None, Quantity("s", "s", Bounds(above=0.0, at_most=LONGEST_S))] = Field(
+        default=None, description="absent: as short as the limits of the file allow"
+    )
 
 
 class LimitTable(Described):
@@ -203,7 +201,7 @@ def _from_file(path: Path) -> motion.Reference:
         moves = [motion.ReferenceMove(one.at_s, one.duration_s, one.to_m) for one in read.moves]
         return _checked(str(path), read.start_m, moves, read.order)
     limits = read.limits
-    asked = motion.PathLimits(limits.velocity_m_s, limits.acceleration_m_s2, limits.jerk_m_s3, limits.snap_m_s4)
+    asked = (limits.velocity_m_s, limits.acceleration_m_s2, limits.jerk_m_s3, limits.snap_m_s4)
     rows, free_s, at = [], 0.0, read.start_m
     for one in read.moves:
         _after(free_s, one.at_s, str(path))
@@ -214,7 +212,7 @@ def _from_file(path: Path) -> motion.Reference:
         )
         rows += made
         free_s, at = (made[-1][0] + made[-1][1] if made else one.at_s), one.to_m
-    return motion.polynomials(str(path), read.start_m, rows)
+    return motion.Reference(str(path), read.start_m, pieces=tuple(rows))
 
 
 def _of_points(text: str, read: ReferenceFile) -> motion.Reference:
@@ -223,12 +221,13 @@ def _of_points(text: str, read: ReferenceFile) -> motion.Reference:
         each = zip(times, times[1:], points[1:], strict=False)
         moves = [motion.ReferenceMove(begin, end - begin, to) for begin, end, to in each]
         return _checked(text, points[0], moves, read.order)
-    return _missing(motion.polynomials(text, points[0], motion.through(times, points)), times, points)
+    pieces = motion.through(times, points)
+    return _missing(motion.Reference(text, points[0], pieces=tuple(pieces)), times, points)
 
 
 def _missing(made: motion.Reference, times: Any, points: Any) -> motion.Reference:  # noqa: ANN401 - arrays or lists
     missed = np.abs(made.at(times)[:, 0] - np.asarray(points)).max()
-    return motion.polynomials(made.text, made.start_m, made.pieces, points_missed_m=float(missed))
+    return motion.Reference(made.text, made.start_m, pieces=made.pieces, points_missed_m=float(missed))
 
 
 def _of_record(path: Path) -> motion.Reference:
@@ -259,7 +258,8 @@ def _of_record(path: Path) -> motion.Reference:
             value = f"time_s = {time[first]:g}, position_m = {position[first]:g}"
             raise CommandError(f"the record {path}: sample {first + 1} is not valid", value=value, rule=rule)
     sparse = float(np.diff(time).max())
-    made = motion.polynomials(str(path), float(position[0]), motion.near(time, position, max(KNOT_S, 2.0 * sparse)))
+    pieces = motion.near(time, position, max(KNOT_S, 2.0 * sparse))
+    made = motion.Reference(str(path), float(position[0]), pieces=tuple(pieces))
     _check_span(made, time, position)
     return _missing(made, time, position)
 
@@ -296,7 +296,7 @@ def _checked(text: str, start_m: float, moves: list[motion.ReferenceMove], order
     starts = [start_m, *(move.to_m for move in moves)]
     each = zip(moves, starts, strict=False)
     rows = [row for move, at in each for row in motion.blended(move.begin_s, move.duration_s, at, move.to_m, order)]
-    return motion.polynomials(text, start_m, rows)
+    return motion.Reference(text, start_m, pieces=tuple(rows))
 
 
 def beyond_stroke(of: motion.Reference, stroke_m: float) -> tuple[str, str] | None:
@@ -413,4 +413,4 @@ def _ramps(start_m: float, size: float) -> motion.Reference:
             to, lasts = at + sign * size * way, size * way / velocity
             rows += motion.along_line(time, at, to, lasts, _RUN_UP_S)
             at, time = to, time + lasts + _RUN_UP_S + _PAUSE_S
-    return motion.polynomials("ramps of 1, 10 and 100 mm/s", start_m, rows)
+    return motion.Reference("ramps of 1, 10 and 100 mm/s", start_m, pieces=tuple(rows))

@@ -11,7 +11,7 @@ from typing import Annotated, Any, ClassVar, Literal, TypeVar
 from pydantic import Field, model_validator
 
 from pneudrive import _core, units
-from pneudrive.arrays import Plain
+from pneudrive.arrays import Interval, Plain
 from pneudrive.describe import marks
 from pneudrive.describe.base import Described
 from pneudrive.describe.files import toml
@@ -324,32 +324,20 @@ def read_ready(kind: type[_Kind], given: _Kind | str | Path, ready: dict[str, Pa
 _SECONDS = marks.Quantity("s", "ms", marks.Bounds(above=0.0))
 
 
-#: Removed controllers, and what to use in place of each.
-REMOVED_LAWS = {"pva": 'The controller "pva" was removed. Use "inversion", or "pid" as a baseline.'}
+#: Removed words of a controller file, and what to use in place of each.
+REMOVED = {
+    "pva": 'The controller "pva" was removed. Use "inversion", or "pid" as a baseline.',
+    "slow": 'References are no longer slowed. Use "tell", "stop" or "block", or a slower reference.',
+}
 
 
-def law_remedy(word: str) -> str:
-    """Return the remedy for an unknown name of a controller."""
-    return REMOVED_LAWS.get(word) or nearest(word, _core.control_laws())
-
-
-class BuiltInLaw(marks.Choice):
-    """Annotation of a field for a controller of pneudrive."""
+class KnownWord(marks.Choice):
+    """Annotation of a field that accepts one of several words, with remedies for removed words."""
 
     def read(self, given: object) -> str:
-        """Check the name."""
-        if given not in self.choices:
-            raise WrongValueError(f"{given!r} is not known", remedy=law_remedy(str(given)))
-        return str(given)
-
-
-class SupplyReaction(marks.Choice):
-    """Annotation of a reaction to a low supply."""
-
-    def read(self, given: object) -> str:
-        """Check the name."""
-        if given == "slow":
-            raise WrongValueError.of("control.slow")
+        """Check that the value is one of the words."""
+        if isinstance(given, str) and given in REMOVED:
+            raise WrongValueError(f"{given!r} is not known", remedy=REMOVED[given])
         return super().read(given)
 
 
@@ -357,7 +345,7 @@ class ControlLimits(Described):
     """Limits of a drive under control. A reference beyond them is rejected, and a drive beyond them is stopped."""
 
     table_name: ClassVar[str] = "limits"
-    position: Annotated[tuple[float, float] | None, marks.Between("m", "mm")] = Field(
+    position: Annotated[Interval | None, marks.Between("m", "mm")] = Field(
         default=None, description="positions that it may reach; absent: its stroke"
     )
     speed_m_s: Annotated[float | None, marks.Quantity("m/s", "m/s", marks.Bounds(above=0.0))] = Field(
@@ -393,10 +381,10 @@ class OnFault(Described):
     valve: Annotated[str, marks.Choice(("tell", "stop", "block"))] = Field(
         default="block", description="valve does not answer"
     )
-    supply: Annotated[str, SupplyReaction(("tell", "stop", "block"))] = Field(
+    supply: Annotated[str, KnownWord(("tell", "stop", "block"))] = Field(
         default="block", description="supply has fallen; block: only when it no longer fills a chamber"
     )
-    law: Annotated[str | None, BuiltInLaw(tuple(_core.control_laws()))] = Field(
+    law: Annotated[str | None, KnownWord(tuple(_core.control_laws()))] = Field(
         default=None, description="replaces a failed controller; absent: inversion, except for custom controllers"
     )
 

@@ -97,15 +97,15 @@ class Factors(Described):
         return () if set(self.values) == {1.0} else self.values
 
 
-#: Removed tables of a controller file: key, the values that change nothing, and what to do about others.
+#: Removed tables of a controller file: the content that changes nothing, and what to do about others.
 REMOVED_TABLES = {
-    "nmpc": ("predictor", "model", "The predictor circuit was removed. Leave the table out: the model is used."),
-    "observer": ("kind", "kalman", "The observers levant and lugre were removed. Leave the table out: kalman is used."),
-    "fuzzy": ("inference", "sugeno", "The inference mamdani was removed. Leave the table out: sugeno is used."),
+    "nmpc": ({"predictor": "model"}, "The predictor circuit was removed. Leave the table out: the model is used."),
+    "observer": ({"kind": "kalman"}, "Levant and lugre were removed. Leave the table out: kalman is used."),
+    "fuzzy": ({"inference": "sugeno"}, "The inference mamdani was removed. Leave the table out: sugeno is used."),
 }
 
 
-class LawWord(instrumentation.BuiltInLaw):
+class LawWord(instrumentation.KnownWord):
     """Annotation of a field for a controller: its key, or the name of code, ``mine.py:Law``."""
 
     def read(self, given: object) -> str:
@@ -128,6 +128,7 @@ class Controller(Described):
     (0.001, None)
     """
 
+    elsewhere: ClassVar = {key: remedy for key, (_, remedy) in REMOVED_TABLES.items()}
     schema_version: Literal[1] = Field(default=1, alias="schema")
     law: Annotated[str, LawWord(tuple(_core.control_laws()))] = Field(description="a law, or code: mine.py:Law")
     period_s: Annotated[float, Quantity("s", "ms", Bounds(above=0.0))] = Field(
@@ -150,11 +151,8 @@ class Controller(Described):
     def _without_removed_tables(cls, given: Any) -> Any:  # noqa: ANN401 - of any type
         if not isinstance(given, dict):
             return given
-        for table, (key, usual, remedy) in REMOVED_TABLES.items():
-            numbers = given.get(table, {key: usual})
-            if numbers != {key: usual}:
-                raise wrong(table, f"the table [{table}] is not known", remedy=remedy)
-        return {key: value for key, value in given.items() if key not in REMOVED_TABLES}
+        unchanging = {key: content for key, (content, _) in REMOVED_TABLES.items()}
+        return {key: table for key, table in given.items() if key not in unchanging or table != unchanging[key]}
 
     def core(self, law: str, belief: Circuit, **numbers: Any) -> Plain:  # noqa: ANN401 - numbers by key, or factors
         """Return the controller in the core's form, SI, with its ``gains``, ``valves`` and ``factors``."""
@@ -523,7 +521,8 @@ def _table(law: object, controller: Controller | str | Path | None) -> tuple[Con
     if controller is None:
         word = OWN if isinstance(law, OwnLaw) else law or DEFAULT_LAW
         if word != OWN and word not in laws():
-            raise CommandError(f'there is no law "{word}"', remedy=instrumentation.law_remedy(str(word)))
+            remedy = instrumentation.REMOVED.get(str(word)) or nearest(str(word), laws())
+            raise CommandError(f'there is no law "{word}"', remedy=remedy)
         return Controller(law=str(word)), Path(), "", ""
     if isinstance(controller, Controller):
         table, path, text = controller, "", ""

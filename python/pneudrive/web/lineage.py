@@ -1,25 +1,20 @@
-"""Lineage of each result of the workspace: its stored list of inputs, and whether these have changed.
-
-A result of an earlier version has no such list. Its provenance names inputs with their hashes, but usually not their
-files.
-"""
+"""Lineage of each result of the workspace: its stored list of inputs, and whether these have changed."""
 
 from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
-from itertools import count
 from pathlib import Path
 from posixpath import dirname, join, normpath
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 from pydantic import TypeAdapter
 
-from pneudrive.arrays import Keyed, Plain
+from pneudrive.arrays import Plain
 from pneudrive.campaign.storage.folder import ABOUT as CAMPAIGN
 from pneudrive.control.benchmarks import ABOUT as COMPARISON
 from pneudrive.describe.drive import Drive
@@ -38,7 +33,7 @@ from pneudrive.signals.drive_recording import NEEDED, read_drive_recordings, rea
 from pneudrive.signals.layout import stem
 from pneudrive.signals.load import hashes_of
 from pneudrive.simulation.trajectory import columns_in
-from pneudrive.web.drive.run_request import described_at, kept
+from pneudrive.web.drive.run_request import described_at
 from pneudrive.web.jobs import RESULTS
 from pneudrive.web.measured.recordings import by_stem, layout_in, needs_none
 from pneudrive.web.workspace import Listed, Workspace, is_in_catalogue
@@ -52,32 +47,18 @@ MOST_DRIVES = 500  # kept drives
 MOST_INPUTS = 100  # of one result
 MOST_BYTES = 200_000_000  # largest recording whose samples are hashed for a page
 SAME, CHANGED, DIFFERS, MISSING, NAMED, UNREAD = "same", "changed", "differs", "missing", "named", "unread"
-MAP_FILE = "map.parquet"  # beside a fit of an earlier version
-HASHES = "recordings_sha256"  # metadata of a friction map of an earlier version: recording -> hash, as JSON
 
 
 @dataclass(frozen=True)
-class Input:
-    """An input as a result stores it; see `pneudrive.files.inputs`."""
-
-    kind: str
-    name: str
-    file: str
-    sha256: str
-
-
-_INPUTS = TypeAdapter(list[Input])
-
-
-class Edge(NamedTuple):
-    """An input of a result, and its present file in the workspace.
+class Edge:
+    """An input of a result as the result stores it (see `pneudrive.files.inputs`), and its present file.
 
     Attributes
     ----------
-    kind, name, digest : str
-        Kind and name in words, and SHA-256 of the content that determines the result.
+    kind, name, file, sha256 : str
+        Kind, name and file in words, and SHA-256 of the content that determines the result.
     path : str
-        Path of the file. Empty if the file is missing.
+        Path of the present file in the workspace. Empty if the file is missing.
     state : str
         ``"same"``, ``"changed"`` (the file has other content), ``"differs"`` (the run had other values than the file,
         possibly set for the run), ``"missing"``, ``"named"`` (the result does not contain a hash), ``"unread"`` (too
@@ -86,9 +67,13 @@ class Edge(NamedTuple):
 
     kind: str
     name: str
-    digest: str
-    path: str
-    state: str
+    file: str = ""
+    sha256: str = ""
+    path: str = ""
+    state: str = MISSING
+
+
+_EDGES = TypeAdapter(list[Edge])
 
 
 @dataclass
@@ -118,16 +103,16 @@ class Lineage:
             self._edges[path] = [self._edge(one, path) for one in inputs]
         return self._edges[path]
 
-    def _edge(self, one: Input, of: str) -> Edge:
+    def _edge(self, one: Edge, of: str) -> Edge:
         path = self._path(one, of)
         state = NAMED if path else MISSING
         if path and one.sha256:
             digests = self._digests(one.kind, path, of)
             changed = DIFFERS if one.kind == "drive" and self.files[of].kind == "recording" else CHANGED
             state = SAME if one.sha256 in digests else changed if digests else UNREAD
-        return Edge(one.kind, one.name, one.sha256, path, state)
+        return replace(one, path=path, state=state)
 
-    def _path(self, one: Input, of: str) -> str:
+    def _path(self, one: Edge, of: str) -> str:
         """Return the file of an input, from the folder of the result or the workspace; for a recording, by its name."""
         if one.kind == "drive" and is_in_catalogue(one.file):
             return one.file
@@ -146,6 +131,10 @@ class Lineage:
                 if table is not None and fit is not None:
                     values = values_of_fit(table, fit.provenance)
                     return frozenset(["" if values is None else fingerprint(values)])
+        elif kind == "drive":
+            with suppress(OSError, PneudriveError):
+                described = self._read(drive_at, path) or described_at(self.workspace, path)
+                return frozenset([described.description_hash, described.circuit.description_hash])
         elif kind != "recording" or self.files[path].size <= MOST_BYTES:
             return self._read(_hashes, path, kind)
         return frozenset()
@@ -167,9 +156,14 @@ class Lineage:
 
     def tree(self, path: str, seen: tuple[str, ...] = ()) -> list[Plain]:
         """Return the inputs of a file, and the inputs of these, as plain tables."""
-        inner = [[] if edge.path in ("", *seen) else self.tree(edge.path, (*seen, path)) for edge in self.edges(path)]
-        edges = (edge._replace(digest=edge.digest[:12]) for edge in self.edges(path))
-        return [edge._asdict() | {"inputs": inputs} for edge, inputs in zip(edges, inner, strict=True)]
+        return [
+            {
+                **{key: getattr(edge, key) for key in ("kind", "name", "path", "state")},
+                "digest": edge.sha256[:12],
+                "inputs": [] if edge.path in ("", *seen) else self.tree(edge.path, (*seen, path)),
+            }
+            for edge in self.edges(path)
+        ]
 
     @cached_property
     def results(self) -> list[str]:
@@ -206,7 +200,7 @@ class Lineage:
 
     def _new(self, path: str, suffix: str = "") -> str:
         """Return an unused name, without folder and suffix, similar to the name of a path."""
-        places = ((number, self.workspace.folder(f"{path}-{number}{suffix}")) for number in count(2))
+        places = ((number, self.workspace.folder(f"{path}-{number}{suffix}")) for number in range(2, MOST_TRACED))
         return f"{Path(path).name}-{next(number for number, place in places if not place.exists())}"
 
 
@@ -230,17 +224,22 @@ def fit_at(workspace: Workspace, path: str, _changed: float) -> AnyFit | None:
     return None
 
 
-@kept(MOST_DRIVES)
 def drive_at(workspace: Workspace, name: str, changed: float) -> Drive | None:
     """Return the drive of a file, or of a fit. None for another file, or one that is not valid."""
-    fit = None if is_in_catalogue(name) else fit_at(workspace, name, changed)
     with suppress(PneudriveError):
-        if fit is not None:
-            if isinstance(fit, DriveFit) and isinstance(fit.start, Drive) and fit.converged:
-                return fit.apply()
-            return None
+        if not is_in_catalogue(name) and fit_at(workspace, name, changed) is not None:
+            return _identified_at(workspace, name, changed)
         described = described_at(workspace, name)
         return described if isinstance(described, Drive) else None
+    return None
+
+
+@lru_cache(maxsize=MOST_DRIVES)
+def _identified_at(workspace: Workspace, path: str, changed: float) -> Drive | None:
+    """Return the drive with the values of a fit. None if the search of the fit has not converged."""
+    fit = fit_at(workspace, path, changed)
+    if isinstance(fit, DriveFit) and isinstance(fit.start, Drive) and fit.converged:
+        return fit.apply()
     return None
 
 
@@ -252,19 +251,15 @@ def map_at(workspace: Workspace, path: str, _changed: float) -> xr.Dataset | Non
     return None
 
 
-@kept(2 * MOST_TRACED)
+@lru_cache(maxsize=2 * MOST_TRACED)
 def _hashes(workspace: Workspace, path: str, kind: str, changed: float) -> frozenset[str]:
     """Return the hashes by which results name a file: of its values, its samples, or its bytes.
 
-    Controllers refer to the circuit of a drive, friction maps to the file of a recording, and other results to its
-    samples.
+    Friction maps refer to the file of a recording, and other results to its samples.
     """
     digests = frozenset[str]()
     with suppress(OSError, PneudriveError):
         match kind:
-            case "drive":
-                described = drive_at(workspace, path, changed) or described_at(workspace, path)
-                return frozenset([described.description_hash, described.circuit.description_hash])
             case "fit":
                 fit = fit_at(workspace, path, changed)
                 return frozenset() if fit is None else frozenset([fit.identified_as({}).fit])
@@ -282,61 +277,29 @@ def _hashes(workspace: Workspace, path: str, kind: str, changed: float) -> froze
 
 
 @lru_cache(maxsize=2 * MOST_TRACED)
-def _inputs(workspace: Workspace, path: str, kind: str, _changed: float) -> tuple[Input, ...]:
-    """Return the inputs that a file lists, or that its provenance names; empty for a file that is not a result."""
+def _inputs(workspace: Workspace, path: str, kind: str, _changed: float) -> tuple[Edge, ...]:
+    """Return the inputs that a file lists; empty for a file that is not a result."""
     try:
         about = ABOUT[kind](workspace.folder(path)) if kind in ABOUT else {}
-        inputs = _INPUTS.validate_python(about.get(INPUTS) or list(_named(about)))
+        inputs = _EDGES.validate_python(about.get(INPUTS, []))
     except (PneudriveError, LookupError, TypeError, ValueError, AttributeError):
         return ()
     return tuple(dict.fromkeys(inputs))[:MOST_INPUTS]
 
 
-def _named(about: Keyed) -> Iterator[dict[str, str]]:
-    """Yield the inputs that a provenance without a list names."""
-    if "map_sha256" in about:
-        yield _table("friction map", "friction map", about["map_sha256"], MAP_FILE)
-        return
-    for key in (
-        "belief_hash",
-        "description_hash",
-        "validation of",
-    ):  # a controller assumes another drive than the true one
-        if key in about:
-            yield _table("drive", about.get("drive") or about.get("title", ""), about[key])
-            break
-    for law in about.get("laws", {}).values():
-        yield _table("drive", law["believes"], law["belief_hash"])
-    for one in about.get("recordings", ()):
-        known = one if isinstance(one, dict) else {"name": one}
-        yield _table("recording", known["name"], known.get("sha256", ""), known.get("file") or known.get("source", ""))
-    if "recording" in about:
-        yield _table("recording", about["recording"], about["sha256"])
-    if str(about.get("rig", "")).endswith(".toml") and about["rig_sha256"]:
-        yield _table("rig", about["rig"], about["rig_sha256"], about["rig"])
-
-
-def _table(kind: str, name: str, digest: str = "", file: str = "") -> dict[str, str]:
-    return {"kind": kind, "name": name, "file": file, "sha256": digest}
-
-
 def _of_toml(path: Path) -> Plain:
-    tables, _ = toml.read(path, CommandError)
-    return {"recordings": tables.get("record", ()), **tables["provenance"]}
+    return toml.read(path, CommandError)[0]["provenance"]
 
 
 def _of_drive(path: Path) -> Plain:
     origins = toml.read(path, CommandError)[0].get("provenance", {}).values()
-    return {
-        INPUTS: [_table("fit", one["source"], one["fit"], one.get("file", "")) for one in origins if one.get("fit")]
-    }
+    return {INPUTS: [Edge("fit", one["source"], one.get("file", ""), one["fit"]) for one in origins if one.get("fit")]}
 
 
 def _of_map(path: Path) -> Plain:
     table = read_map(path)
-    hashes = json.loads(open_table(path, "parquet").metadata.get(HASHES, "{}")) if path.suffix == ".parquet" else {}
     names = dict.fromkeys(table["recording"].to_numpy().tolist())
-    return {INPUTS: table.attrs[INPUTS] or [_table("recording", name, hashes.get(name, "")) for name in names]}
+    return {INPUTS: table.attrs[INPUTS] or [Edge("recording", name) for name in names]}
 
 
 def _of_run(path: Path) -> Plain:

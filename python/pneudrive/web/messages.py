@@ -16,16 +16,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import (
-    AfterValidator,
-    BaseModel,
-    ConfigDict,
-    FiniteFloat,
-    StrictInt,
-    StrictStr,
-    ValidationError,
-    WrapValidator,
-)
+from pydantic import AfterValidator, BaseModel, FiniteFloat, StrictInt, StrictStr, ValidationError, WrapValidator
 
 from pneudrive.errors import CommandError, package_table
 from pneudrive.figures import plain_data
@@ -148,7 +139,7 @@ def bounded(low: float, high: float, rule: str = "") -> WrapValidator:
 class PageRequest(BaseModel):
     """Request of the page. Additional fields are ignored, because one message may contain several requests."""
 
-    model_config = ConfigDict(frozen=True, extra="ignore")
+    model_config = {"frozen": True, "extra": "ignore"}
 
     @classmethod
     def of(cls, given: Mapping[str, Any]) -> Self:

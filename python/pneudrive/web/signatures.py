@@ -234,14 +234,12 @@ def _inputs(command: str, given: list[Any], shared: Keyed) -> Iterator[CommandIn
         yield CommandInput(**table)
 
 
-def _read() -> Iterator[tuple[str, CommandForm]]:
-    tables = package_table(__file__, "forms.toml")
-    for command, form in tables.items():
-        if command != "shared":
-            yield command, CommandForm(**form | {"inputs": tuple(_inputs(command, form["inputs"], tables["shared"]))})
-
-
-SIGNATURES = dict(_read())
+_FORMS = package_table(__file__, "forms.toml")
+SIGNATURES = {
+    command: CommandForm(**form | {"inputs": tuple(_inputs(command, form["inputs"], _FORMS["shared"]))})
+    for command, form in _FORMS.items()
+    if command != "shared"
+}
 
 
 def forms(workspace: Workspace) -> Plain:

@@ -7,7 +7,7 @@ import warnings
 from collections import defaultdict
 from dataclasses import dataclass, replace
 from math import comb
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -15,7 +15,7 @@ from pneudrive import units
 from pneudrive.control.axis import supply_of
 from pneudrive.control.loop import MEANINGS, MOST_SEED, RTOL, provenance_of, run_axes, whole_number
 from pneudrive.control.mismatch import Mismatch, mismatched, read_mismatch
-from pneudrive.control.motion import POWERS, Reference, polynomials
+from pneudrive.control.motion import POWERS, Reference
 from pneudrive.control.pose.path import PosePath, PoseScore, Tracked, pose_path
 from pneudrive.control.scores import LAST_S, air_of
 from pneudrive.control.setup import Setup, read_setup, told
@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 
     import xarray as xr
 
-    from pneudrive.arrays import Array, Keyed, Plain
+    from pneudrive.arrays import Array, Interval, Plain
     from pneudrive.platforms import Platform
 
 
@@ -55,9 +55,9 @@ class Demands(NamedTuple):
     Attributes
     ----------
     times_s : ndarray, shape (m,)
-    positions_m, velocities_m_s, accelerations_m_s2, jerks_m_s3 : ndarray
-    forces_n, masses_kg : ndarray
-        Force of each leg without friction, and its moving mass.
+    legs : LegDynamics
+        Motion, force without friction, and moving mass of each leg.
+    jerks_m_s3 : ndarray
     loads_n, load_rates_n_s : ndarray
         m_i a_i - F_i: force in +x that comes neither from air nor from friction, and its rate.
     couplings : ndarray, shape (m, n, n)
@@ -67,12 +67,8 @@ class Demands(NamedTuple):
     """
 
     times_s: Array
-    positions_m: Array
-    velocities_m_s: Array
-    accelerations_m_s2: Array
+    legs: Any
     jerks_m_s3: Array
-    forces_n: Array
-    masses_kg: Array
     loads_n: Array
     load_rates_n_s: Array
     couplings: Array
@@ -96,12 +92,8 @@ def demands(platform: Platform, path: PosePath, duration_s: float) -> Demands:
     loads = [one.masses_kg * one.accelerations_m_s2 - one.forces_n for one in around]
     return Demands(
         times,
-        own.positions_m,
-        own.velocities_m_s,
-        own.accelerations_m_s2,
+        own,
         (behind.accelerations_m_s2 - before.accelerations_m_s2) / (2.0 * STEP_S),
-        own.forces_n,
-        own.masses_kg,
         loads[0],
         (loads[2] - loads[1]) / (2.0 * STEP_S),
         own.couplings * (1.0 - np.eye(len(platform.legs))),
@@ -136,14 +128,14 @@ def check_path(
         warn(f"{said}: the controllers of single legs may oscillate; inversion tolerates more coupling than nmpc")
     most = {"force": 0.0, "speed": 0.0}
     for i, tuning in enumerate(tunings):
-        name, x, v = platform.legs[i].name, needs.positions_m[:, i], needs.velocities_m_s[:, i]
+        name, x, v = platform.legs[i].name, needs.legs.positions_m[:, i], needs.legs.velocities_m_s[:, i]
         stroke = tuning.plant.stroke_m
         _within(name, "position", "mm", 1e3 * x, (0.0, 1e3 * stroke), times, "Make the path smaller, or move it.")
         fastest = tuning.plant.speed_m_s
         remedy = "Make the path slower, or take a larger valve."
         _within(name, "velocity", "m/s", v, (-fastest, fastest), times, remedy)
         friction = tuning.plant.coulomb_n * np.sign(v) + _viscous(tuning) * v
-        force, (low, high) = needs.forces_n[:, i] + friction, _forces(platform, i, tuning)
+        force, (low, high) = needs.legs.forces_n[:, i] + friction, _forces(platform, i, tuning)
         remedy = "Make the path slower, or take a larger cylinder or a higher pressure."
         _within(name, "force", "N", force, (low, high), times, remedy)
         most["speed"] = max(most["speed"], float(np.abs(v).max() / fastest))
@@ -151,9 +143,7 @@ def check_path(
     return {"singular_value": float(needs.singular_values[row]), **most}
 
 
-def _within(
-    name: str, what: str, unit: str, values: Array, ends: tuple[float, float], times: Array, remedy: str
-) -> None:
+def _within(name: str, what: str, unit: str, values: Array, ends: Interval, times: Array, remedy: str) -> None:
     low, high = ends
     margins = np.minimum(values - low, high - values)
     row = int(np.argmin(margins))
@@ -169,7 +159,7 @@ def _viscous(tuning: Tuning) -> float:
     return float(((cylinder["friction"] or {}).get("parameters") or {}).get("viscous", 0.0))
 
 
-def _forces(platform: Platform, leg: int, tuning: Tuning) -> tuple[float, float]:
+def _forces(platform: Platform, leg: int, tuning: Tuning) -> Interval:
     """Return the force that the supply gives against +x and in +x, N."""
     gauge = supply_of(tuning.belief.core_json())[0] - platform.ambient_pa
     area_a, area_b = platform.legs[leg].areas_m2
@@ -179,7 +169,8 @@ def _forces(platform: Platform, leg: int, tuning: Tuning) -> tuple[float, float]
 def leg_reference(needs: Demands, leg: int, text: str) -> tuple[Reference, Plain]:
     """Return the reference of a leg, polynomials of degree 7 between its knots, and its preview in the core's form."""
     h = float(needs.times_s[1] - needs.times_s[0])
-    ends = np.stack([needs.positions_m, needs.velocities_m_s, needs.accelerations_m_s2, needs.jerks_m_s3])[:, :, leg]
+    own = needs.legs
+    ends = np.stack([own.positions_m, own.velocities_m_s, own.accelerations_m_s2, needs.jerks_m_s3])[:, :, leg]
     scaled = ends * np.array([1.0, h, h**2 / 2.0, h**3 / 6.0])[:, None]
     # Values of the powers and of their derivatives over the factorials at the end of a piece.
     binomials = np.array([[comb(n, k) for n in range(8)] for k in range(4)], dtype=float)
@@ -188,8 +179,8 @@ def leg_reference(needs: Demands, leg: int, text: str) -> tuple[Reference, Plain
     rows = np.zeros((low.shape[1], 2 + POWERS))
     rows[:, 0], rows[:, 1] = needs.times_s[:-1], h
     rows[:, 2:6], rows[:, 6:10] = low.T, high.T
-    made = polynomials(text, float(needs.positions_m[0, leg]), rows.tolist())
-    efforts = np.stack([needs.masses_kg[:, leg], needs.loads_n[:, leg], needs.load_rates_n_s[:, leg]], axis=1)
+    made = Reference(text, float(needs.legs.positions_m[0, leg]), pieces=tuple(rows.tolist()))
+    efforts = np.stack([needs.legs.masses_kg[:, leg], needs.loads_n[:, leg], needs.load_rates_n_s[:, leg]], axis=1)
     return made, {"period_s": h, "rows": efforts.tolist(), "others": needs.couplings[:, leg].tolist()}
 
 
@@ -271,10 +262,9 @@ def leg_tunings(
         A leg has no cylinder or no valves that a controller can command.
     """
     out: list[Tuning] = []
-    told: Keyed = {"setup": setup, "controller": controller}
     for i, leg in enumerate(platform.legs):
-        own = leg_circuit(circuit, platform, i, float(needs.masses_kg[0, i]), float(needs.loads_n[0, i]))
-        tuning = tune(own, law, believes=own, **told)
+        own = leg_circuit(circuit, platform, i, float(needs.legs.masses_kg[0, i]), float(needs.loads_n[0, i]))
+        tuning = tune(own, law, believes=own, setup=setup, controller=controller)
         if tuning.own is not None:
             raise CommandError.of("control.own_law_of_leg", leg=leg.name, law=tuning.law)
         out.append(tuning)
@@ -429,7 +419,7 @@ class _Legs:
         events = []
         for i, (leg, tuning, own) in enumerate(zip(self.platform.legs, self.tunings, each, strict=True)):
             columns |= {f"{leg.name}.{key}": own[key] for key in KEPT}
-            needed = np.interp(columns["time_s"], self.needs.times_s, self.needs.forces_n[:, i])
+            needed = np.interp(columns["time_s"], self.needs.times_s, self.needs.legs.forces_n[:, i])
             columns[f"{leg.name}.required_force_n"] = needed
             columns |= {f"{leg.name}.{end}.pressure_pa": own[f"pressure_{end}_pa"] for end in "ab"}
             several = [name for name in tuning.plant.valves if f"{name}.command" in own]
@@ -444,10 +434,10 @@ class _Legs:
         scored = time >= (0.0 if period is None else time[-1] - max(LAST_S, period) + 0.5 * time[1])
 
         def tracked(name: str, of: str, unit: str) -> Tracked:
-            wanted = columns[f"{name}_{unit}" if of == name else f"{of}_{unit}"][scored]
+            wanted = columns[f"{of}_{unit}"][scored]
             error = wanted - columns[f"{name}_{unit}"][scored]
-            rmse, most = float(np.sqrt(np.mean(error**2))), float(np.abs(error).max())
-            return Tracked(unit, rmse, most, 0.5 * float(np.ptp(wanted)))
+            rmse = float(np.sqrt(np.mean(error**2)))
+            return Tracked(unit, rmse, float(np.abs(error).max()), 0.5 * float(np.ptp(wanted)))
 
         own = self.platform.name
         legs = [leg.name for leg in self.platform.legs]
@@ -488,7 +478,7 @@ class _Legs:
     def _start(self) -> dict[str, float]:
         """Return the start at rest on the path, each piston in balance."""
         given: dict[str, str] = {}
-        for leg, tuning, x in zip(self.platform.legs, self.tunings, self.needs.positions_m[0], strict=True):
+        for leg, tuning, x in zip(self.platform.legs, self.tunings, self.needs.legs.positions_m[0], strict=True):
             given[f"{leg.name}.position"] = f"{float(x)!r} m"
             for end, pressure in zip("ab", tuning.plant.rest_pressures_pa, strict=True):
                 given[f"{leg.name}.{end}.pressure"] = f"{pressure!r} Pa abs"

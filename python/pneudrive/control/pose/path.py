@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
+from pydantic import TypeAdapter
 
 from pneudrive.control.motion import REST_S, SINE_PERIODS, SINE_S, Reference, ReferenceMove
 from pneudrive.control.references import moves_of_text
@@ -102,14 +103,11 @@ class PosePath(Shown):
     text : str
         Name of the file, or the lines.
     coordinates : tuple of str
-    units : tuple of str
-        Unit of each coordinate: m or rad.
     lines : tuple of CoordinatePath
     """
 
     text: str
     coordinates: tuple[str, ...]
-    units: tuple[str, ...]
     lines: tuple[CoordinatePath, ...]
 
     @property
@@ -131,10 +129,8 @@ class PosePath(Shown):
         return np.stack([line.at(times) for line in self.lines], axis=-1)
 
     def _card(self) -> Card:
-        return Card(f"Path of a pose, {self.text}", rows=[(key, str(line)) for key, line in self._each()])
-
-    def _each(self) -> list[tuple[str, CoordinatePath]]:
-        return list(zip(self.coordinates, self.lines, strict=True))
+        rows = [(key, str(line)) for key, line in zip(self.coordinates, self.lines, strict=True)]
+        return Card(f"Path of a pose, {self.text}", rows=rows)
 
 
 def pose_path(given: PosePath | Mapping[str, str] | str | Path, platform: Platform) -> PosePath:
@@ -188,7 +184,7 @@ def pose_path(given: PosePath | Mapping[str, str] | str | Path, platform: Platfo
         for kind, keys in pairs.items():
             if len(keys) not in (0, 2):
                 raise invalid(keys[0], "control.pair", key=keys[0], kind=kind, count=len(keys))
-        return PosePath(name, platform.coordinates, platform.units, tuple(lines))
+        return PosePath(name, platform.coordinates, tuple(lines))
 
 
 def _line(given: object, unit: str, home: float) -> CoordinatePath:
@@ -314,13 +310,7 @@ class PoseScore(Viewed):
         score : dict
             As `to_dict` returns it.
         """
-
-        def tracked(each: Keyed) -> dict[str, Tracked]:
-            return {name: Tracked(**one) for name, one in each.items()}
-
-        spread = {payload: tracked(each) for payload, each in score["payload_spread"].items()}
-        errors = {key: tracked(score[key]) for key in ("coordinates", "legs")}
-        return cls(**{**score, **errors, "payload_spread": spread})
+        return TypeAdapter(cls).validate_python(score)
 
     def view(self, about: Keyed | None = None) -> View:
         """Return errors of coordinates and legs, effort, and the spread over payloads.

@@ -115,6 +115,10 @@ class ControlRequest(PageRequest):
         limit.allow(MOST_SECONDS)
         return prepared, run_prepared(prepared, self.seed, Watch(cancel=limit))
 
+    @property
+    def _options(self) -> Plain:
+        return {"setup": self.setup, "seed": self.seed, "mismatch": self.mismatch, "duration": self.duration}
+
     def as_command(self, names: NewNames) -> str:
         """Return the shell lines that make the same run in the folder of the workspace."""
         text, law = "", self.law
@@ -124,9 +128,8 @@ class ControlRequest(PageRequest):
             gains = [f"{key} = {toml.value_text(value)}" for key, value in self.gains.items()]
             lines = ["schema = 1", f"law = {toml.value_text(self.law)}", "", "[gains]", *gains, ""]
             text = shlex.join(["printf", "%s", "\n".join(lines)]) + f" > {shlex.quote(law)}\n"
-        options = {"setup": self.setup, "seed": self.seed, "mismatch": self.mismatch, "duration": self.duration}
         out = names.of(f"{stem}-control")
-        line = words("control run", self.path, controller=safe(law), **options, out=out)
+        line = words("control run", self.path, controller=safe(law), **self._options, out=out)
         line.insert(3, f"--reference={self.reference}")
         return text + shlex.join(["pneudrive", *line])
 
@@ -137,8 +140,7 @@ class ControlRequest(PageRequest):
         if self.gains:
             lines.append(f"controller = pn.control.Controller(law={self.law!r}, gains={dict(self.gains)!r})")
             law = "controller=controller"
-        known = [f"reference={self.reference!r}", f"setup={self.setup!r}", f"seed={self.seed}"]
-        run = call("pn.control.run", "drive", law, *known, mismatch=self.mismatch, duration=self.duration)
+        run = call("pn.control.run", "drive", law, f"reference={self.reference!r}", **self._options)
         return "\n".join([*lines, f"run = {run}", ""])
 
 
@@ -448,7 +450,7 @@ def shown_tracks(
     card = read_comparison(workspace.folder(path))
     if reference not in card.references:
         raise CommandError(f"{reference[:80]!r} is not a reference of {path}", rule=", ".join(card.references))
-    seeds, errors, arrays = dict[str, int](), [], dict[str, Any]()
+    seeds, errors, arrays = dict[str, int](), [], Plain()
     for law in card.laws:
         run = next((one for one in card.of(law, reference) if one.score is not None and one.file.is_file()), None)
         if run is not None:

@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 import re
 import time
-from functools import lru_cache, wraps
+from functools import lru_cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, TypeVar
+from typing import TYPE_CHECKING, Annotated, Any
 
 from pydantic import AfterValidator, Field, StrictStr, field_validator
 
@@ -22,17 +22,14 @@ from pneudrive.web.messages import PageRequest, Pixels, Value, call, shell
 from pneudrive.web.workspace import COMMANDS, Workspace, is_in_catalogue
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
     from pneudrive.arrays import Keyed, Plain
 
 
-Found = TypeVar("Found")
 Described = Drive | Circuit
 
 MOST_SAMPLES = 1_000_000
 MOST_SECONDS = 2.0  # longest computing time of a run: the page waits for it
-_KEPT = 32  # number of kept descriptions
+_KEPT = 500  # number of kept descriptions
 #: A command that is no file: a number, or times with values; with the name of a component before it or not.
 _COMMAND = re.compile(r"\s*+(?:[A-Za-z_][\w-]*+(?:\.command)?\s*+:)?\s*+[-+.\d][^/\\]*+", re.DOTALL)
 #: A command that is a file of the workspace, with the name of a component before it or not.
@@ -232,32 +229,6 @@ def _described(workspace: Workspace, path: str, text: str | None) -> Described:
     place = workspace.root / "unnamed.toml" if is_in_catalogue(path) else workspace.path(path)
     name = place.relative_to(workspace.root).as_posix()
     return described_in(text, place, lambda tables: workspace.check_named(name, tables))
-
-
-def kept(most: int) -> Callable[[Callable[..., Found]], Callable[..., Found]]:
-    """Return the content of a file, cached by workspace, name, and time of the last change.
-
-    Content that refers to other files is not cached, because these may change.
-    """
-
-    def decorate(function: Callable[..., Found]) -> Callable[..., Found]:
-        held = lru_cache(most)(function)
-
-        @wraps(function)
-        def found(workspace: Workspace, name: str, *key: Any) -> Found:  # noqa: ANN401 - of any type that has a hash
-            return (function if _names_files(workspace, name, key[-1]) else held)(workspace, name, *key)
-
-        return found
-
-    return decorate
-
-
-@lru_cache(10_000)
-def _names_files(workspace: Workspace, name: str, _changed: float) -> bool:
-    try:
-        return FILE_PREFIX in workspace.read(name)[0]
-    except CommandError:
-        return False
 
 
 def with_changes(described: Described, changes: Keyed) -> Described:

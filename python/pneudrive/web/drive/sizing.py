@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 from functools import lru_cache
 from pathlib import Path
-from typing import Any
 
 from pneudrive import numbers
+from pneudrive.arrays import Plain
 from pneudrive.constants import ANR_LITRES_PER_KG
 from pneudrive.errors import CommandError, PneudriveError
 from pneudrive.figures import plain_data
@@ -29,7 +29,7 @@ MOST_TASKS = 500  # number of kept tasks
 SENT = ("name", "draws", "met", "time_out", "time_back", "energy", "margin", "binding", "load_ratio")
 
 
-def checked_or_first(text: str | None = None) -> dict[str, Any]:
+def checked_or_first(text: str | None = None) -> Plain:
     """Check the text of a task and return its problems, or its full content. Without a text, return an example task."""
     if text is None:
         return {"text": read_text(FIRST, CommandError)}
@@ -48,7 +48,7 @@ def checked_or_first(text: str | None = None) -> dict[str, Any]:
     }
 
 
-def shown_sizing(workspace: Workspace, path: str) -> dict[str, Any]:
+def shown_sizing(workspace: Workspace, path: str) -> Plain:
     """Return a search from its folder: its task, the simulated candidates, and the ranking if it exists.
 
     If the search has just started and the folder is still empty, the answer is ``{"waits": True}``.
@@ -100,7 +100,7 @@ def _in_words(task: SizingTask) -> str:
     )
 
 
-def _json(path: Path, name: str, *keys: str) -> dict[str, Any]:
+def _json(path: Path, name: str, *keys: str) -> Plain:
     if not path.is_file():
         raise CommandError(f"{name} holds no sizing", remedy="Size a task first.")
     found = read_json(path, CommandError)
@@ -109,7 +109,7 @@ def _json(path: Path, name: str, *keys: str) -> dict[str, Any]:
     return found
 
 
-def _candidate(drive: SizedDrive, place: int | None, folder: str) -> dict[str, Any]:
+def _candidate(drive: SizedDrive, place: int | None, folder: str) -> Plain:
     limits = []
     for name, (value, limit, unit) in drive.worst.items():
         factor, read = READ.get(unit, (1.0, unit))

@@ -14,7 +14,6 @@ from pneudrive.describe.connections import AMBIENT, ARROW, PILOT_LINE, Port, Wir
 from pneudrive.describe.kinds import component_kinds
 from pneudrive.errors import CommandError, package_table
 from pneudrive.web.drive.run_request import described_at
-from pneudrive.web.messages import PageRequest
 from pneudrive.web.workspace import Workspace
 
 ASSUMED = "Assumed initial values."
@@ -36,29 +35,26 @@ def _gas(kind: str) -> bool:
     return component_kinds()[kind]["ports"][0]["kind"] == "gas"
 
 
-class StructureRequest(PageRequest):
-    """A change of the structure of a circuit.
+def restructured(
+    workspace: Workspace,
+    path: StrictStr,
+    text: StrictStr,
+    act: Literal["open", "add", "join", "cut", "remove"],
+    one: StrictStr = "",
+    other: StrictStr = "",
+    kind: StrictStr = "",
+) -> dict[str, str]:
+    """Return the text of a circuit after a change of its structure, and the component to show.
 
-    Attributes
+    Parameters
     ----------
+    workspace : Workspace
     path, text : str
         Name of the description, and its text in the page.
     act : str
         ``"add"`` a component of `kind` at the port `one`, ``"join"`` the ports `one` and `other`, ``"cut"`` the lines
         of the port `one`, ``"remove"`` the component `one`, or ``"open"`` a drive as a circuit.
     one, other, kind : str
-    """
-
-    path: StrictStr
-    text: StrictStr
-    act: Literal["open", "add", "join", "cut", "remove"]
-    one: StrictStr = ""
-    other: StrictStr = ""
-    kind: StrictStr = ""
-
-
-def restructured(workspace: Workspace, request: StructureRequest) -> dict[str, str]:
-    """Return the text of a circuit after a change of its structure, and the component to show.
 
     Raises
     ------
@@ -67,22 +63,22 @@ def restructured(workspace: Workspace, request: StructureRequest) -> dict[str, s
     DescriptionError
         The text that the change begins with is not valid.
     """
-    described = described_at(workspace, request.path, request.text)
-    if request.act == "open":
+    described = described_at(workspace, path, text)
+    if act == "open":
         return {"text": described.circuit.to_toml(), "chosen": ""}
     if not isinstance(described, Circuit):
         raise CommandError("a drive has a fixed structure", remedy="Open it as a circuit first.")
-    change = CircuitText(request.text, described.wiring)
+    change = CircuitText(text, described.wiring)
     chosen = ""
-    match request.act:
+    match act:
         case "add":
-            chosen = change.add(request.kind, request.one)
+            chosen = change.add(kind, one)
         case "join":
-            change.join(request.one, request.other)
+            change.join(one, other)
         case "cut":
-            change.cut(request.one)
+            change.cut(one)
         case "remove":
-            change.remove(request.one)
+            change.remove(one)
     return {"text": change.written(), "chosen": chosen}
 
 

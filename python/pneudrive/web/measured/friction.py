@@ -228,10 +228,6 @@ def _points(table: xr.Dataset, rows: Array) -> list[Plain]:
     return [dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)]
 
 
-def _fit(workspace: Workspace, path: str) -> AnyFit:
-    return read_fit(workspace.path(path, DESCRIPTIONS))
-
-
 def behind_fit(workspace: Workspace, path: str) -> Plain:
     """Return the details of a fit as a view with figures: confidence ellipses, and with the map residuals and profiles.
 
@@ -240,7 +236,7 @@ def behind_fit(workspace: Workspace, path: str) -> Plain:
     FitError
         The file is not a fit.
     """
-    fit = _fit(workspace, path)
+    fit = read_fit(workspace.path(path, DESCRIPTIONS))
     figures = _ellipses(fit) if fit.covariance.size and fit.intervals else []
     found: Plain = {"designs": isinstance(fit, FrictionFit)}
     if not isinstance(fit, SlidingFit):

@@ -27,7 +27,7 @@ from pneudrive.signals.motion import find_strokes
 from pneudrive.signals.recording import Recording, find_faults
 from pneudrive.signals.spectrum import amplitude_density
 from pneudrive.simulation.trajectory import SUFFIXES, columns_in
-from pneudrive.web.measured.tiles import BLOCK, KeptSamples, Pyramid, TileWindow
+from pneudrive.web.measured.tiles import BLOCK, Pyramid, TileWindow
 from pneudrive.web.messages import MOST_PIXELS, Array, PageRequest, fault_of, pack, problems_of
 from pneudrive.web.workspace import TABLES, Listed, Workspace, cache_folder, safe
 
@@ -37,6 +37,7 @@ if TYPE_CHECKING:
 
 ENDS = 1 << 16  # bytes at both ends of a file that enter its key
 MOST_OPEN = 16  # recordings
+PART, MOST_PARTS = 1 << 17, 256  # samples of a part of a column, 1 MB, and number of kept parts
 MOST_VERSIONS = 2  # kept versions of a changing file: the shown one, and the one that is being read
 MOST_SAMPLES_OF_STROKES = 5_000_000  # above this, strokes take longer than the page waits
 MOST_STROKES = 5000
@@ -44,7 +45,7 @@ MOST_PLACES = 1000  # listed faults of one kind
 MOST_SAMPLES = 1 << 21  # of a view, for a spectrum or as numbers
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)  # it is the key of its kept columns
 class OpenRecording:
     """A recording with the blocks of its pyramid."""
 
@@ -56,7 +57,7 @@ class OpenRecording:
         """Return time and values of the sample nearest to a time."""
         block = max(int(np.searchsorted(self.pyramid.time[:, 0], at, "right")) - 1, 0)
         rows = (max(block - 1, 0) * BLOCK, min((block + 2) * BLOCK, self.pyramid.count))
-        time_s, values = self.samples.get(columns, rows)
+        time_s, values = self.samples(columns, rows)
         after = min(int(np.searchsorted(time_s, at)), len(time_s) - 1)
         row = after - 1 if after and at - time_s[after - 1] <= time_s[after] - at else after
         return float(time_s[row]), {name: float(values[name][row]) for name in columns}
@@ -78,20 +79,36 @@ class OpenRecording:
         last = min(int(np.searchsorted(blocks[:, 0], span[1], "right")) * BLOCK, self.pyramid.count)
         if last - first > MOST_SAMPLES:
             raise CommandError.of("web.long-view", samples=last - first, most=MOST_SAMPLES)
-        time_s, values = self.samples.get(columns, (first, last))
+        time_s, values = self.samples(columns, (first, last))
         inside = (time_s >= span[0]) & (time_s <= span[1])
         return time_s[inside], {name: values[name][inside] for name in columns}
 
-    @cached_property
-    def samples(self) -> KeptSamples:
-        """Samples of the recording. Samples of the last views are cached."""
-        return KeptSamples(self.file, self.pyramid.count)
+    def samples(self, names: Sequence[str], rows: tuple[int, int]) -> tuple[Array, dict[str, Array]]:
+        """Return times in s between two rows, and values of columns, with NaN for missing numbers.
+
+        Columns are read in parts. The parts of the last views are kept.
+        """
+        first = rows[0] // PART
+        parts = range(first, max(-(-rows[1] // PART), first + 1))
+        inside = slice(rows[0] - first * PART, rows[1] - first * PART)
+        time_s, *values = (
+            np.concatenate([column_part(self, key, at) for at in parts])[inside] for key in (None, *names)
+        )
+        return time_s, dict(zip(names, values, strict=True))
 
     @cached_property
     def span(self) -> Interval:
         """First and last time, s. For a single sample, the span is one second, because a view needs a width."""
         first, last = float(self.pyramid.time[0, 0]), float(self.pyramid.time[-1, 1])
         return (first, last) if first < last else (first - 0.5, last + 0.5)
+
+
+@lru_cache(MOST_PARTS)
+def column_part(recording: OpenRecording, column: str | None, number: int) -> Array:
+    """Return a part of a column, or of the times."""
+    rows = (number * PART, min((number + 1) * PART, recording.pyramid.count))
+    time_s, values = recording.file.read([] if column is None else [column], rows)
+    return time_s if column is None else np.where(np.isfinite(values[column]), values[column], np.nan)
 
 
 class Reading(threading.Thread):
@@ -353,11 +370,21 @@ def shown_strokes(workspace: Workspace, path: str) -> Plain:
     }
 
 
-class MeasureRequest(PageRequest):
-    """Two times at which the page measures a recording.
+def measured(
+    workspace: Workspace,
+    path: StrictStr,
+    at: tuple[FiniteFloat, FiniteFloat],
+    columns: tuple[StrictStr, ...],
+    beside: StrictStr,
+    shift: FiniteFloat,
+) -> Plain:
+    """Return the channels of a recording at the samples nearest to two times, also of another recording.
 
-    Attributes
+    Values of the other recording have the units and the clock of the first.
+
+    Parameters
     ----------
+    workspace : Workspace
     path : str
     at : (float, float)
         s, or numbers of samples.
@@ -367,25 +394,12 @@ class MeasureRequest(PageRequest):
     shift : float
         Time shift of the other recording, s.
     """
+    recordings, rows = workspace.state(Recordings), list[Plain]()
 
-    path: StrictStr
-    at: tuple[FiniteFloat, FiniteFloat]
-    columns: tuple[StrictStr, ...]
-    beside: StrictStr
-    shift: FiniteFloat
-
-
-def measured(workspace: Workspace, request: MeasureRequest) -> Plain:
-    """Return the channels of a recording at the samples nearest to two times, also of another recording.
-
-    Values of the other recording have the units and the clock of the first.
-    """
-    recordings, rows = workspace.state(Recordings), list[dict[str, Any]]()
-
-    def measure(name: str, recording: OpenRecording, shift: float, channels: Keyed) -> None:
+    def measure(name: str, recording: OpenRecording, behind: float, channels: Keyed) -> None:
         """Add a row for each channel: column -> label, unit and conversion."""
-        ends = [recording.sample_at(at - shift, list(channels)) for at in request.at]
-        times = [time + shift for time, _ in ends]
+        ends = [recording.sample_at(time - behind, list(channels)) for time in at]
+        times = [time + behind for time, _ in ends]
         for column, (label, unit, convert) in channels.items():
             first, second = (convert(values[column]) for _, values in ends)
             between = times[1] - times[0]
@@ -393,14 +407,14 @@ def measured(workspace: Workspace, request: MeasureRequest) -> Plain:
             row = {"recording": name, "label": label, "unit": unit, "time_s": times, "values": [first, second]}
             rows.append({**row, "difference": second - first, "slope": slope})
 
-    own = recordings.need(request.path)
-    shown = {one.column: (one.label, one.unit, float) for one in own.file.channels if one.column in request.columns}
-    measure(request.path, own, 0.0, shown)
-    if request.beside:
-        other = recordings.need(request.beside)
+    own = recordings.need(path)
+    shown = {one.column: (one.label, one.unit, float) for one in own.file.channels if one.column in columns}
+    measure(path, own, 0.0, shown)
+    if beside:
+        other = recordings.need(beside)
         both = [pair for pair in pairs(own.file, other.file) if pair.own.column in shown]
         converted = {pair.other.column: (pair.own.label, pair.own.unit, pair.of) for pair in both}
-        measure(request.beside, other, request.shift, converted)
+        measure(beside, other, shift, converted)
     return {"rows": plain_data(rows)}
 
 

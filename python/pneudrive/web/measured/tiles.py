@@ -10,11 +10,10 @@ from __future__ import annotations
 import json
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, NamedTuple
-from weakref import finalize
 
 import numpy as np
 
-from pneudrive.signals.channels import ChannelFile, first_fall
+from pneudrive.signals.channels import first_fall
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
@@ -32,60 +31,7 @@ BLOCK = 256  # samples
 READ = BLOCK << 11  # samples read at once: half a million, 4 MB a channel
 #: A pause is drawn as a gap: so many times the width of a pixel without a sample.
 PAUSE = 2.0
-PART, MOST_BYTES = 1 << 17, 1 << 28  # samples of a part, and bytes of all kept parts
 _FILES = ("time", "low", "high", "missing")
-
-
-#: Kept parts by recording, columns and number, the last used at the end. Threads share them; each step is atomic.
-_PARTS: dict[tuple[int, tuple[str, ...], int], list[Array]] = {}
-
-
-def _forget(recording: int) -> None:
-    for key in list(_PARTS):
-        if key[0] == recording:
-            _PARTS.pop(key, None)
-
-
-class KeptSamples:
-    """Samples of a recording. They are read in parts, which are cached for the next views of an open recording.
-
-    Parameters
-    ----------
-    file : ChannelFile
-    count : int
-        Samples of the recording.
-    """
-
-    def __init__(self, file: ChannelFile, count: int) -> None:
-        self.file, self.count, self.reads = file, count, 0
-        finalize(self, _forget, id(self))
-
-    def get(self, names: Sequence[str], rows: tuple[int, int]) -> tuple[Array, dict[str, Array]]:
-        """Return times in s between two rows, and values of columns, with NaN for missing numbers.
-
-        Raises
-        ------
-        RecordingError
-            As for `pneudrive.files.tables.Table.get`.
-        """
-        first = rows[0] // PART
-        parts = [self._part(tuple(names), number) for number in range(first, max(-(-rows[1] // PART), first + 1))]
-        inside = slice(rows[0] - first * PART, rows[1] - first * PART)
-        columns = [np.concatenate(each)[inside] for each in zip(*parts, strict=True)]
-        return columns[0], dict(zip(names, columns[1:], strict=True))
-
-    def _part(self, names: tuple[str, ...], number: int) -> list[Array]:
-        key = (id(self), names, number)
-        if (part := _PARTS.pop(key, None)) is None:
-            self.reads += 1
-            seconds, values = self.file.read(names, (number * PART, min((number + 1) * PART, self.count)))
-            part = [seconds, *(np.where(np.isfinite(values[name]), values[name], np.nan) for name in names)]
-        _PARTS[key] = part
-        for oldest in list(_PARTS):
-            if sum(one.nbytes for kept in list(_PARTS.values()) for one in kept) <= MOST_BYTES:
-                break
-            _PARTS.pop(oldest, None)
-        return part
 
 
 class TileWindow(NamedTuple):
@@ -109,19 +55,6 @@ class TileWindow(NamedTuple):
     missing: int
     samples: int
     raw: bool
-
-
-def low_high(values: Array, edges: NDArray[np.int64]) -> tuple[Array, Array]:
-    """Return the lowest and the highest value between successive edges, or NaN if all are NaN.
-
-    Parameters
-    ----------
-    values : ndarray, shape (n,)
-    edges : ndarray, shape (m + 1,)
-        Strictly increasing indices from 0 to n.
-    """
-    starts = edges[:-1]
-    return np.fmin.reduceat(values, starts), np.fmax.reduceat(values, starts)
 
 
 @dataclass(frozen=True)
@@ -220,7 +153,7 @@ class Pyramid:
         span: tuple[float, float],
         pixels: int,
         channels: Sequence[str],
-        samples: KeptSamples,
+        samples: Reader,
     ) -> TileWindow:
         """Return a view of at most two values for each pixel and channel, or the samples if they are fewer.
 
@@ -231,8 +164,8 @@ class Pyramid:
         pixels : int
         channels : sequence of str
             Some of `names`.
-        samples : KeptSamples
-            Samples of the recording.
+        samples : callable
+            Samples of the recording between two rows.
         """
         starts = self.time[:, 0]
         first = max(int(np.searchsorted(starts, span[0], "right")) - 1, 0)
@@ -245,7 +178,7 @@ class Pyramid:
             missing = int(sum(self.missing[at, first:last].sum(dtype=np.int64) for at in places.values()))
             count = rows[1] - rows[0]
         else:
-            seconds, values = samples.get(channels, rows)
+            seconds, values = samples(channels, rows)
             # One sample beyond each end, so that the line leaves the view.
             begin = max(int(np.searchsorted(seconds, span[0], "left")) - 1, 0)
             end = min(int(np.searchsorted(seconds, span[1], "right")) + 1, len(seconds))
@@ -311,7 +244,9 @@ def drawn_columns(columns: Mapping[str, Array], pixels: int) -> dict[str, Array]
     sent = np.column_stack([time[edges[:-1]], time[(edges[:-1] + edges[1:]) // 2]]).ravel()
     values = {name: np.asarray(column) for name, column in columns.items() if name != "time_s"}
     rows = np.searchsorted(time, sent)
-    drawn = {name: np.column_stack(low_high(own, edges)).ravel() for name, own in values.items()}
+    starts = edges[:-1]
+    pairs = {name: (np.fmin.reduceat(own, starts), np.fmax.reduceat(own, starts)) for name, own in values.items()}
+    drawn = {name: np.column_stack(pair).ravel() for name, pair in pairs.items()}
     return {"time_s": sent, **drawn, **{f"{name}/at": own[rows] for name, own in values.items()}}
 
 

@@ -13,7 +13,7 @@ import numpy as np
 from pydantic import Field, StrictInt, StrictStr
 
 from pneudrive import units
-from pneudrive.arrays import Keyed, Plain
+from pneudrive.arrays import Interval, Keyed, Plain
 from pneudrive.describe.all_values import DescribedValue, values_of
 from pneudrive.describe.circuit import Circuit
 from pneudrive.describe.drive import Drive
@@ -61,7 +61,7 @@ def shown_validation(workspace: Workspace, path: str) -> Plain:
     recordings = {name: paths[0] for name, paths in by_stem(workspace.files()).items() if len(paths) == 1}
     lineage = Lineage(workspace)
     place, drive = lineage.drive_of(path)
-    files = {edge.digest: edge.path for edge in lineage.edges(path) if edge.kind == "recording"}
+    files = {edge.sha256: edge.path for edge in lineage.edges(path) if edge.kind == "recording"}
     for record in content["record"]:
         record["file"] = files.get(record["sha256"], "")
         record["span"] = [0.0, record["duration_s"]]
@@ -118,7 +118,7 @@ def _values(inputs: list[Edge], drive: Drive | None, recordings: Mapping[str, st
         {"key": one.key, "text": str(one.value), "kind": one.kind, "origin": one.origin}
         for one in (() if drive is None else values_of(drive))
     ]
-    fits = {edge.digest: edge.path for edge in inputs if edge.kind == "fit"}
+    fits = {edge.sha256: edge.path for edge in inputs if edge.kind == "fit"}
     out = out or [{"key": key, "text": "", "kind": "identified", "origin": ""} for key in known]
     for value in out:
         if origin := known.get(value["key"]):
@@ -151,7 +151,7 @@ class FrameRequest(PageRequest):
 
     path: StrictStr
     record: Annotated[StrictInt, Field(ge=0)]
-    span: tuple[float, float]
+    span: Interval
     pixels: Annotated[StrictInt, Field(ge=1, le=MOST_PIXELS)]
     drive: StrictStr = ""
     changes: Changes = Field(default_factory=dict)
