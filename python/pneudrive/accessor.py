@@ -13,7 +13,7 @@ from pneudrive.datasheet.strokes import stroke_of
 from pneudrive.errors import CommandError, DescriptionError
 from pneudrive.lazy_names import upper
 from pneudrive.simulation.run_limits import exhaust_air
-from pneudrive.simulation.trajectory import attributes
+from pneudrive.simulation.trajectory import attributes, columns
 from pneudrive.units import UnitFloat
 
 if TYPE_CHECKING:
@@ -235,10 +235,7 @@ class Pneu:
         >>> air.exhausts, air.mean_k < 273.15
         (1, False)
         """
-        suffix = {"Pa": "_pa", "K": "_k", "kg/s": "_kg_s"}
-        unit_of = {name: str(column.attrs.get("units")) for name, column in self._run.items()}
-        columns = {f"{name}{suffix.get(unit, '')}": self._run[name].to_numpy() for name, unit in unit_of.items()}
-        return exhaust_air(columns | {"time_s": self._run["time"].to_numpy()}, drive.ambient.pressure_pa)
+        return exhaust_air(columns(self._run), drive.ambient.pressure_pa)
 
     def energy(self) -> dict[str, UnitFloat]:
         """Return the energy balance of the run: heat, work and enthalpy over its boundary, positive inward.

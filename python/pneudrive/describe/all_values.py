@@ -45,7 +45,13 @@ def values_of(described: Drive | Circuit) -> list[DescribedValue]:
     >>> found["cylinder.bore"].value, found["cylinder.bore"].kind, found["load.mass"].kind
     ('25 mm', 'source', 'default')
     """
-    assumed, origins = _assumptions(described), described.origin_of
+    lines = (line.partition(" = ") for line in described.assumed())
+    assumed = {
+        described.key_prefix + key: reason.partition(", ")[2] or "usual"
+        for key, equals, reason in lines
+        if equals and " " not in key
+    }
+    origins = described.origin_of
     identified = getattr(described, "provenance", None) or {}
     # With the tables above each one. A custom law is a table where the defaults have its name.
     given = {key.rsplit(".", depth)[0] for key, _ in leaves(described.to_dict()) for depth in range(key.count(".") + 1)}
@@ -63,14 +69,4 @@ def values_of(described: Drive | Circuit) -> list[DescribedValue]:
             out.append(DescribedValue(key, value, assumed[key], "assumed"))
         else:
             out.append(DescribedValue(key, value, "", "given" if key in given else "default"))
-    return out
-
-
-def _assumptions(described: Drive | Circuit) -> dict[str, str]:
-    """Return the reason for each value that is assumed by default, by key."""
-    out = {}
-    for line in described.assumed():
-        key, equals, reason = line.partition(" = ")
-        if equals and " " not in key:
-            out[described.key_prefix + key] = reason.partition(", ")[2] or "usual"
     return out

@@ -108,6 +108,12 @@ class Described(Shown, BaseModel):
         return [field.alias or name for name, field in cls.model_fields.items()]
 
     @classmethod
+    def marks(cls) -> dict[str, Quantity | StatedPressure]:
+        """Return the annotation of each quantity and pressure by its key."""
+        marked = zip(cls.keys(), map(mark_of, cls.model_fields.values()), strict=True)
+        return {key: mark for key, mark in marked if isinstance(mark, Quantity | StatedPressure)}
+
+    @classmethod
     def explain(cls, error: ValidationError) -> list[DescriptionError]:
         """Convert pydantic's errors to messages, one for each field.
 
@@ -227,19 +233,19 @@ class Described(Shown, BaseModel):
 
     def with_defaults(self) -> Plain:
         """Write the table as `to_dict` does, with the keys that have their default."""
-        return {key: _written(value, mark) for key, value, mark in self._all()}
+        return {key: _written(value, mark) for key, value, mark in self.entries()}
 
     def _card(self) -> Card:
         """Return a card with the value of every key; defaults are marked."""
         given = self.to_dict()
         rows = [
             (key, inline(given.get(key, _written(value, mark))), "" if key in given else "default")
-            for key, value, mark in self._all()
+            for key, value, mark in self.entries()
         ]
         title = f"[{self.table_name}]" if self.table_name else type(self).__name__
         return Card(title, rows=rows)
 
-    def _all(self) -> Iterator[tuple[str, Any, Mark | None]]:
+    def entries(self) -> Iterator[tuple[str, Any, Mark | None]]:
         """Yield key, value and annotation of each field that is not None."""
         for name, field in type(self).model_fields.items():
             value = getattr(self, name)

@@ -42,7 +42,7 @@ class Component(Described):
     fields: ClassVar[Mapping[str, str]] = MappingProxyType({})  # key of a number -> name of its field
     renamed: ClassVar[Mapping[str, str]] = MappingProxyType({})  # key in older files -> key
     kind: str
-    at: Annotated[tuple[float, float] | None, marks.OnPaper("")] = Field(
+    at: Annotated[tuple[float, float] | None, marks.ON_PAPER] = Field(
         default=None, description="Place in a drawing, [x, y] in modules"
     )
 
@@ -435,7 +435,7 @@ def _class_of(entry: Keyed) -> type[Component]:
             fields[key] = (Annotated[rows_of, mark], Field(description=meaning))
     if any(one["name"] == COMMAND for one in entry["inputs"]):
         meaning = "Range of the electrical input, for commands in V or mA"
-        fields[COMMAND] = (Annotated[Signal | None, marks.SignalRange("")], Field(default=None, description=meaning))
+        fields[COMMAND] = (Annotated[Signal | None, marks.SIGNAL_RANGE], Field(default=None, description=meaning))
     name = re.sub(r"\W+", " ", kind).title().replace(" ", "")
     made = create_model(name, __base__=Component, __doc__=entry["doc"], __module__=__name__, **fields)
     made.entry, made.fields = MappingProxyType(entry), MappingProxyType(names)

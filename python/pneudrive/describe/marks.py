@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import pairwise
 from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
@@ -179,7 +179,7 @@ class EachChamber(Quantity):
     def read(self, given: object) -> PerChamber:  # type: ignore[override]
         """Convert and check both values."""
         if isinstance(given, PerChamber):
-            given = {"a": self.show_one(given.a), "b": self.show_one(given.b)}
+            given = self.show(given)
         if not isinstance(given, dict):
             raise WrongValueError(f"{given!r} is not one value for each chamber", remedy="Write { a = ..., b = ... }.")
         for key in given:
@@ -196,13 +196,9 @@ class EachChamber(Quantity):
                 raise
         return PerChamber(*values)
 
-    def show_one(self, value: float) -> str:
-        """Write one chamber's value."""
-        return units.write(value, self.si_unit, self.written)
-
     def show(self, value: PerChamber) -> dict[str, str]:  # type: ignore[override]
         """Write both."""
-        return {"a": self.show_one(value.a), "b": self.show_one(value.b)}
+        return {chamber: units.write(one, self.si_unit, self.written) for chamber, one in value._asdict().items()}
 
     def schema(self) -> Plain:
         """Describe a table of two quantities."""
@@ -263,13 +259,33 @@ MOST_MODULES = 1000.0
 
 @dataclass(frozen=True)
 class Reads(Mark):
-    """Annotation of a field with a reader function."""
+    """Annotation of a field with a reader function.
+
+    Parameters
+    ----------
+    how : callable
+        Converts and checks.
+    write : callable, optional
+        Writes the value as users would; None for a value that is already in their form.
+    form : dict
+        JSON schema of the form that users write.
+    """
 
     how: Callable[[Any], Any]
+    write: Callable[[Any], Any] | None = None
+    form: Plain = field(default_factory=dict, hash=False)
 
     def read(self, given: Any) -> Any:  # noqa: ANN401 - result of the function
         """Convert and check."""
         return self.how(given)
+
+    def show(self, value: Any) -> Any:  # noqa: ANN401
+        """Write the value as users would."""
+        return value if self.write is None else self.write(value)
+
+    def schema(self) -> Plain:
+        """Return the JSON schema of the form that users write."""
+        return dict(self.form)
 
 
 Text = Annotated[str, Reads(str)]
@@ -382,26 +398,17 @@ def absolute(ends: tuple[Pressure, Pressure], ambient_pa: float) -> Interval:
     return ends[0].absolute_pa(ambient_pa), ends[1].absolute_pa(ambient_pa)
 
 
-@dataclass(frozen=True)
-class OnPaper(Quantity):
-    """Annotation of a field for a place in a drawing."""
+def _on_paper(given: object) -> Interval | None:
+    if given is None:
+        return None
+    if not isinstance(given, list | tuple) or len(given) != 2:
+        raise WrongValueError(f"{given!r} is not a place in a drawing", remedy="Write at = [12, 0].")
+    x, y = (number(one, Bounds(at_least=-MOST_MODULES, at_most=MOST_MODULES)) for one in given)
+    return x, y
 
-    def read(self, given: object) -> Interval | None:  # type: ignore[override]
-        """Check the form."""
-        if given is None:
-            return None
-        if not isinstance(given, list | tuple) or len(given) != 2:
-            raise WrongValueError(f"{given!r} is not a place in a drawing", remedy="Write at = [12, 0].")
-        x, y = (number(one, Bounds(at_least=-MOST_MODULES, at_most=MOST_MODULES)) for one in given)
-        return x, y
 
-    def show(self, value: Interval) -> list[float]:  # type: ignore[override]
-        """Write the place."""
-        return list(value)
-
-    def schema(self) -> Plain:
-        """Return the JSON schema."""
-        return {"type": "array", "items": {"type": "number"}, "minItems": 2, "maxItems": 2}
+#: Annotation of a field for a place in a drawing.
+ON_PAPER = Reads(_on_paper, list, {"type": "array", "items": {"type": "number"}, "minItems": 2, "maxItems": 2})
 
 
 @dataclass(frozen=True)
@@ -572,31 +579,22 @@ class Positions(NamedTuple):
             raise CommandError.of("describe.switches", where=where, what=what, first=", ".join(first), last=last)
 
 
-@dataclass(frozen=True)
-class SignalRange(Quantity):
-    """Annotation of a field for a range of voltage or current, stored as a `Signal`."""
+def _signal(given: object) -> Signal:
+    if isinstance(given, Signal):
+        return given
+    if not isinstance(given, str):
+        raise WrongValueError(f"{given!r} is not a range", remedy=f"Write {_FORM}.")
+    si_unit = "A" if given.rstrip().endswith("A") else "V"
+    try:
+        return Signal(*units.parse_range(given, si_unit), si_unit)
+    except DescriptionError as error:
+        what = f'"{given}" is not a range of voltage or current'
+        raise WrongValueError(what, error.rule, f"Write {_FORM}.") from None
 
-    def read(self, given: object) -> Signal:  # type: ignore[override]
-        """Read ``"0 V .. 10 V"``."""
-        if isinstance(given, Signal):
-            return given
-        if not isinstance(given, str):
-            raise WrongValueError(f"{given!r} is not a range", remedy=f"Write {_FORM}.")
-        si_unit = "A" if given.rstrip().endswith("A") else "V"
-        try:
-            return Signal(*units.parse_range(given, si_unit), si_unit)
-        except DescriptionError as error:
-            what = f'"{given}" is not a range of voltage or current'
-            raise WrongValueError(what, error.rule, f"Write {_FORM}.") from None
 
-    def show(self, value: Signal) -> str:  # type: ignore[override]
-        """Write the range as users would."""
-        return str(value)
-
-    def schema(self) -> Plain:
-        """Return the JSON schema of the form that users write."""
-        return {
-            "type": "string",
-            "pattern": r"^.+\.\..+$",
-            "description": f"a range of voltage or current, e.g. {_FORM}",
-        }
+#: Annotation of a field for a range of voltage or current, ``"0 V .. 10 V"``, stored as a `Signal`.
+SIGNAL_RANGE = Reads(
+    _signal,
+    str,
+    {"type": "string", "pattern": r"^.+\.\..+$", "description": f"a range of voltage or current, e.g. {_FORM}"},
+)

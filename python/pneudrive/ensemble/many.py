@@ -23,7 +23,7 @@ from pneudrive.ensemble.engine import DONE
 from pneudrive.ensemble.outputs import SignalNames, member_plans, parted_starts, reductions
 from pneudrive.ensemble.variation import CircuitVariation, Variation
 from pneudrive.errors import CommandError, SimulationError, warn
-from pneudrive.files.seal import damage
+from pneudrive.files import seal
 from pneudrive.files.writing import make_result_folder
 from pneudrive.free.parameters import INITIAL
 from pneudrive.lazy_names import upper
@@ -400,7 +400,7 @@ class ChunkStore:
     def missing(self) -> list[Chunk]:
         """Return the chunks to run: those without a file, or with a damaged file."""
         files = [(chunk, self.path(chunk)) for chunk in self.chunks]
-        return [chunk for chunk, path in files if not path.exists() or damage(path.read_bytes()) is not None]
+        return [chunk for chunk, path in files if not path.exists() or seal.look(path, path.stat().st_size).wrong]
 
     def write(self, frame: pl.DataFrame) -> None:
         """Store a finished chunk.

@@ -42,7 +42,7 @@ def all_numbers(described: Drive | Circuit) -> dict[str, Parameter]:
     """Return every number of a drive or a circuit and of its start state that may vary, by name."""
     if described.system.names is None:
         return free.circuit_numbers(described.circuit)
-    starts = {key: mark for key, mark in free.field_marks(Initial).items() if key != "contact_age"}  # one for all
+    starts = {key: mark for key, mark in Initial.marks().items() if key != "contact_age"}  # one for all
     return free.numbers_of(described) | free.start_numbers(starts)
 
 

@@ -65,13 +65,6 @@ class Opened:
     close: Callable[[], None]
 
 
-def parquet_metadata(path: Path) -> dict[str, str]:
-    """Read the texts in the metadata of a Parquet file."""
-    import polars as pl
-
-    return pl.read_parquet_metadata(path)
-
-
 def open_parquet(path: Path) -> Opened:
     """Open a Parquet file; its columns are read only on request."""
     import polars as pl
@@ -80,21 +73,21 @@ def open_parquet(path: Path) -> Opened:
     def scan() -> pl.LazyFrame:
         return _without_lists(pl.scan_parquet(path))
 
-    def get(wanted: list[str], _: frozenset[str], part: Rows | None) -> Columns:
-        check_parquet(path, wanted)
-        table = scan().select(wanted)
-        frame = (table if part is None else table.slice(part[0], part[1] - part[0])).collect()
-        texts = [int(column.str.len_bytes().sum()) for column in frame.iter_columns() if column.dtype == pl.String]
-        check_unpacked(
-            sum(texts), path.stat().st_size, RecordingError
-        )  # a text may stand in the file once, for all rows
-        columns = {name: frame[name].to_numpy() for name in wanted}
-        return {name: v if frame[name].dtype == pl.String else plain(v) for name, v in columns.items()}
-
     def count() -> int:
         return int(scan().select(pl.len()).collect().item())
 
-    return Opened(lambda: scan().collect_schema().names(), get, count, parquet_metadata(path), lambda: None)
+    def get(wanted: list[str], _: frozenset[str], part: Rows | None) -> Columns:
+        table, size = scan().select(wanted), path.stat().st_size
+        # A long constant column is a small file: its size is checked by the header.
+        widths = [8 if kind.is_numeric() or kind.is_temporal() else 16 for kind in table.collect_schema().dtypes()]
+        check_unpacked(count() * sum(widths), size, RecordingError)
+        frame = (table if part is None else table.slice(part[0], part[1] - part[0])).collect()
+        texts = [int(column.str.len_bytes().sum()) for column in frame.iter_columns() if column.dtype == pl.String]
+        check_unpacked(sum(texts), size, RecordingError)  # a text may stand in the file once, for all rows
+        columns = {name: frame[name].to_numpy() for name in wanted}
+        return {name: v if frame[name].dtype == pl.String else plain(v) for name, v in columns.items()}
+
+    return Opened(lambda: scan().collect_schema().names(), get, count, pl.read_parquet_metadata(path), lambda: None)
 
 
 def plain(column: NDArray[Any]) -> NDArray[Any]:
@@ -121,22 +114,6 @@ def _without_lists(table: pl.LazyFrame) -> pl.LazyFrame:
         for name in lists
         for at in range(min(widths[name] or 0, MOST_PLACES))
     ).drop(lists)
-
-
-def check_parquet(path: Path, wanted: Sequence[str]) -> None:
-    """Check the size of columns by the header of a Parquet file, because a long constant column is a small file.
-
-    Raises
-    ------
-    RecordingError
-        The columns are too large.
-    """
-    import polars as pl
-
-    table = _without_lists(pl.scan_parquet(path)).select(wanted)
-    numbers = [8 if kind.is_numeric() or kind.is_temporal() else 16 for kind in table.collect_schema().dtypes()]
-    rows = int(table.select(pl.len()).collect().item())
-    check_unpacked(rows * sum(numbers), path.stat().st_size, RecordingError)
 
 
 def read_parquets(paths: Sequence[Path], wanted: Sequence[str]) -> list[Columns]:

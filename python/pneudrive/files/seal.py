@@ -37,19 +37,8 @@ def sealed_parquet(frame: pl.DataFrame, metadata: dict[str, str]) -> bytes:
     return parquet[:at] + hashlib.sha256(parquet).hexdigest().encode() + parquet[at + len(BLANK) :]
 
 
-def damage(parquet: Bytes) -> str | None:
-    """Return a description of the damage in the bytes of a Parquet file, before a library parses them.
-
-    Returns
-    -------
-    str or None
-        None if no damage is found; without a checksum only the ends of the file are checked.
-    """
-    return _look(parquet)[0]
-
-
 def _look(parquet: Bytes) -> tuple[str | None, bool]:
-    """Return the damage (see `damage`) and whether the checksum is valid."""
+    """Return the damage (see `Looked`) and whether the checksum is valid."""
     if not len(parquet):
         return "the file is empty", False
     if parquet[:4] != PARQUET or len(parquet) < 12:
@@ -75,51 +64,21 @@ def _look(parquet: Bytes) -> tuple[str | None, bool]:
 
 @dataclass(frozen=True)
 class Looked:
-    """Result of the check of a Parquet file.
+    """Result of the check of a Parquet file, before a library parses it.
 
     Attributes
     ----------
+    size : int
+        Size of the file, bytes.
     wrong : str or None
-        Damage of the file, see `damage`.
-    own : bool
+        Damage in words. None if no damage is found; without a checksum only the ends of the file are checked.
+    is_sealed : bool
         Whether the file has a valid checksum.
-    end : bytes
-        End of the file with the footer, for `footer_text`; empty for a large file.
     """
 
+    size: int
     wrong: str | None
-    own: bool
-    end: bytes = b""
-
-
-def footer_text(parquet: Bytes, key: str) -> str | None:
-    """Find a text of the metadata in a file's bytes or their end, without a library.
-
-    The rest of the footer is not checked: the checksum covers it, or reading the columns will fail.
-
-    Returns
-    -------
-    str or None
-        None unless the key occurs exactly once.
-    """
-    footer = _footer(parquet)
-    mark = b"\x18" + bytes([len(key)]) + key.encode() + b"\x18"  # a pair of texts: key and value
-    at = -1 if footer is None else parquet.find(mark, footer)
-    if at < 0 or parquet.find(mark, at + 1) >= 0:
-        return None
-    at += len(mark)
-    length = shift = 0
-    while parquet[at] & 0x80:  # length: seven bits in each byte, the lowest first
-        length |= (parquet[at] & 0x7F) << shift
-        at, shift = at + 1, shift + 7
-    length |= parquet[at] << shift
-    text = parquet[at + 1 : at + 1 + length]
-    if parquet[at + 1 + length : at + 2 + length] != b"\0":  # the end of the pair
-        return None
-    try:
-        return text.decode()
-    except UnicodeDecodeError:
-        return None
+    is_sealed: bool
 
 
 def look(path: Path, size: int) -> Looked:
@@ -139,15 +98,14 @@ def look(path: Path, size: int) -> Looked:
         parquet = os.read(descriptor, size)
     finally:
         os.close(descriptor)
-    wrong, own = _look(parquet)
-    return Looked(wrong, own, b"" if wrong else parquet[(_footer(parquet) or 0) - len(PARQUET) :])
+    return Looked(size, *_look(parquet))
 
 
 @lru_cache(maxsize=16)
-def _look_mapped(path: Path, _size: int, _changed_ns: int, _number: int) -> Looked:
+def _look_mapped(path: Path, size: int, _changed_ns: int, _number: int) -> Looked:
     """Check a large file once while it is unchanged, because its hash takes longer than reading a few columns."""
     with path.open("rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
-        return Looked(*_look(data))
+        return Looked(size, *_look(data))
 
 
 def _footer(parquet: Bytes) -> int | None:

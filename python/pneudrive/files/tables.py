@@ -188,8 +188,7 @@ def read_texts(paths: Iterable[Path], key: str, kind: ErrorKind) -> Iterator[Tex
     Yields
     ------
     Text or PneudriveError
-        One entry per file, in order. Errors, of `kind`, are those of `open_table`. For a file without a checksum,
-        only its ends and the text are checked, if the text is found there. Reading its columns checks the rest.
+        One entry per file, in order. Errors, of `kind`, are those of `open_table`.
     """
 
     def texts(some: list[Path]) -> list[Text | PneudriveError]:
@@ -201,27 +200,23 @@ def read_texts(paths: Iterable[Path], key: str, kind: ErrorKind) -> Iterator[Tex
 
 def _text(path: Path, key: str, kind: ErrorKind) -> Text | PneudriveError:
     try:
-        looked = _look(path, kind)
-        text = seal.footer_text(looked.end, key) if looked.end else None
-        if text is None:
-            with clear_errors(path, kind):
-                text = formats.parquet_metadata(path).get(key)
+        is_sealed = _look(path, kind).is_sealed
+        with clear_errors(path, kind):
+            return Text(formats.open_parquet(path).metadata.get(key), is_sealed)
     except kind as error:
         return error
-    return Text(text, looked.is_sealed)
 
 
 def read_columns(paths: Iterable[Path], wanted: Sequence[str], kind: ErrorKind) -> Iterator[Columns | PneudriveError]:
     """Read columns of many Parquet files. Columns that a file lacks are left out. See `read_texts`."""
     for some in _batches(paths, kind):
-        sealed = iter(_read([path for path, looked in some if looked.is_sealed], wanted, kind))
+        together = [path for path, looked in some if isinstance(looked, seal.Looked) and looked.is_sealed]
+        sealed = dict(zip(together, _read(together, wanted, kind), strict=True))
         for path, looked in some:
-            if looked.error is not None:
-                yield looked.error
-            elif looked.is_sealed:
-                yield next(sealed)
+            if isinstance(looked, PneudriveError):
+                yield looked
             else:
-                yield from _read([path], wanted, kind)
+                yield sealed[path] if path in sealed else _read([path], wanted, kind)[0]
 
 
 def _read(paths: Sequence[Path], wanted: Sequence[str], kind: ErrorKind) -> list[Columns | PneudriveError]:
@@ -233,42 +228,32 @@ def _read(paths: Sequence[Path], wanted: Sequence[str], kind: ErrorKind) -> list
         return [error] if len(paths) == 1 else [found for path in paths for found in _read([path], wanted, kind)]
 
 
-@dataclass(frozen=True)
-class _Looked:
-    """Check of a Parquet file before a library reads it: size, end with the footer, and whether it is sealed."""
-
-    size: int = 0
-    is_sealed: bool = False
-    end: bytes = b""
-    error: PneudriveError | None = None
-
-
 def _parts(paths: Iterable[Path]) -> Iterator[list[Path]]:
     rest = iter(paths)
     return iter(lambda: list(islice(rest, LOOKED_AT)), [])
 
 
-def _batches(paths: Iterable[Path], kind: ErrorKind) -> Iterator[list[tuple[Path, _Looked]]]:
+def _batches(paths: Iterable[Path], kind: ErrorKind) -> Iterator[list[tuple[Path, seal.Looked | PneudriveError]]]:
     """Check files in batches, limited in number and bytes."""
 
-    def looked(path: Path) -> _Looked:
+    def looked(path: Path) -> seal.Looked | PneudriveError:
         try:
             return _look(path, kind)
         except kind as error:
-            return _Looked(error=error)
+            return error
 
-    batch: list[tuple[Path, _Looked]] = []
+    batch: list[tuple[Path, seal.Looked | PneudriveError]] = []
     for part in in_advance(lambda part: [(path, looked(path)) for path in part], _parts(paths), LOOKERS):
         for entry in part:
             batch.append(entry)
-            if len(batch) >= MOST_FILES or sum(one.size for _, one in batch) >= MOST_BYTES:
+            if len(batch) >= MOST_FILES or sum(getattr(one, "size", 0) for _, one in batch) >= MOST_BYTES:
                 yield batch
                 batch = []
     if batch:
         yield batch
 
 
-def _look(path: Path, kind: ErrorKind) -> _Looked:
+def _look(path: Path, kind: ErrorKind) -> seal.Looked:
     """Check a Parquet file.
 
     Raises
@@ -283,7 +268,7 @@ def _look(path: Path, kind: ErrorKind) -> _Looked:
         raise unreadable(path, error, kind) from None
     if looked.wrong:
         raise kind(looked.wrong, where=str(path))
-    return _Looked(size, looked.own, looked.end)
+    return looked
 
 
 class _Reader:

@@ -38,7 +38,6 @@ if TYPE_CHECKING:
     from pneudrive._core import Shooting, Shot
     from pneudrive.arrays import Array, Keyed, Plain
     from pneudrive.describe import Circuit, Drive, Initial
-    from pneudrive.describe.base import Described
     from pneudrive.describe.system import ShortNames
 
 
@@ -188,13 +187,6 @@ def start_numbers(marks: Mapping[str, Quantity | StatedPressure]) -> dict[str, P
     """Return the numbers of a start state by their names in a design, from their written forms."""
     names = {f"{INITIAL}{key}": mark for key, mark in marks.items()}
     return {name: _bounded(name, "", mark_unit(mark), np.nan, None, mark=mark) for name, mark in names.items()}
-
-
-def field_marks(kind: type[Described]) -> dict[str, Quantity | StatedPressure]:
-    """Return the written form of each quantity of a table, by its key."""
-    fields = zip(kind.keys(), kind.model_fields.values(), strict=True)
-    marked = ((key, mark) for key, field in fields for mark in field.metadata)
-    return {key: mark for key, mark in marked if isinstance(mark, Quantity | StatedPressure)}
 
 
 def mark_unit(mark: Quantity | StatedPressure) -> str:
@@ -490,7 +482,7 @@ def circuit_numbers(circuit: Circuit) -> dict[str, Parameter]:
         tuple[str, str, Keyed, Keyed]
     ] = []  # begin of names and paths, written forms by key, entry of the core
     for name, one in circuit.components.items():
-        written, friction = field_marks(type(one)), getattr(one, "friction", None)
+        written, friction = one.marks(), getattr(one, "friction", None)
         given = {key: written[key] for key in one.numbers(circuit.ambient.pressure_pa)}
         tables.append((f"{name}.", f"{name}.", given, one.entry))
         if friction is not None:
@@ -503,7 +495,7 @@ def circuit_numbers(circuit: Circuit) -> dict[str, Parameter]:
         for key, mark in written.items():
             about = (mark_unit(mark), values.get(path + key, np.nan), rows.get(key), _SIGNED_KEYS.get(key))
             found[name + key] = _bounded(name + key, path + key, *about, discrete=key in discrete, mark=mark)
-    ambient = field_marks(type(circuit.ambient))
+    ambient = circuit.ambient.marks()
     for name, path in AMBIENT.items():
         mark = ambient[name.partition(".")[2]]
         found[name] = _bounded(name, path, mark_unit(mark), values[path], None, mark=mark)

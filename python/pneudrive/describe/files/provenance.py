@@ -15,14 +15,14 @@ from pneudrive.describe.marks import (
     Fraction,
     PerChamber,
     Quantity,
+    Reads,
     StatedPressure,
-    parameter_quantities,
 )
 from pneudrive.describe.tables.friction import Friction
 from pneudrive.errors import DescriptionError, WrongValueError, invalid, nearest, wrong
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
+    from collections.abc import Mapping
 
 #: Relative error of a value that is written with all its digits and read again.
 ROUNDING = 1e-9
@@ -35,23 +35,15 @@ class Interval(NamedTuple):
     high: str
 
 
-class _Ends(Quantity):
-    """Annotation of a field for two texts."""
+def _ends(given: object) -> Interval:
+    """Check only the form, because the unit depends on the value."""
+    is_pair = isinstance(given, list | tuple) and len(given) == 2
+    if not is_pair or not all(isinstance(end, str | int | float) and not isinstance(end, bool) for end in given):  # type: ignore[union-attr]
+        raise WrongValueError(f"{given!r} is not an interval", remedy='Write interval = ["29.1 N", "31.2 N"].')
+    return Interval(*(str(end) for end in given))  # type: ignore[union-attr]
 
-    def read(self, given: object) -> Interval:  # type: ignore[override]
-        """Check only the form, because the unit depends on the value."""
-        pair = isinstance(given, list | tuple) and len(given) == 2
-        if not pair or not all(isinstance(end, str | int | float) and not isinstance(end, bool) for end in given):  # type: ignore[union-attr]
-            raise WrongValueError(f"{given!r} is not an interval", remedy='Write interval = ["29.1 N", "31.2 N"].')
-        return Interval(*(str(end) for end in given))  # type: ignore[union-attr]
 
-    def show(self, value: Interval) -> list[str]:  # type: ignore[override]
-        """Write both ends."""
-        return list(value)
-
-    def schema(self) -> dict[str, Any]:
-        """Describe the form."""
-        return {"type": "array", "items": {"type": ["string", "number"]}, "minItems": 2, "maxItems": 2}
+_PAIR = {"type": "array", "items": {"type": ["string", "number"]}, "minItems": 2, "maxItems": 2}
 
 
 class Origin(Described):
@@ -63,7 +55,7 @@ class Origin(Described):
     """
 
     table_name: ClassVar[str] = "provenance"
-    interval: Annotated[Interval, _Ends("")]
+    interval: Annotated[Interval, Reads(_ends, list, _PAIR)]
     confidence: Fraction = 0.95
     source: str
     fit: str = ""
@@ -96,8 +88,8 @@ class GivenNumber(NamedTuple):
     si: float
 
 
-def values(drive: Described) -> dict[str, GivenNumber]:
-    """Return every number that is given for a drive, by its dotted name in the drive file.
+def values(table: Described) -> dict[str, GivenNumber]:
+    """Return every number that is given for a drive or in a table, by its dotted name in the file.
 
     Examples
     --------
@@ -105,41 +97,28 @@ def values(drive: Described) -> dict[str, GivenNumber]:
     >>> values(Drive.load("catalogue:reference"))["cylinder.dead_volume.a"].si
     1e-05
     """
-    return dict(_walk(drive, ""))
+    out: dict[str, GivenNumber] = {}
+    for key, value, mark in table.entries():
+        if isinstance(value, Described):
+            out |= {f"{key}.{name}": number for name, number in values(value).items()}
+        elif isinstance(value, PerChamber) and isinstance(mark, EachChamber):
+            one = Quantity(mark.si_unit, mark.written)
+            out |= {f"{key}.{chamber}": GivenNumber(one, si) for chamber, si in value._asdict().items()}
+        elif isinstance(mark, Quantity | StatedPressure) and isinstance(value, float | units.Pressure):
+            out[key] = GivenNumber(mark, value if isinstance(value, float) else value.value_pa)
+    return out
 
 
 def marks(drive: Described) -> dict[str, Quantity | StatedPressure | None]:
     """Return the annotation of every possible number of a drive, given or not."""
-    out: dict[str, Quantity | StatedPressure | None] = {}
-    for table, field in type(drive).model_fields.items():
-        part = getattr(drive, table)
-        if isinstance(part, Described) and not isinstance(part, Friction):
-            for name, own in type(part).model_fields.items():
-                mark = next((m for m in own.metadata if isinstance(m, Quantity | StatedPressure)), None)
-                if mark is not None:
-                    out[f"{field.alias or table}.{own.alias or name}"] = mark
+    tables = {key: value for key, value, _ in drive.entries() if isinstance(value, Described)}
+    out: dict[str, Quantity | StatedPressure | None] = {
+        f"{table}.{key}": mark
+        for table, part in tables.items()
+        if not isinstance(part, Friction)
+        for key, mark in part.marks().items()
+    }
     return out | {name: value.mark for name, value in values(drive).items()}
-
-
-def _walk(part: Described, path: str) -> Iterator[tuple[str, GivenNumber]]:
-    if isinstance(part, Friction):
-        for key, mark in parameter_quantities(part.entry).items():
-            if key in part.parameters:
-                yield f"{path}{key}", GivenNumber(mark, part.parameters[key])
-    for name, field in type(part).model_fields.items():
-        value = getattr(part, name)
-        here = f"{path}{field.alias or name}"
-        if isinstance(value, Described):
-            yield from _walk(value, f"{here}.")
-            continue
-        mark = next((m for m in field.metadata if isinstance(m, Quantity | StatedPressure)), None)
-        if isinstance(value, PerChamber) and isinstance(mark, EachChamber):
-            one = Quantity(mark.si_unit, mark.written)
-            yield from ((f"{here}.{c}", GivenNumber(one, getattr(value, c))) for c in "ab")
-        elif isinstance(value, units.Pressure):
-            yield here, GivenNumber(mark, value.value_pa)
-        elif isinstance(value, float) and mark is not None:
-            yield here, GivenNumber(mark, value)
 
 
 def check(drive: Described, origins: Mapping[str, Origin]) -> None:

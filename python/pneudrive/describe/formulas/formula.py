@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from functools import cached_property, lru_cache, partial
+from functools import cached_property, partial
 from typing import TYPE_CHECKING, ClassVar
 
 from pneudrive.describe.formulas import written
@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from pneudrive.arrays import Keyed, Plain
 
 GUIDE = "own-component.md"
+OUTPUTS = ("mass_flow", "force")
 
 
 class ComponentFormula(written.Written):
@@ -56,24 +57,13 @@ class ComponentFormula(written.Written):
     output: str
 
     @classmethod
-    def load(cls, path: str | Path, entry: Keyed) -> ComponentFormula:
-        """Read the formula of a component from a TOML file; `entry` is the core's entry of the component's kind.
-
-        Raises
-        ------
-        DescriptionError
-            The file is not valid; the message gives file, line, formula and column.
-        """
-        return written.load(partial(cls.of, entry=entry), path, GUIDE)
-
-    @classmethod
     def of(cls, tables: Plain, entry: Keyed) -> ComponentFormula:
-        """Make the formula from the tables of its file.
+        """Make the formula from the tables of its file; `entry` is the core's entry of the component's kind.
 
         Raises
         ------
         DescriptionError
-            As for `load`, without the file.
+            The tables are not valid; the message gives formula and column.
         """
         wanted = entry["formula"]["output"]
         own = cls.from_tables(tables, (wanted,), entry["formula"]["unit"])
@@ -82,7 +72,7 @@ class ComponentFormula(written.Written):
     @cached_property
     def entry(self) -> Plain:
         """Entry of the component in the form of `component_kinds`, with the parameters of the formula."""
-        return _entry(self.kind, json.dumps(self.core()))
+        return written.core_entry("formula_component", OUTPUTS, self.kind, json.dumps(self.core()))
 
     def core(self) -> Plain:
         """Return the formula in the core's form, in SI."""
@@ -110,13 +100,3 @@ def formula_of(given: object, folder: Path | None = None, *, entry: Keyed) -> Co
         what = "formula is missing" if given is None else f"formula = {given!r} is not a formula of a {entry['kind']}"
         raise wrong("formula", what, remedy='Write formula = "file:NAME.toml", or a table [components.NAME.formula].')
     return found
-
-
-@lru_cache(maxsize=256)
-def _entry(kind: str, text: str) -> Plain:
-    from pneudrive import _core
-
-    try:
-        return _core.formula_component(kind, text)
-    except ValueError as error:
-        raise written.refused(error, ("mass_flow", "force")) from None

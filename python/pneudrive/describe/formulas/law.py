@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import json
-from functools import cached_property, lru_cache
+from functools import cached_property
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
-from pydantic import Field, field_serializer
+from pydantic import Field
 
 from pneudrive.describe.files import toml
 from pneudrive.describe.formulas import written
@@ -131,14 +131,10 @@ class FrictionLaw(written.Written):
             if key not in LEVELS:
                 raise wrong(f"levels.{key}", f"levels.{key} is not a known level", remedy=nearest(key, LEVELS))
 
-    @field_serializer("levels", "states")
-    def _plain_tables(self, value: dict[str, Any]) -> dict[str, Any]:
-        return dict(value)
-
     @cached_property
     def entry(self) -> Plain:
         """Entry of the law in the form of `friction_laws`: name, title, parameters, states, bristles."""
-        return _entry(json.dumps(self.core()))
+        return written.core_entry("formula_law", OUTPUTS, json.dumps(self.core()))
 
     def core(self) -> Plain:
         """Return the law in the core's form, in SI."""
@@ -177,13 +173,3 @@ def law_of(given: object, folder: Path | None = None) -> FrictionLaw | None:
     if isinstance(given, FrictionLaw):
         return given
     return written.written_as(given, "friction.law", FrictionLaw.of, GUIDE, folder)
-
-
-@lru_cache(maxsize=256)
-def _entry(text: str) -> Plain:
-    from pneudrive import _core
-
-    try:
-        return _core.formula_law(text)
-    except ValueError as error:
-        raise written.refused(error, OUTPUTS) from None

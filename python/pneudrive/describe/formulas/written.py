@@ -6,11 +6,11 @@ The core reads, checks and runs the formulas.
 from __future__ import annotations
 
 import json
-from functools import cached_property
+from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, TypeVar
 
-from pydantic import Field, field_serializer, model_validator
+from pydantic import Field, model_validator
 
 from pneudrive import units
 from pneudrive.describe.base import Described
@@ -126,10 +126,6 @@ class Written(Described):
             raise invalid(f"output.{needed}", "describe.no-output", needed=needed, unit=unit)
         return {key: value for key, value in tables.items() if key != "output"} | output
 
-    @field_serializer("parameters", "let")
-    def _plain(self, value: dict[str, Any]) -> dict[str, Any]:
-        return dict(value)
-
     @cached_property
     def entry(self) -> Plain:
         """Entry in the core's form: name, title, parameters."""
@@ -227,8 +223,25 @@ def read_file(table: object, slot: str, key: str, make: Callable[[str, Path], Wr
     table[slot] = make(name, path.parent)
 
 
-def refused(error: ValueError, outputs: tuple[str, ...]) -> DescriptionError:
-    """Return the core's error in formulas as an error with its key; `outputs` are keys of [output]."""
+@lru_cache(maxsize=256)
+def core_entry(read: str, outputs: tuple[str, ...], *texts: str) -> Plain:
+    """Return what the core reads in formulas: `read` is the name of its function, `outputs` are keys of [output].
+
+    Raises
+    ------
+    DescriptionError
+        The core rejects the formulas.
+    """
+    from pneudrive import _core
+
+    try:
+        return getattr(_core, read)(*texts)
+    except ValueError as error:
+        raise _refused(error, outputs) from None
+
+
+def _refused(error: ValueError, outputs: tuple[str, ...]) -> DescriptionError:
+    """Return the core's error in formulas as an error with its key."""
     if len(error.args) != 8:
         return DescriptionError(str(error))
     what, key, formula, line, column, shown, caret, remedy = error.args

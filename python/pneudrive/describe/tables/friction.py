@@ -383,7 +383,7 @@ class Friction(Described):
         out |= {key: parameter_quantity(by_key[key]).show(self.parameters[key]) for key in by_key if key in self.given}
         return out | {key: value.to_dict() for key, value in self._dependences().items()}
 
-    def _all(self) -> Iterator[tuple[str, Any, Quantity | StatedPressure | None]]:
+    def entries(self) -> Iterator[tuple[str, Any, Quantity | StatedPressure | None]]:
         """Yield the law, its parameters, then its modifiers."""
         marks = parameter_quantities(self.entry)
         yield "law", self.law, None

@@ -337,7 +337,7 @@ class Valve(Described):
     linear_above: marks.Fraction = 0.999
     overlap: Annotated[float | None, Quantity("", bounds=Bounds(above=-1.0, below=1.0))] = None
     leakage: Annotated[float | None, Quantity("", bounds=Bounds(at_least=0.0, at_most=1.0))] = None
-    command: Annotated[marks.Signal | None, marks.SignalRange("")] = None
+    command: Annotated[marks.Signal | None, marks.SIGNAL_RANGE] = None
     time_on_s: Annotated[float | None, Quantity("s", "ms", POSITIVE)] = None
     time_off_s: Annotated[float | None, Quantity("s", "ms", POSITIVE)] = None
 

@@ -106,6 +106,7 @@ class Poses:
     """
 
     def __init__(self, platforms: Sequence[Platform]) -> None:
+        self.platforms = platforms
         self.keys = {
             f"{platform.name}.{key}": (platform, k)
             for platform in platforms
@@ -160,7 +161,7 @@ class Poses:
         import numpy as np
 
         out = {}
-        for platform in dict.fromkeys(platform for platform, _ in self.keys.values()):
+        for platform in self.platforms:
             given = self.given.get(platform.name)
             if given is None:
                 continue
@@ -199,7 +200,7 @@ class Poses:
         """
         import numpy as np
 
-        for platform in dict.fromkeys(platform for platform, _ in self.keys.values()):
+        for platform in self.platforms:
             own = [f"{leg}.position" for leg in platform.legs] + [
                 key for key in self.keys if self.keys[key][0] is platform
             ]
