@@ -15,6 +15,8 @@ Bools: TypeAlias = NDArray[np.bool_]
 Ints: TypeAlias = NDArray[np.int64]
 #: Lower and upper end.
 Interval: TypeAlias = tuple[float, float]
+#: Two numbers, one for each chamber, or a point.
+Pair: TypeAlias = tuple[float, float]
 #: Values by column or key.
 Row: TypeAlias = dict[str, Any]
 #: Plain data by key, as in TOML and JSON: to write, and given only to be read.

@@ -16,7 +16,7 @@ from pneudrive.repr_tables import Card, Shown
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from pneudrive.arrays import Array, Keyed, Plain
+    from pneudrive.arrays import Array, Keyed, Pair, Plain
 
     Row = list[float]  # begin, s, duration, s, and ten coefficients, m, of the elapsed fraction of the duration
 
@@ -90,7 +90,7 @@ def _longest(fits: Callable[[float], bool]) -> float:
     return low
 
 
-def _integrated(begin_s: float, start_m: float, sign: float, each: Sequence[tuple[float, float]]) -> list[Row]:
+def _integrated(begin_s: float, start_m: float, sign: float, each: Sequence[Pair]) -> list[Row]:
     """Integrate intervals of constant snap."""
     rows, (x, v, a, j) = [], (start_m, 0.0, 0.0, 0.0)
     for t, size in each:
@@ -342,7 +342,7 @@ def ways_of(motion: Keyed) -> list[ReferenceMove]:
     return found
 
 
-def _extremes(piece: Row) -> list[tuple[float, float]]:
+def _extremes(piece: Row) -> list[Pair]:
     """Return times and positions at which a piece may reverse, and its end."""
     begin_s, duration_s, *numbers = piece
     path = np.polynomial.Polynomial(numbers)
@@ -352,7 +352,7 @@ def _extremes(piece: Row) -> list[tuple[float, float]]:
     return [(begin_s + duration_s * float(share), float(path(share))) for share in shares]
 
 
-def _turns(points: Sequence[tuple[float, float]]) -> list[tuple[float, float]]:
+def _turns(points: Sequence[Pair]) -> list[Pair]:
     """Return the reversals of a path by more than `TURN_M`, and its last extreme position."""
     found, far, way = [], points[0], 0.0
     for point in points[1:]:

@@ -29,7 +29,7 @@ from pneudrive.views import Finding, State
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
-    from pneudrive.arrays import Array
+    from pneudrive.arrays import Array, Pair
     from pneudrive.describe.drive import Drive
     from pneudrive.progress import Watch
 
@@ -55,7 +55,7 @@ def is_of_tank(path: Path, layout: Path | None) -> bool:
     return found is not None and found.kind == KIND
 
 
-def _air(drive: Drive, recording: VolumeRecording) -> tuple[float, float]:
+def _air(drive: Drive, recording: VolumeRecording) -> Pair:
     """Return the air of a cycle, l ANR, from a recording of the tank and from a simulation at its mean pressure.
 
     Raises
@@ -86,7 +86,7 @@ def _label(recording: VolumeRecording, key: str, unit: str) -> float:
     return value
 
 
-def _at_rest(recording: VolumeRecording) -> tuple[float, float]:
+def _at_rest(recording: VolumeRecording) -> Pair:
     """Return the pressures at rest before and after the cycles."""
     count = max(int(RESTING * recording.pressure_pa.size), 2)
     where, found = str(recording.source or recording.name), []
@@ -247,7 +247,7 @@ def _with_air(
     others = [path for path in recordings if path not in of_tank]
     rest = beside(drive, others, layout, watch) if others else MeasuredBeside(None, (), (), None, True, ())
     tanks = read_volume_recordings(of_tank, layout)
-    airs: dict[str, list[tuple[float, float]]] = defaultdict(list)
+    airs: dict[str, list[Pair]] = defaultdict(list)
     for recording in tanks:
         air = _air(drive, recording)
         airs[f"half period {recording.labels['half_period']}"].append(air)

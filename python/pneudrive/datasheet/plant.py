@@ -22,7 +22,7 @@ from pneudrive.simulation.session import Linear, Session
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from pneudrive.arrays import Array, Keyed, Plain
+    from pneudrive.arrays import Array, Keyed, Pair, Plain
     from pneudrive.describe.circuit import Circuit
 
 
@@ -240,7 +240,7 @@ class HeldDrive:
             return self
         return HeldDrive(type(self.circuit).model_validate(held_tables(self.circuit)), actuation=self.actuation.of_held)
 
-    def before(self, u: float) -> tuple[float, float]:
+    def before(self, u: float) -> Pair:
         """Return the pressures of chambers a and b before a stroke, Pa. They are steady under the opposite command."""
         ambient, supply = self.ambient[0], self.supply_pa
         usual = (ambient, supply) if u > 0.0 else (supply, ambient)
@@ -273,7 +273,7 @@ class HeldDrive:
         """Return the possible magnitudes of a command for the valves: only 1 if a valve switches."""
         return tuple(commands) if self.actuation.has_shares else (1.0,)
 
-    def plans(self, steps: Sequence[tuple[float, float]]) -> dict[str, str]:
+    def plans(self, steps: Sequence[Pair]) -> dict[str, str]:
         """Return the command of each valve over time, from pairs of time, s, and signal."""
         rows = [(t, self.actuation.commands(u)) for t, u in steps]
         return {name: ", ".join(f"{float(t)!r} s: {float(row[name])!r}" for t, row in rows) for name in self.valves}
@@ -378,7 +378,7 @@ class HeldDrive:
         return Session(self.core.start(self.start_values, RTOL)).read(self.supply)
 
     @property
-    def ambient(self) -> tuple[float, float]:
+    def ambient(self) -> Pair:
         """Ambient pressure, Pa, and temperature, K."""
         return float(self.circuit.ambient.pressure_pa), float(self.circuit.ambient.temperature_k)
 
@@ -518,11 +518,11 @@ class HeldDrive:
                 break
         return found
 
-    def sliding(self, velocity: float, pressures: tuple[float, float], position: float) -> float:
+    def sliding(self, velocity: float, pressures: Pair, position: float) -> float:
         """Return the steady friction of the piston and its slides, N, at absolute pressures of a and b."""
         return sum(self.sliding_of(name, velocity, pressures, position) for name in self.moved)
 
-    def sliding_of(self, name: str, velocity: float, pressures: tuple[float, float], position: float) -> float:
+    def sliding_of(self, name: str, velocity: float, pressures: Pair, position: float) -> float:
         """Return the steady friction of a component at a velocity, N, with the velocity's sign."""
         if name not in self.frictions:
             return 0.0
@@ -530,11 +530,11 @@ class HeldDrive:
         size = steady_force(self.frictions[name], np.array([velocity]), gauge_a, gauge_b, position)[0]
         return float(np.copysign(size, velocity))
 
-    def pressures(self, gas: Array) -> tuple[float, float]:
+    def pressures(self, gas: Array) -> Pair:
         """Return the absolute pressures of chambers a and b."""
         return self.chamber(gas, "a")[0], self.chamber(gas, "b")[0]
 
-    def chamber(self, gas: Array, which: str) -> tuple[float, float]:
+    def chamber(self, gas: Array, which: str) -> Pair:
         """Return pressure and temperature of chamber a or b, or those of the ambient if the chamber is open."""
         node = f"{self.piston}.{which}"
         if node not in self.nodes:

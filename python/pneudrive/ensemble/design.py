@@ -303,7 +303,7 @@ class Rows:
 
     names: tuple[str, ...]
     size: int
-    about: dict[str, Any]
+    about: Plain
     points: Callable[[int, int], Array]
     shape: Marginals | NormalCoordinates | None = None
 
@@ -485,7 +485,7 @@ class EnsembleDesign(Shown):
     """
 
     method: str
-    each: Mapping[str, Any]
+    each: Keyed
     members: int | None = None
     seed: int = 0
     correlation: Correlations = field(default_factory=dict)

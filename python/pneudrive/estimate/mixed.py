@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from pneudrive.arrays import Array
+    from pneudrive.arrays import Array, Interval
 
 
 # --- Least squares of laws that are linear except for shape parameters: grid of shapes, and intervals by profile.
@@ -71,7 +71,7 @@ class Scan:
         """Return a mask of the shapes whose cost exceeds the smallest one by at most `rise`."""
         return np.flatnonzero(self.cost <= self.cost[self.best] + rise)
 
-    def interval(self, rows: Array, rise: float) -> tuple[float, float]:
+    def interval(self, rows: Array, rise: float) -> Interval:
         """Return the interval of a linear function of the coefficients over all shapes within `rise`.
 
         Parameters
@@ -87,7 +87,7 @@ class Scan:
         reach = np.sqrt(slack) * np.sqrt(np.maximum(variance, 0.0))
         return float((value - reach).min()), float((value + reach).max())
 
-    def shape_interval(self, k: int, rise: float, sought: tuple[float, float]) -> tuple[float, float]:
+    def shape_interval(self, k: int, rise: float, sought: Interval) -> Interval:
         """Return the interval of a shape parameter; an end that reaches the end of the grid is 0 or inf."""
         allowed = self.shape[self.inside(rise), k]
         low, high = float(allowed.min()), float(allowed.max())

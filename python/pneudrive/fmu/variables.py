@@ -59,7 +59,7 @@ class FmuVariable:
     unit: str
     meaning: str
     causality: str
-    role: dict[str, Any]
+    role: Plain
     start: float | None = None
     is_discrete: bool = False
     rate_of: str = ""
@@ -109,13 +109,13 @@ class FmuPlan:
     """
 
     title: str
-    form: dict[str, Any]
+    form: Plain
     start: dict[str, float]
     rtol: float
     variables: tuple[FmuVariable, ...]
     is_actuator: bool = False
     notes: tuple[str, ...] = field(default=())
-    law: dict[str, Any] | None = None
+    law: Plain | None = None
     code: FmuCode | None = None
 
     @property

@@ -19,7 +19,7 @@ from pneudrive.repr_tables import Shown
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from pneudrive.arrays import Array, Interval
+    from pneudrive.arrays import Array, Interval, Pair
     from pneudrive.friction.level import Level
 
 TOGETHER = 0.05  # pressures change together if the rest is below this share
@@ -67,9 +67,9 @@ class LevelPoint:
     speed_stderr_m_s: float = 0.0
     offset_n: float = np.nan
     weight_n: float = 0.0
-    gauge_pa: tuple[float, float] = (0.0, 0.0)
-    u_pa: tuple[float, float] = (0.0, 0.0)
-    areas_m2: tuple[float, float] = (0.0, 0.0)
+    gauge_pa: Pair = (0.0, 0.0)
+    u_pa: Pair = (0.0, 0.0)
+    areas_m2: Pair = (0.0, 0.0)
 
     @classmethod
     def of(cls, level: Level) -> LevelPoint:

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
     from pneudrive._core import Platform as CorePlatform
-    from pneudrive.arrays import Array
+    from pneudrive.arrays import Array, Pair
     from pneudrive.describe import Circuit, Drive
 
     Pose = Mapping[str, str | float] | ArrayLike
@@ -57,8 +57,8 @@ class Leg:
 
     name: str
     stroke_m: float
-    areas_m2: tuple[float, float]
-    dead_volumes_m3: tuple[float, float]
+    areas_m2: Pair
+    dead_volumes_m3: Pair
 
     @classmethod
     def of(cls, circuit: Circuit, name: str) -> Leg:

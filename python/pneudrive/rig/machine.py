@@ -25,7 +25,7 @@ from pneudrive.simulation.bench_circuit import AMBIENT, Dragged
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from pneudrive.arrays import Array, Plain
+    from pneudrive.arrays import Array, Pair, Plain
 
     Numbers = float | Array
 
@@ -42,7 +42,7 @@ def core_friction(d: RigDescription, mounting: str = RIGID) -> Plain:
 def steady_friction_n(
     friction: Plain,
     velocity_m_s: float | Array,
-    gauges_pa: tuple[float, float] = (0.0, 0.0),
+    gauges_pa: Pair = (0.0, 0.0),
     position_m: float = 0.0,
 ) -> Array:
     """Return the friction of steady sliding, N, with the sign of the velocity.
@@ -71,7 +71,7 @@ def steady_friction_n(
 
 def core_rig(
     d: RigDescription,
-    pressures_pa: tuple[float, float],
+    pressures_pa: Pair,
     friction: Plain | None = None,
     temperature_k: float | None = None,
 ) -> Dragged:
@@ -118,7 +118,7 @@ def core_rig(
     return rig
 
 
-def _supply(rig: Dragged, d: RigDescription, pressures_pa: tuple[float, float]) -> None:
+def _supply(rig: Dragged, d: RigDescription, pressures_pa: Pair) -> None:
     """Add the air supply of the chambers: ports to the room, or regulators with shut-off, a volume and lines."""
     c = d.tables.chambers
     kind, ratio, heat = c.kind, c.critical_pressure_ratio, c.heat_transfer

@@ -14,7 +14,7 @@ from pneudrive.errors import RecordingError
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from pneudrive.arrays import Array, Bools, Ints
+    from pneudrive.arrays import Array, Bools, Ints, Pair
 
     Levels = list[list["Stroke"]]  # strokes of one speed, slowest first
 
@@ -137,7 +137,7 @@ def thinned(values: Array) -> Array:
     return values[:: max(values.size // ENOUGH_FOR_QUANTILES, 1)]
 
 
-def straight_line(x: Array, y: Array) -> tuple[float, float]:
+def straight_line(x: Array, y: Array) -> Pair:
     """Fit a line by least squares: (slope, intercept). The slope is 0 if all x are equal."""
     away = x - x.mean()
     power = float(away @ away)
@@ -221,7 +221,7 @@ def find_strokes(name: str, time_s: Array, position_m: Array) -> list[Stroke]:
     return strokes
 
 
-def _travel(name: str, time_s: Array, position_m: Array) -> tuple[float, float]:
+def _travel(name: str, time_s: Array, position_m: Array) -> Pair:
     """Return travel and position noise, m; refuse too few samples and no motion."""
     if time_s.size < MINIMUM_SAMPLES:
         raise RecordingError.of("signals.too-few-samples", where=name, value=time_s.size, fewest=MINIMUM_SAMPLES)
@@ -441,7 +441,7 @@ class Directions:
         fast = moving > 0.5 * usual
         return cls(fast & (velocity > 0), fast & (velocity < 0), bins)
 
-    def levels(self, values: Array) -> tuple[float, float] | None:
+    def levels(self, values: Array) -> Pair | None:
         """Return the median values of a channel towards +x and back; None if a direction is missing."""
         there = np.isfinite(values)
         up, down = values[self.up & there], values[self.down & there]

@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from pneudrive import __version__, units
 from pneudrive.errors import CommandError, DescriptionError, PneudriveError, SimulationError, naming, warn
@@ -44,7 +44,7 @@ class Run(Shown):
     """Trajectory in the form of the core: columns of a file (SI, absolute pressure) and provenance."""
 
     columns: dict[str, Array]
-    provenance: dict[str, Any]
+    provenance: Plain
     meanings: Mapping[str, str] = field(default_factory=dict)  # of columns of a circuit
     sensitivities: Sensitivities | None = None
 

@@ -23,7 +23,7 @@ from pneudrive.views import Finding
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
 
-    from pneudrive.arrays import Array, Bools, Plain
+    from pneudrive.arrays import Array, Bools, Interval, Plain
     from pneudrive.sizing.task import SizingTask
 
 
@@ -129,7 +129,7 @@ def passed(draws: int) -> int:
     return math.floor((1.0 - PROBABILITY) * (draws - 1) + ROUNDING)
 
 
-def interval(values: Array) -> tuple[float, float]:
+def interval(values: Array) -> Interval:
     """Return the 1 % and 99 % quantiles over the samples."""
     return float(np.quantile(values, 1.0 - PROBABILITY, method="lower")), worst(values)
 
@@ -437,7 +437,7 @@ class SizedDrive:
     measure: str
     explains: float
     sizes: Sequence[float]
-    intervals: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    intervals: Mapping[str, Interval] = field(default_factory=dict)
     open_checks: int = 0
 
     @property

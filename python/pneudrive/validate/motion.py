@@ -34,7 +34,7 @@ from pneudrive.views import LeadingValue, ShownFigure, ShownValue, View, Viewed
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
-    from pneudrive.arrays import Array, Bools, Plain
+    from pneudrive.arrays import Array, Bools, Pair, Plain
     from pneudrive.describe.drive import Drive
     from pneudrive.identify.follow.problem import FollowSolution
     from pneudrive.identify.volume import RegulatorFit
@@ -266,7 +266,7 @@ class Closure:
     name: str
     rms_n: float
     share: float
-    friction_n: dict[int, tuple[float, float]]
+    friction_n: dict[int, Pair]
     offset_n: float
     gains: dict[str, Estimate]
     viscous: Estimate
@@ -376,7 +376,7 @@ def _sliding(recording: Recording, time: Array) -> _Sliding:
     return _Sliding(use, np.column_stack([*columns.values()]), list(columns), v)
 
 
-def _friction(value: dict[str, float]) -> tuple[dict[int, tuple[float, float]], float]:
+def _friction(value: dict[str, float]) -> tuple[dict[int, Pair], float]:
     """Return friction at rest and its slope by direction, and the offset: half the sum of both directions."""
     both = "d1" in value and "d-1" in value
     offset = 0.5 * (value["d1"] + value["d-1"]) if both else 0.0

@@ -400,7 +400,7 @@ class Campaign(Shown):
 
     path: Path
     identity: Identity
-    about: dict[str, Any]
+    about: Plain
     notes: tuple[str, ...] = ()
 
     @classmethod

@@ -21,7 +21,7 @@ from pneudrive.simulation.trajectory import columns as columns_of
 if TYPE_CHECKING:
     import xarray as xr
 
-    from pneudrive.arrays import Array, Plain
+    from pneudrive.arrays import Array, Pair, Plain
     from pneudrive.datasheet.characteristic import Found
     from pneudrive.datasheet.plant import HeldDrive
     from pneudrive.simulation.command import Commands
@@ -43,7 +43,7 @@ class StrokeRun(NamedTuple):
     columns: dict[str, Array]
     strokes: tuple[StrokeNumbers, ...]
     half_s: float
-    attrs: dict[str, Any]
+    attrs: Plain
 
     def arrived(self) -> bool:
         """Return whether all strokes reached their end."""
@@ -78,7 +78,7 @@ def one_stroke(
     plant: HeldDrive,
     command: float,
     position: float,
-    pressures: tuple[float, float],
+    pressures: Pair,
     expected_s: float | None = None,
     **more: Any,  # noqa: ANN401
 ) -> StrokeRun:
@@ -94,7 +94,7 @@ def one_stroke(
         times *= SLOWER
 
 
-def start_of(plant: HeldDrive, position: float, pressures: tuple[float, float]) -> dict[str, str]:
+def start_of(plant: HeldDrive, position: float, pressures: Pair) -> dict[str, str]:
     """Return a start state at ambient temperature; lines have the pressure of their chamber."""
     own = plant.piston
     start = {f"{own}.position": f"{position!r} m"}
@@ -376,7 +376,7 @@ def _with(plant: HeldDrive, mass: float | None = None, needle: tuple[str, float]
     return plant.varied({plant.piston: own})
 
 
-def _end(plant: HeldDrive, side: str, speed: float) -> tuple[float, float]:
+def _end(plant: HeldDrive, side: str, speed: float) -> Pair:
     """Return end speed and peak pressure of a piston that enters a cushion at a given speed."""
     toward = 1.0 if side == "b" else -1.0
     length = float(getattr(plant.circuit.components[plant.piston], f"cushion_{side}_length_m"))

@@ -9,15 +9,7 @@ from pydantic import Field
 
 from pneudrive import units
 from pneudrive.describe.base import Described
-from pneudrive.describe.marks import (
-    Bounds,
-    EachChamber,
-    Fraction,
-    PerChamber,
-    Quantity,
-    Reads,
-    StatedPressure,
-)
+from pneudrive.describe.marks import Bounds, EachChamber, Fraction, PerChamber, Quantity, Reads, StatedPressure
 from pneudrive.describe.tables.friction import Friction
 from pneudrive.errors import DescriptionError, WrongValueError, invalid, nearest, wrong
 

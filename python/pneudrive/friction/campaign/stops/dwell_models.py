@@ -76,7 +76,7 @@ class DwellForm:
     growth: str
     units: dict[str, str]
     exponent: float = 1.0
-    reach: tuple[float, float] = (30.0, 30.0)
+    reach: Interval = (30.0, 30.0)
 
     def __str__(self) -> str:
         """Return the title."""
