@@ -117,12 +117,16 @@ impl<R: Lane> Circuit<R> {
         y[self.parts.place_of(part).first]
     }
 
-    /// Moves a valve on its own over a time, s, under the command that acts. A spool has arrived.
-    pub(crate) fn coast(&self, part: PartId, y: &mut [R], lapse: f64) {
-        let (at, acts) = (self.parts.place_of(part).first, self.input(part.input(signal::ACTS)));
+    /// Moves a valve on its own over a time `lapse`, s, under the command that acts, a time `left` before its position
+    /// matters.
+    pub(crate) fn coast(&self, part: PartId, y: &mut [R], lapse: f64, left: f64) {
+        let at = self.parts.place_of(part).first;
         match part.kind {
-            PartKind::Armature => y[at] += acts * R::c(lapse),
-            PartKind::Spool => y[at..at + 2].copy_from_slice(&[acts, R::zero()]),
+            PartKind::Armature => y[at] += self.input(part.input(signal::ACTS)) * R::c(lapse),
+            PartKind::Spool => {
+                let spool = &self.parts.spools[part.index].1;
+                [y[at], y[at + 1]] = spool.coasted([y[at], y[at + 1]], lapse, left);
+            }
             _ => {}
         }
     }

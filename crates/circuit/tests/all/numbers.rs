@@ -235,6 +235,50 @@ fn a_tank_behind_merged_restrictions_is_differentiated_by_their_numbers() {
     assert!(refused.contains("hole.subsonic_index: restrictions in series need 0.5"), "{refused}");
 }
 
+/// Commands every 2 ms never let the spool arrive. Joined segments are the whole run, and so are their derivatives.
+#[test]
+fn a_segment_begins_with_the_spool_where_its_commands_put_it() {
+    let mut circuit = with(&[("valve.frequency", 60.0)]);
+    circuit["components"].as_array_mut().expect("components").retain(|own| own["name"] != "hose");
+    circuit["joints"] = json!([
+        ["supply.1", "valve.1"],
+        ["valve.4", "left.a"],
+        ["valve.2", "left.b"],
+        ["left.rod", "load.1"]
+    ]);
+    let (network, circuit) = (assemble(&circuit), circuit.to_string());
+    let times: Vec<f64> = (0..60).map(|k| 2e-3 * f64::from(k)).collect();
+    let asked = |starts: &[usize], rows: &[&[f64]]| Shooting {
+        plans: plan("valve.command", times.clone(), times.iter().map(|t| 0.5 * (50.0 * t).sin()).collect()),
+        sample_times: times.clone(),
+        starts: starts.to_vec(),
+        initial: rows.concat(),
+        parameters: vec!["valve.frequency".into()],
+        by_start: None,
+        outputs: vec!["left.a.pressure_pa".into()],
+        options: Options { rtol: 1e-9, ..Options::default() },
+        threads: 1,
+    };
+    let shoot = |starts: &[usize], rows: &[&[f64]]| {
+        network.shoot(&circuit, &asked(starts, rows), &mut |_| false).expect("runs")
+    };
+    let known = start(&network);
+    let first: Vec<f64> =
+        network.assembly().start_names().iter().map(|name| known.get(name).copied().unwrap_or(0.0)).collect();
+    let (whole, half) = (shoot(&[0], &[&first]), shoot(&[0, 30], &[&first, &first]));
+    let joined = shoot(&[0, 30], &[&first, &half.ends[..first.len()]]);
+    let width = joined.directions;
+    for sample in [31, 33, 40, 59] {
+        let (own, expected) = (joined.values[sample], whole.values[sample]);
+        assert!((own - expected).abs() < 1e-7 * expected, "{sample}: {own} {expected}");
+        let slopes = &joined.sensitivities[sample * width..][..width];
+        let carried = half.end_sensitivities.iter().step_by(width);
+        let own = slopes[0] + slopes[1..].iter().zip(carried).map(|(a, b)| a * b).sum::<f64>();
+        let expected = whole.sensitivities[sample * width];
+        assert!((own - expected).abs() < 1e-4 * expected.abs(), "{sample}: {own} {expected}");
+    }
+}
+
 /// A motor on a slide that rubs with Fc + Fv v: the mean force, its slope over velocity, and the work are known.
 #[test]
 fn a_motor_gives_the_mean_force_at_a_velocity_its_slope_and_the_work() {

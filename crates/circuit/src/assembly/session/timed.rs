@@ -49,7 +49,8 @@ impl<R: Lane> Session<R> {
             let to = next.map_or(until, |place| self.schedule[place].0.min(until));
             let (mut y, lapse) = (self.state().to_vec(), to - self.time());
             if lapse > 0.0 {
-                self.timings().iter().for_each(|timing| self.circuit().coast(timing.part(), &mut y, lapse));
+                let coast = |timing: &Timing| self.circuit().coast(timing.part(), &mut y, lapse, until - to);
+                self.timings().iter().for_each(coast);
                 self.stepper.skip(to, &y);
             }
             let Some(place) = next else { return };

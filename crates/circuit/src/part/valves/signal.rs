@@ -1,7 +1,7 @@
 //! Positions of a valve's edges: signals between parts.
 
 use crate::ground::{Common, Given, Net, Own, OwnMut, Part, State, first_is_a_signal, gathered, inputs};
-use crate::part::valves::second_order::follows;
+use crate::part::valves::second_order::{after, follows};
 use math::{Lane, Over};
 use physics::flow::leaking;
 
@@ -51,6 +51,22 @@ gathered! {
             /// Index of its position among the signals.
             signal: usize,
         }
+    }
+}
+
+/// Time constants after which a spool has forgotten its position: it is within 1e-9 of its command.
+const MEMORY: f64 = 21.0;
+
+impl<P: Lane> Spool<P> {
+    /// Returns position and speed a time `lapse`, s, later. `left` is the time after that until they matter: a spool that
+    /// forgets within it has arrived.
+    pub(crate) fn coasted(&self, y: [P; 2], lapse: f64, left: f64) -> [P; 2] {
+        let numbers = [self.angular_frequency, self.damping_ratio, self.top_speed];
+        let [w, zeta, top] = numbers.map(|number| number.get(0));
+        if left > MEMORY * (2.0 * zeta).max(1.0 / zeta) / w + 2.0 / top {
+            return [self.acts, P::zero()];
+        }
+        after(y, self.acts, numbers, lapse)
     }
 }
 
