@@ -84,7 +84,6 @@ class Shot(TypedDict):
     ends: NDArray[float64]
     end_sensitivities: NDArray[float64]
     failures: list[str | None]
-    start_names: list[str]
 
 @type_check_only
 class Output(TypedDict):
@@ -349,8 +348,6 @@ class Platform:
 
 @final
 class Members:
-    @property
-    def analysed(self) -> int: ...
     def __len__(self) -> int: ...
     def start(self, member: int, start: Mapping[str, float], rtol: float) -> Session: ...
 

@@ -311,7 +311,7 @@ def test_members_of_one_topology_differ_in_numbers_alone():
     circuit = pn.Circuit(**law)
     volumes = np.array([[1e-3], [2e-3], [5e-3]])
     members = compiled(circuit.core_json()).members(["tank.volume"], volumes)
-    assert (len(members), members.analysed) == (3, 0)
+    assert len(members) == 3
     for member, (volume,) in enumerate(volumes):
         changed = pn.Circuit(**DISCHARGE | {"components": DISCHARGE["components"] | {
             "tank": {"kind": "tank", "volume": f"{1e3 * volume} l"}

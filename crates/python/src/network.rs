@@ -153,7 +153,7 @@ impl PyCircuit {
         let each = values.as_array();
         let each = each.rows().into_iter().map(|row| members.member(&row.to_vec()));
         let each = each.collect::<Result<Vec<_>, _>>().map_err(to_python)?;
-        Ok(PyMembers { template: self.network.assembly().clone(), each })
+        Ok(PyMembers { each })
     }
 
     /// Runs segments with derivatives under the commands of one input, if any. Parameters are numbers of components, such as
@@ -168,7 +168,7 @@ impl PyCircuit {
     ) -> PyResult<Bound<'py, PyDict>> {
         let asked = asked.under(command);
         let shot = watched(py, look, |interrupted| self.network.shoot(&self.json, &asked, interrupted))?;
-        shot_to_dict(py, &asked, shot, self.network.assembly().start_names())
+        shot_to_dict(py, &asked, shot)
     }
 
     /// Returns pressure, Pa, and temperature, K, in chambers a and b (four columns) at states in the form of `states`.
@@ -270,7 +270,6 @@ impl PyCircuit {
 /// Circuits of one topology with different numbers.
 #[pyclass(name = "Members", frozen)]
 pub struct PyMembers {
-    template: Assembly,
     each: Vec<Assembly>,
 }
 
@@ -278,13 +277,6 @@ pub struct PyMembers {
 impl PyMembers {
     fn __len__(&self) -> usize {
         self.each.len()
-    }
-
-    /// Number of members that were analysed separately because their parts differ.
-    #[getter]
-    fn analysed(&self) -> usize {
-        let own = |each: &&Assembly| !each.circuit.shares_analysis(&self.template.circuit);
-        self.each.iter().filter(own).count()
     }
 
     /// Returns a session of one member at a start given by name.

@@ -60,15 +60,11 @@ impl Asked<'_> {
 }
 
 /// Returns the result of a shot as arrays by name.
-pub fn shot_to_dict<'py>(
-    py: Python<'py>,
-    asked: &Shooting,
-    shot: Shot,
-    start_names: Vec<String>,
-) -> PyResult<Bound<'py, PyDict>> {
+pub fn shot_to_dict<'py>(py: Python<'py>, asked: &Shooting, shot: Shot) -> PyResult<Bound<'py, PyDict>> {
     let Shot { values, sensitivities, ends, end_sensitivities, failures, directions } = shot;
     let (samples, outputs) = (asked.sample_times.len(), asked.outputs.len());
-    let (segments, states) = (asked.starts.len(), start_names.len());
+    let segments = asked.starts.len();
+    let states = asked.initial.len() / segments;
     let array = |values: Vec<f64>| PyArray1::from_vec(py, values);
     let out = PyDict::new(py);
     out.set_item("values", array(values).reshape([samples, outputs])?)?;
@@ -76,6 +72,5 @@ pub fn shot_to_dict<'py>(
     out.set_item("ends", array(ends).reshape([segments, states])?)?;
     out.set_item("end_sensitivities", array(end_sensitivities).reshape([segments, states, directions])?)?;
     out.set_item("failures", failures)?;
-    out.set_item("start_names", start_names)?;
     Ok(out)
 }

@@ -18,26 +18,6 @@ pub(crate) fn follows<S: Real>([x, v]: [S; 2], u: S, [w, zeta, top]: [S; 3]) -> 
     [v, double * w * (wanted - v)]
 }
 
-/// Length of a step of [`after`], in the system's shortest time: its error is below 1e-7 of a change.
-const STEP: f64 = 0.05;
-
-/// Returns x and v a time, s, later, under a constant command. See [`follows`]. Runge and Kutta's method of order 4.
-pub(crate) fn after<P: Lane>(mut y: [P; 2], u: P, numbers: [P; 3], lapse: f64) -> [P; 2] {
-    let [w, zeta, _] = numbers.map(|number| number.get(0));
-    let steps = (lapse * w * (2.0 * zeta).max(1.0) / STEP).ceil();
-    let h = lapse / steps;
-    let moved = |y: [P; 2], rate: [P; 2], h: f64| [0, 1].map(|i| y[i] + P::c(h) * rate[i]);
-    for _ in 0..steps as usize {
-        let a = follows(y, u, numbers);
-        let b = follows(moved(y, a, 0.5 * h), u, numbers);
-        let c = follows(moved(y, b, 0.5 * h), u, numbers);
-        let d = follows(moved(y, c, h), u, numbers);
-        let sum = [0, 1].map(|i| a[i] + P::c(2.0) * (b[i] + c[i]) + d[i]);
-        y = moved(y, sum, h / 6.0);
-    }
-    y
-}
-
 gathered! {
     /// A pressure that follows a command, Pa. See [`follows`].
     pub struct SecondOrder {
