@@ -1,0 +1,103 @@
+"""Random small tasks, each sized by the pruned search and by full enumeration: the winners have to be the same.
+
+    python -m tests.oracle.sizing_enumerated [TASKS] [SEED]
+
+A task draws two cylinders, two valves, two tubes and a flow control of the catalogue, which may also be left out.
+Enumeration tunes every combination and simulates 1,024 draws of it, also of those that the search prunes by bounds of
+force and time, or leaves out at its end; a combination that fails the nominal case is not simulated further. What a
+sheet forbids (another stroke, a coupling that gives way) no simulation sees; both leave it out.
+"""
+
+from __future__ import annotations
+
+import sys
+from typing import Any
+
+import numpy as np
+
+from pneudrive.describe.files.catalogue import entries
+from pneudrive.sizing.checks import PROBABILITY, SizedDrive, sized
+from pneudrive.sizing.choices import SLOTS, choices, combined
+from pneudrive.sizing.prune import SafeBounds
+from pneudrive.sizing.search import size
+from pneudrive.sizing.strokes import RTOL, DriveStrokes, Setting, points
+from pneudrive.sizing.task import SizingTask
+from pneudrive.sizing.tune import tune
+
+TASKS, DRAWS, FIRST = 50, 1024, 64
+BOUNDS = ("force", "time")
+TAKEN = {"cylinder": 2, "valve": 2, "tube": 2, "flow_control": 1}
+
+
+def random_task(rng: np.random.Generator) -> SizingTask:
+    """Return a task that some of its parts do, more often than not."""
+    known = {name: one.kind for name, one in entries().items() if not one.is_drive}
+    taken = set()
+    for slot, kinds in SLOTS.items():
+        names = sorted(name for name, kind in known.items() if kind in kinds)
+        taken |= set(rng.choice(names, TAKEN[slot], replace=False))
+    stroke = float(rng.choice([0.05, 0.1, 0.2, 0.4]))
+    given: dict[str, Any] = {
+        "mass": f"{10.0 ** rng.uniform(-0.3, 1.2):.3g} kg",
+        "stroke": f"{stroke} m",
+        "time": f"{stroke / 10.0 ** rng.uniform(-1.0, 0.0) + 0.05:.3g} s",
+        "incline": f"{rng.choice([-90, 0, 0, 0, 30, 90])} deg",
+        "tube_length": f"{rng.uniform(0.3, 3.0):.2g} m",
+        "guide": str(rng.choice(["none", "ball"])),
+        "supply": {"pressure": "6 bar gauge", "spread": f"{rng.uniform(0.0, 0.6):.2g} bar"},
+        "exclude": sorted(set(known) - taken),
+        "servo_valves": True,
+    }
+    if rng.random() < 0.5:
+        given["end_speed"] = f"{rng.uniform(0.3, 1.5):.2g} m/s"
+    if rng.random() < 0.3:
+        given["holding_force"] = f"{rng.uniform(20.0, 300.0):.3g} N"
+    return SizingTask(**given)
+
+
+def enumerated(strokes: DriveStrokes, setting: Setting) -> SizedDrive | None:
+    """Simulate all draws of a choice; None as soon as more of them fail than may fail of all."""
+    first = sized(strokes, setting, points(DRAWS)[:FIRST], RTOL)
+    if first.draws - first.met > (1.0 - PROBABILITY) * DRAWS:
+        return None
+    return sized(strokes, setting, points(DRAWS), RTOL)
+
+
+def compared(task: SizingTask) -> tuple[bool, str]:
+    """Return whether search and enumeration agree on a task, and what they found."""
+    found = size(task, least=1)
+    parts = choices(task)
+    bounds = SafeBounds(task, parts["tube"])
+    lacks = [(choice, bounds.lacks(choice)) for choice in combined(parts)]
+    cut = {choice.name for choice, lack in lacks if lack is not None and lack.limit in BOUNDS}
+    made = [DriveStrokes(one, task) for one, lack in lacks if lack is None or lack.limit in BOUNDS]
+    tuned = [(one, tune(one)) for one in made]
+    every = [
+        one for strokes, own in tuned if own.nominal >= 0.0 if (one := enumerated(strokes, own.setting)) is not None
+    ]
+    feasible = [one for one in every if one.is_feasible]
+    wrong = [one.name for one in feasible if one.name in cut]
+    best = min(feasible, key=lambda one: one.rank, default=None)
+    same = (found.best is None) == (best is None) and (best is None or found.best.rank == best.rank)  # type: ignore[union-attr]
+    said = f"{len(feasible):2} of {len(made):2} feasible, {len(cut):2} pruned, {len(found.simulated):2} simulated"
+    if best is not None:
+        said += f", best {best.name}"
+    if not same:
+        said += f"; the search found {None if found.best is None else found.best.name}"
+    return same and not wrong, said + (f"; pruned but feasible: {wrong}" if wrong else "")
+
+
+def main(tasks: int = TASKS, seed: int = 0) -> int:
+    """Compare tasks; return how many do not agree."""
+    rng, bad = np.random.default_rng(seed), 0
+    for number in range(tasks):
+        agrees, said = compared(random_task(rng))
+        bad += not agrees
+        sys.stdout.write(f"{number + 1:3} {'same ' if agrees else 'WRONG'} {said}\n")
+        sys.stdout.flush()
+    sys.stdout.write(f"{tasks - bad} of {tasks} tasks agree\n")
+    return bad
+
+
+if __name__ == "__main__":
+    sys.exit(min(main(*map(int, sys.argv[1:])), 1))
