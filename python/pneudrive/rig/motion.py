@@ -221,8 +221,10 @@ def cycles(low_m: float, high_m: float, speed_m_s: float, limits: MotionLimits, 
     distance = high_m - low_m
     if count < 1:
         raise CommandError(f"at least one cycle is needed, got {count}")
+    if not 0.0 < speed_m_s < np.inf:
+        raise CommandError(f"speed = {1e3 * speed_m_s:g} mm/s of a cycle is not positive and finite")
     ramps = 2.0 * limits.ramp_distance_m(speed_m_s)
-    if not 0.0 < speed_m_s < np.inf or ramps > distance:
+    if ramps > distance:
         top = 1e3 * limits.top_speed_m_s(distance)
         speed, way, ramps = (1e3 * value for value in (speed_m_s, distance, ramps))
         raise CommandError.of("rig.speed", limits=limits, speed=speed, distance=way, ramps=ramps, top=top)

@@ -105,6 +105,8 @@ def test_rig_files_that_are_wrong(tmp_path, old, new, message):
 def test_commands_that_do_not_fit():
     with pytest.raises(CommandError, match=r"1500 mm/s is not reached within 290 mm"):
         RIG.measure(1.5)
+    with pytest.raises(CommandError, match=r"speed = -10 mm/s of a cycle is not positive"):
+        RIG.measure(-0.01)
     with pytest.raises(CommandError, match="cannot be held"):
         RIG.measure(0.1, -2e5)
     with pytest.raises(CommandError, match="cannot be held"):
