@@ -152,7 +152,7 @@ def truth():
 def noise_of_one_sample():
     """Of the force balance: force and both pressures, each with its converter's steps."""
     force = np.hypot(D.force_sensor.noise, D.force_sensor.step / 12**0.5)
-    pressure = np.hypot(D.pressure_sensor.noise, D.pressure_sensor.step / 12**0.5) * D.area_m2
+    pressure = np.hypot(D.pressure_sensor.noise, D.pressure_sensor.step / 12**0.5) * D.areas_m2[0]
     return float(np.sqrt(force**2 + 2.0 * pressure**2))
 
 

@@ -15,10 +15,11 @@ from pneudrive.arrays import evenly
 from pneudrive.errors import RecordingError
 from pneudrive.estimate.estimates import changed
 from pneudrive.files.inputs import INPUTS, stored_input
+from pneudrive.friction import level as reduction
 from pneudrive.friction import pressure
 from pneudrive.friction.budget import CLOCKS, COVERAGE_FACTOR
 from pneudrive.friction.friction_map import SAME_PA, rows_to_dataset
-from pneudrive.friction.level import LONG_SAMPLES, Level, RecordingResult, extract, extract_long
+from pneudrive.friction.level import Level, RecordingResult
 from pneudrive.friction.sentences import sentence
 from pneudrive.friction.strokes import SampleChoice, Settled, StrokeUse, stroke_notes
 from pneudrive.lazy_names import upper
@@ -325,7 +326,7 @@ def _readers(recordings: Input, layout: Layout | str | Path | None) -> tuple[int
         yield from ((recording.name, lambda recording=recording: recording) for recording in loaded)
         for file, campaign in zip(files, campaigns, strict=True):
             if campaign is None:
-                yield file.name, lambda file=file: find_long(file, LONG_SAMPLES) or file.read()
+                yield file.name, lambda file=file: find_long(file, reduction.LONG_SAMPLES) or file.read()
             else:
                 yield from ((cycle.name, lambda cycle=cycle: cycle) for cycle in campaign.recordings())
 
@@ -362,13 +363,13 @@ class _Results:
             recording = read()
             if isinstance(recording, LongFile):
                 self.long.append(name)
-                result = extract_long(recording, choice, watch)
+                result = reduction.extract_long(recording, choice, watch)
             else:
                 digest = digest_of(getattr(recording, channel) for channel in ("time_s", *CHANNELS))
                 if digest in self._seen:
                     self.skipped.append((name, f"identical to {self._seen[digest]}"))
                     return
-                result = extract(recording, choice)
+                result = reduction.extract(recording, choice)
                 self._seen[digest] = name
         except RecordingError as error:
             if not self.large:

@@ -59,7 +59,7 @@ def test_a_command_within_the_overlap_is_refused_with_the_one_that_opens_the_val
         lambda: pn.drive_characteristic(overlapped(0.04), "bode", command=0.03),
         lambda: pn.linearise(overlapped(0.04), command=-0.03),
     ):
-        with pytest.raises(CommandError, match=r"shut up to 0\.04") as refused:
+        with pytest.raises(CommandError, match=r"shut up to a command of 0\.04") as refused:
             call()
         assert "0.09" in str(refused.value.remedy)
         assert refused.value.rule
