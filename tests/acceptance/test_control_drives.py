@@ -208,3 +208,60 @@ def test_an_upright_axis_with_a_light_load_and_a_low_supply_stays_where_it_rests
         error = abs(run.position - run.reference).sel(time=slice(3.5, 4.5))
         assert farthest_from_rest(run) < 1e-3
         assert float(error.max()) < 1e-3, law
+
+
+def test_a_drive_of_half_the_described_mass_that_swings_before_its_reference_is_fast_is_not_lost():
+    """The mass was learned only above 25 mm/s of the reference: the swing grew for 0.4 s, and the drive was lost."""
+    drive = axis(
+        'bore = "63 mm"\nstroke = "160 mm"\ndead_volume_a = "59.5 cm3"\ndead_volume_b = "59.5 cm3"\n'
+        'moving_mass = "40.9 kg"',
+        LUGRE.format(85.4, 120, 103, 285000, 3410),
+        COMMON.replace("2 dm3", "10.2 dm3"),
+    )
+    run = pn.control.run(drive, "nmpc", reference=pn.control.standard(drive)["R1"], mismatch=Mismatch(moving_mass=0.5))
+    assert run.attrs["score"]["max_error_m"] < 2e-4
+
+
+def test_a_light_drive_that_breaks_away_late_keeps_its_position_sensor():
+    """The model moved on while the contact still held: the sensor was taken for stuck, and the drive hit its end."""
+    drive = axis(
+        'bore = "16 mm"\nstroke = "300 mm"\ndead_volume_a = "13.4 cm3"\ndead_volume_b = "6.17 cm3"\n'
+        'moving_mass = "0.164 kg"\nincline = "30 deg"',
+        'law = "stribeck", coulomb = "3.736 N", breakaway = "6.096 N", stribeck_velocity = "10.9 mm/s", '
+        'viscous = "7.592 N s/m"',
+        'conductance = "0.715 dm3/(s bar)"\ncritical_pressure_ratio = 0.18\nfrequency = "83.4 Hz"\ndelay = "1.19 ms"\n'
+        "overlap = 0.03\nleakage = 0.006\nhysteresis = 0.01",
+        'pressure = "5 bar abs"',
+    )
+    along = "138 mm; 1 s: 198 mm in 0.3 s; 3 s: 138 mm in 0.3 s; 5 s: 240 mm in 0.5 s; 7 s: 60 mm in 0.6 s"
+    run = pn.control.run(drive, "pid", reference=along, duration="8 s", seed=1)
+    # A rest that drifts by more than holding allows is left to the controller.
+    assert {event["kind"] for event in run.attrs["events"]} <= {"rest-lost"}
+    assert run.attrs["score"]["max_error_m"] < 0.015
+
+
+def test_a_large_drive_does_not_learn_from_its_pressure_sensors():
+    """Gains and zeros of pressures on a bore of 160 mm are large forces, and were taken for friction and mass."""
+    drive = axis(
+        SMALL.replace("25", "160").replace("10 cm3", "300 cm3").replace("2 kg", "100 kg"),
+        LUGRE.format(360, 500, 720, 1.8e6, 3600),
+        COMMON.replace("2 dm3", "12 dm3"),
+    )
+    run = pn.control.run(drive, "nmpc", reference="sine 60 mm 0.5 Hz around 250 mm", duration="5 s")
+    assert run.attrs["score"]["max_error_m"] < 1e-4
+
+
+def test_an_encoder_without_noise_is_no_stuck_sensor_in_slow_motion():
+    """The model's contact creeps below breakaway; its way was taken for one of a stuck sensor, and the valve shut."""
+    drive = axis(
+        'bore = "12 mm"\nstroke = "2000 mm"\ndead_volume_a = "1.23 cm3"\ndead_volume_b = "2.74 cm3"\n'
+        'moving_mass = "1.968 kg"',
+        'law = "karnopp", coulomb = "4.396 N", breakaway = "5.35 N", stribeck_velocity = "6.86 mm/s", '
+        'viscous = "8.652 N s/m", dead_zone = "0.5 mm/s"',
+        'conductance = "0.474 dm3/(s bar)"\ncritical_pressure_ratio = 0.42\nfrequency = "174 Hz"\ndelay = "2.05 ms"\n'
+        "overlap = 0\nleakage = 0.001\nhysteresis = 0.004",
+    )
+    along = "sine 20 mm 0.03 Hz around 1000 mm"
+    run = pn.control.run(drive, "inversion", reference=along, setup="ideal", duration="6 s")
+    assert not run.attrs["events"]
+    assert run.attrs["score"]["max_error_m"] < 5e-3

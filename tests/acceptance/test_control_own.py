@@ -250,3 +250,8 @@ def test_what_cannot_be_exported_is_said(tmp_path, capsys):
     ):
         assert run(["control", "export", law, "--to", to, "--out", str(tmp_path), *told]) == 2
         assert said in capsys.readouterr().err
+
+
+def test_an_fmu_follows_a_standard_reference(tmp_path):
+    told = ["--drive", str(AXIS), "--to", "fmu", "--out", str(tmp_path / "law.fmu"), "--reference", "R1"]
+    assert run(["control", "export", "nmpc", *told]) == 0

@@ -513,3 +513,18 @@ def test_a_user_exports_a_drive_file_and_runs_it_in_fmpy(tmp_path, capsys):
     assert simulate_fmu(str(target), stop_time=0.1, start_values={"command": 0.6})["position"][-1] > 0.27
     with pytest.raises(CommandError, match=r'FMI "1\.0" is not available'):
         pn.export_fmu(SMOOTH, target, version="1.0")
+
+
+def test_a_contact_that_has_stood_before_the_start_is_as_old_in_the_fmu(tmp_path):
+    drive, start = pn.Drive.load("catalogue:starter"), {"position": "100 mm", "contact_age": "1000 s"}
+    path = str(pn.export_fmu(drive, tmp_path / "starter.fmu", initial=start).path)
+    seen = []
+    for values in ({}, {"start__contact_age": 0.0}):
+        tool = Tool(path).begin(command=0.05, **values)
+        tool.fmu.doStep(0.0, 0.2)
+        seen.append(tool.get("position")[0])
+    session = drive.start(start, rtol=1e-7)
+    session.set("command", 0.05)
+    session.advance(0.2)
+    assert seen[0] == session.read("position_m")
+    assert seen[1] > seen[0], "a younger contact breaks away earlier"

@@ -20,7 +20,7 @@ from connect import served_child
 from pneudrive.campaign.run import run_campaign
 from pneudrive.campaign.storage.folder import Campaign
 from pneudrive.characteristics import characterise
-from pneudrive.errors import PneudriveWarning
+from pneudrive.errors import ConnectionLostError, PneudriveWarning
 from pneudrive.rig import load_rig
 from pneudrive.rig.opcua.access import add_user, make_certificate, write_secret
 from pneudrive.rig.opcua.nodes import load_map
@@ -191,3 +191,19 @@ def test_no_command_without_a_heartbeat():
 
     with RigServer(load_rig("default"), load_map(), port=0) as server:
         assert "no heartbeat" in asyncio.run(command(server.url))
+
+
+def test_a_client_that_was_asleep_is_told_so():
+    with RigServer(load_rig("default"), load_map(), port=0) as server:
+        rig = load_rig(server.url)
+        rig.set_pressure(1.5e5, 1.5e5)
+        rig._link._loop.loop.call_soon_threadsafe(time.sleep, 1.2 * HEARTBEAT_S)  # as a laptop whose lid was shut
+        time.sleep(HEARTBEAT_S)
+        with pytest.raises(
+            ConnectionLostError, match=r"(?s)during 'move' and is back.*stopped the axis.*without pressure"
+        ):
+            rig.move(0.1, 0.1)
+        assert rig.state().pressure_a_pa == pytest.approx(rig.identity().ambient_pressure_pa, abs=SENSOR_PA)
+        rig.move(0.1, 0.1)  # and that was all
+        assert rig.state().fault is None
+        rig.close()

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import shutil
-from typing import TYPE_CHECKING
 
 import numpy as np
 import polars as pl
@@ -11,10 +10,8 @@ from playwright.sync_api import expect
 
 from page.conftest import DRIVE, ROOT, Server, Tab
 from page.test_journeys import Open, at_end, settled
+from waiting import until
 from web.test_sizing import TASK
-
-if TYPE_CHECKING:
-    pass
 
 EDITOR = ".cm-content"
 
@@ -233,4 +230,76 @@ def test_what_does_not_count_is_said(server: Server, open_tab: Open) -> None:
         go(page, view)
         page.select_option("label:has-text('Drive or') select", "axis.toml")
         page.wait_for_selector(said)
+    tab.check()
+
+
+def test_an_answer_of_another_drive_is_not_drawn(server: Server, open_tab: Open) -> None:
+    (server.folder / "other.toml").write_text(DRIVE.replace("my axis", "the other"))
+    tab = open_tab(server.address)
+    page = tab.page
+    held: list = []
+
+    def through(own: object) -> None:
+        there = own.connect_to_server()
+        own.on_message(there.send)
+        there.on_message(lambda message: held.append((own, message)))
+
+    page.route_web_socket("**/api/live", through)
+    go(page, "control")
+    until(lambda: len(held) >= 1, lambda pause_s: page.wait_for_timeout(1e3 * pause_s))
+    with page.expect_response("**/api/control?path=other.toml"):
+        page.select_option("label.choice:has-text('Drive') >> nth=0 >> select", "other.toml")
+    page.wait_for_timeout(200)
+    own, message = held[0]
+    own.send(message)
+    until(lambda: len(held) >= 2, lambda pause_s: page.wait_for_timeout(1e3 * pause_s))
+    expect(page.locator("[data-score]")).to_have_count(0)
+    own, message = held[1]
+    own.send(message)
+    page.wait_for_selector("summary:has-text('for the other, every')")
+
+
+def test_another_recording_is_not_shown_with_the_spectrum_of_the_last_one(server: Server, open_tab: Open) -> None:
+    rng = np.random.default_rng(1)
+    for name in ("one", "two"):
+        table = pl.DataFrame({"time": np.arange(4000) * 1e-3, "level": rng.standard_normal(4000)})
+        table.write_parquet(server.folder / f"{name}.parquet")
+    tab = open_tab(server.address)
+    page = tab.page
+    go(page, "recording", "one.parquet")
+    page.check("text=spectrum of the view")
+    page.wait_for_selector("figure[data-plot^=Spectrum]")
+    held: list = []
+    page.route("**/api/spectrum*", lambda route: held.append(route))  # noqa: PLW0108 - it takes no builtin
+    with page.expect_request("**/api/spectrum?path=two*"):
+        go(page, "recording", "two.parquet")
+    expect(page.locator("figure[data-plot^=Spectrum]")).to_have_count(0)
+    held[-1].continue_()
+    page.wait_for_selector("figure[data-plot^=Spectrum]")
+    tab.check()
+
+
+def test_the_editor_of_a_task_outlives_its_text(server: Server, open_tab: Open) -> None:
+    (server.folder / "push.toml").write_text(TASK)
+    page = open_tab(server.address).page
+    go(page, "sizing", "push.toml")
+    page.click(EDITOR)
+    page.keyboard.press("ControlOrMeta+A")
+    page.keyboard.press("Delete")
+    page.wait_for_selector("section[aria-label=Task] .problem")
+    page.keyboard.type("name = 1")
+    expect(page.locator(EDITOR).first).to_have_text("name = 1", use_inner_text=True)
+
+
+def test_what_is_not_copied_is_not_said_to_be(tab: Tab) -> None:
+    page = tab.page
+    go(page, "simulate", "axis.toml")
+    page.wait_for_selector("[data-end=position_m]")
+    page.click("text=Copy as command or Python")
+    page.evaluate("() => { navigator.clipboard.writeText = () => Promise.reject(new Error('denied')); }")
+    page.click("text=Copy the command")
+    page.wait_for_selector(".copied >> text=Not copied")
+    page.evaluate("() => { navigator.clipboard.writeText = () => Promise.resolve(); }")
+    page.click("text=Copy the command")
+    page.wait_for_selector(".copied >> text=Copied the command.")
     tab.check()

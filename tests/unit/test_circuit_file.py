@@ -39,6 +39,22 @@ def line_of(text: str, mark: str) -> int:
 
 
 FAULTS = {
+    "copies of a part that is none": (
+        changed(('copies = ["fc_la"', 'use = "catalogue:none"\ncopies = ["fc_la"')),
+        ("the catalogue has no part 'none'", '"catalogue:none"', "", "Known"),
+    ),
+    "a number in place of a table": (
+        changed(("dead_volume = {", 'dead_volume = "9 cm3" # {')),
+        ("dead_volume = '9 cm3' is not a table", "dead_volume", "", "{ a = ..., b = ... }"),
+    ),
+    "two volumes": (
+        changed(('"tank -> valve_r.1",', '"tank -> valve_r.1",\n    "tank -> left.a",')),
+        ("tank and left.a are one joint but have a volume each", '"tank -> left.a"', "or one volume", "a fitting"),
+    ),
+    "short circuit": (
+        changed(('"mains -> inlet', '"mains -> ambient",\n    "mains -> inlet')),
+        ("mains -> ambient without any restriction", '"mains -> ambient"', "at most one fixed pressure", "a fitting"),
+    ),
     "dangling": (
         changed(('    "valve_l.2 -> fc_lb -> left.b",\n', "")),
         ("port valve_l.2 is not connected", 'copies = ["valve_l"', "joined or plugged", '"valve_l.2 -> fc_lb.1"'),
@@ -426,3 +442,12 @@ def test_what_is_assumed_of_end_stops_follows_from_the_start():
     area = 0.25 * math.pi * 0.032**2
     assert force("8 bar abs") - force("1 bar abs") == pytest.approx((8e5 - 101325.0) * area, rel=0.01)
     assert force("1 bar abs") == force("0.5 bar abs")
+
+
+def test_a_wrong_value_is_found_under_its_name_of_before(tmp_path):
+    text = changed(('check_conductance = "0.8 dm3/(s bar)"', 'conductance = "-1 dm3/(s bar)"'))
+    path = tmp_path / "circuit.toml"
+    path.write_text(text)
+    line = 1 + text.splitlines().index('conductance = "-1 dm3/(s bar)"')
+    with pytest.raises(DescriptionError, match=f"circuit.toml:{line}"):
+        pn.Circuit.load(path)

@@ -281,3 +281,42 @@ def test_exact_friction_never_pushes():
                 drive, "0 s: -0.33, 0.7 s: 0.4", "1.6 s", rtol=rtol, sample_rate="5 kHz", initial="position = 4 mm"
             )
             assert float((run.friction_force * run.velocity).min()) >= 0.0
+
+
+def test_a_mass_that_creeps_on_a_stiff_stop_leaves_it():
+    """Rounding on 2e9 N/m is 3e-8 N: the event where it no longer slips came again and again, for 360,000 attempts."""
+    tables = {
+        "name": "creeps",
+        "supply": {"pressure": "9.067460018536224 bar abs", "temperature": "353 K"},
+        "cylinder": {
+            "kind": "rodless",
+            "bore": "250 mm",
+            "stroke": "68.57470987145588 mm",
+            "moving_mass": "15.086581676936477 kg",
+            "dead_volume": {"a": "56.78174939263992 cm3", "b": "95.4928994830391 cm3"},
+            "end_stop": {
+                "stiffness": "2156338565.233538 N/m",
+                "damping": "90182.83912076037 N s/m",
+                "damping_depth": "1.3736396233368318e-05 m",
+            },
+            "heat_transfer": "100 W/(m2 K)",
+        },
+        "valve": {
+            "kind": "proportional-5/3",
+            "conductance": "6.0715114835233654 dm3/(s bar)",
+            "critical_pressure_ratio": 0.16683326141847435,
+        },
+        "friction": {
+            "law": "karnopp",
+            "coulomb": "1076.5888524156906 N",
+            "breakaway": "1373.4622459840741 N",
+            "stribeck_velocity": "8.13714711760107 mm/s",
+            "viscous": "4234.3223806799415 N s/m",
+            "dead_zone": "0.041488994869485256 mm/s",
+        },
+        "load": {"force": "3814.31572986214 N"},
+    }
+    drive = pn.Drive.model_validate(tables)
+    commands = [(0.0, 0.6923791849302829), (0.2982967474687605, 0.11626435845398264)]
+    run = simulated_quietly(drive, commands, "0.4 s", initial="position = 0.03428735493572794 m", budget=2_000)
+    assert run.attrs["statistics"]["steps"] < 1_000

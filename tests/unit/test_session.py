@@ -492,3 +492,8 @@ def test_a_leak_past_the_piston_evens_the_pressures_out():
     ]
     assert apart[0] > 0.45e5
     assert abs(apart[1]) < 0.5 * apart[0]
+
+
+def test_a_tolerance_that_no_run_keeps_is_refused():
+    with pytest.raises(CommandError, match=r"rtol = 1\.0 is out of bounds"):
+        REFERENCE.start(rtol=1.0)

@@ -493,3 +493,9 @@ def test_a_layout_that_cannot_be_read_is_not_written(served: Served) -> None:
     answered = served.client.put("/api/file?path=layout.toml", json={"text": LOGGED + RIG}, headers=served.headers)
     assert answered.status_code == 200, answered.text
     assert read(served, "run.csv")["layout"] == "rig"
+
+
+def test_a_layout_outside_the_workspace_is_not_read(served: Served) -> None:
+    (served.folder.parent / "layout.toml").write_text("[columns]\nsecret = 1\n")
+    (served.folder / "few.csv").write_text("time_s,force_n\n" + "".join(f"{0.1 * k:.1f},{k}\n" for k in range(50)))
+    assert read(served, "few.csv")["layout"] is None

@@ -575,7 +575,8 @@ def _tuned(table: Controller, word: str, drive: Drive | Circuit, folder: Path, *
         raise invalid("valves", "control.table_of_valves")
     valves = _numbers_of("valves", "these valves", table.valves, ruled[1], lambda given: asked(valves=given))
     try:
-        asked(factors=table.factors.changed)
+        if table.factors.changed:
+            asked(factors=table.factors.changed)
     except ValueError as error:
         raise wrong(str(error).split(" ")[0], str(error)) from None
     return Tuning(table, gains, Plant(**plant), belief, source, valves=valves)

@@ -555,7 +555,8 @@ def simulate_many(
     seed : int, optional
         Random seed of the design. Default: 0.
     executor : Executor, optional
-        Executor of the chunks. Default: this process, one chunk after the other. See `pneudrive.ensemble.DaskExecutor`.
+        Executor of the chunks. Default: one chunk after the other in this process.
+        See `pneudrive.ensemble.DaskExecutor`.
     out : path-like, optional
         Folder of the finished chunks, as Parquet. An interrupted study continues from there. Finished chunks do not
         run again.

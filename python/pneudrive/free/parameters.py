@@ -478,9 +478,8 @@ def circuit_numbers(circuit: Circuit) -> dict[str, Parameter]:
     Names are those of components and their keys, ``left.bore``, ``left.friction.coulomb``. Further names are
     ``ambient.pressure``, ``ambient.temperature`` and ``initial.left.position``.
     """
-    tables: list[
-        tuple[str, str, Keyed, Keyed]
-    ] = []  # begin of names and paths, written forms by key, entry of the core
+    # Begin of the names and of the paths, written forms by key, entry of the core.
+    tables: list[tuple[str, str, Keyed, Keyed]] = []
     for name, one in circuit.components.items():
         written, friction = one.marks(), getattr(one, "friction", None)
         given = {key: written[key] for key in one.numbers(circuit.ambient.pressure_pa)}

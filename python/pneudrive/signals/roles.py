@@ -652,7 +652,7 @@ def _without_column(form: FileForm, count: int, numbered: Sequence[FileColumn]) 
     if len(steps_s) > 1:
         shown = ", ".join(f"{step:g} s" for step in steps_s)
         return _asked(count, f"the channels have different rates ({shown}): resample them, or export one rate")
-    if steps_s:
+    if any(steps_s):
         source = " ".join(form.preamble.source.split())[:40]
         return Times.at_rate(count, 1.0 / steps_s[0], f"the file states the rate: {source}")
     only = f", column {numbered[0].place!r} numbers the rows" if numbered else ""

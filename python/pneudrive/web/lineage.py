@@ -8,6 +8,7 @@ from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
+from itertools import count
 from pathlib import Path
 from posixpath import dirname, join, normpath
 from typing import TYPE_CHECKING, Any
@@ -200,7 +201,7 @@ class Lineage:
 
     def _new(self, path: str, suffix: str = "") -> str:
         """Return an unused name, without folder and suffix, similar to the name of a path."""
-        places = ((number, self.workspace.folder(f"{path}-{number}{suffix}")) for number in range(2, MOST_TRACED))
+        places = ((number, self.workspace.folder(f"{path}-{number}{suffix}")) for number in count(2))
         return f"{Path(path).name}-{next(number for number, place in places if not place.exists())}"
 
 

@@ -350,3 +350,11 @@ def test_what_is_next_to_nothing_is_found_and_applied(name, start):
     assert high < 0.02 * guess
     applied = next((p.value for p in numbers_of(fit.apply()).values() if p.name == name), 0.0)
     assert applied < 0.02 * guess
+
+
+def test_pressures_that_were_not_recorded_stay_above_zero():
+    run = servo(reference(), 2.0)
+    alone = {name: run[name] for name in ("time_s", "command", "position_m")}
+    fit = pn.identify(reference(), alone, free=["friction.coulomb"])
+    assert np.isfinite(fit.values["friction.coulomb"])
+    assert fit.converged or any("record the chamber pressures" in note for note in fit.notes)

@@ -389,3 +389,27 @@ def test_changed_and_damaged_files_are_read_or_refused(tmp_path):
     counts, failures = trials(range(130, 160), tmp_path)
     assert not failures
     assert counts["right"] > 0.5 * sum(counts.values())
+
+
+def test_a_header_behind_a_comment_sign_with_another_delimiter(table, tmp_path):
+    head = "#time(s),Pos(in),Spd(in/s),LoadCurr(A),MachineForce(lbs),LowerPressure(psia),UpperPressure(psia)"
+    psi = 14.503774 * (table[:, 3:] + 1.01325)
+    speed = np.gradient(table[:, 1])
+    numbers = np.column_stack([table[:, 0], table[:, 1] / 25.4, speed, 0.1 + 0 * speed, table[:, 2] / 4.4482216, psi])
+    rows = [" ".join(row) for row in fields(numbers, (3, 5, 3, 1, 4, 4, 4))]
+    (tmp_path / "a.exp").write_text("\n".join([head, *rows]))
+    proposal = proposed(tmp_path / "a.exp")
+    assert {g.role: g.column for g in proposal.guesses}["force"] == "MachineForce(lbs)"
+    assert 'header_delimiter = ","' in proposal.text
+    assert all("no other candidate" in g.reason or "next: " in g.reason for g in proposal.guesses)
+
+
+def test_slow_channels_under_headers_that_come_again(table, tmp_path):
+    # An empty unit and a sample of every second line: the headers alone fill the columns of the slow channels.
+    head = [[*NAMES, "Status"], ["s", "mm", "N", "barg", "barg", ""]]
+    rows = [row if at % 10 == 1 else [*row[:3], "", ""] for at, row in enumerate(fields(table))]
+    parts = [line for at in (0, 400) for line in [*head, *([*row, "7"] for row in rows[at : at + 400])]]
+    (tmp_path / "a.csv").write_text(text_of(parts, []))
+    text = propose_layout(tmp_path / "a.csv").text
+    assert '"Pressure A"' in text
+    assert "no pressure column" not in text

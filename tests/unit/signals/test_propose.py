@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from pneudrive.characterise import Layout, characterise, load_recordings
-from pneudrive.errors import PneudriveWarning
+from pneudrive.errors import PneudriveWarning, RecordingError
 from pneudrive.signals.channels import open_channels
 from pneudrive.signals.proposal import propose_layout
 
@@ -235,3 +235,30 @@ def test_a_layout_that_does_not_read_its_file_says_so_with_a_status(make, tmp_pa
     assert run(["layout", str(tmp_path / "a.csv"), "--out", str(tmp_path / "layout.toml")]) == 2
     assert "# not found: force" in (tmp_path / "layout.toml").read_text()
     assert "does not read the file yet" in capsys.readouterr().err
+
+
+def test_dots_that_separate_thousands(tmp_path):
+    rows = [
+        f"{f'{i // 10}.{100 * (i % 10):03d}' if i >= 10 else 100 * i}.000;{3.6 - 1e-4 * i:.4f};{7.2 - 2e-4 * i:.4f}"
+        for i in range(400)
+    ]
+    (tmp_path / "leak.csv").write_text("\n".join(rows))
+    proposal = propose_layout(tmp_path / "leak.csv")
+    assert 'thousands = "."' in proposal.text
+    assert proposal.columns[0][-1] == 39900.0
+    assert proposal.kind == "fixed-volume"
+
+
+def test_no_such_file(tmp_path):
+    with pytest.raises(RecordingError, match="no such file"):
+        propose_layout(tmp_path / "none.csv")
+
+
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [(b"", "empty"), (b"hello world\nno table\n" * 20, "no table of numbers"), (bytes(range(256)) * 9, "binary")],
+)
+def test_what_holds_no_table_is_refused(tmp_path, content, words):
+    (tmp_path / "a.csv").write_bytes(content)
+    with pytest.raises(RecordingError, match=words):
+        propose_layout(tmp_path / "a.csv")

@@ -7,7 +7,7 @@ import warnings
 from collections import defaultdict
 from dataclasses import dataclass, replace
 from math import comb
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -36,7 +36,7 @@ if TYPE_CHECKING:
     import xarray as xr
 
     from pneudrive.arrays import Array, Interval, Plain
-    from pneudrive.platforms import Platform
+    from pneudrive.platforms import LegDynamics, Platform
 
 
 # --- Legs of a platform as axes: circuit and controller of each, its reference and its preview, and checks of a path.
@@ -67,7 +67,7 @@ class Demands(NamedTuple):
     """
 
     times_s: Array
-    legs: Any
+    legs: LegDynamics
     jerks_m_s3: Array
     loads_n: Array
     load_rates_n_s: Array

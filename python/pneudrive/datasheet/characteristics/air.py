@@ -202,6 +202,7 @@ def _exergy(plant: HeldDrive, command: float = 1.0, half_period: float = FULL_S)
     t_0 = plant.ambient[1]
     supply_k = plant.session(command, 0.5 * plant.stroke_m).read(plant.supply.replace("pressure_pa", "temperature_k"))
     (h, s), (h_0, s_0) = (_entering(plant, *gas) for gas in ((plant.supply_pa, supply_k), plant.ambient))
+    # The flow exergy of the supplied gas against ambient is h - h_0 - T_0 (s - s_0).
     drawn = drawn_mass(plant, command, half_period) * (h - h_0 - t_0 * (s - s_0))
     lost = losses(found, t_0)
     mass, enthalpy, entropy = (_sum(found, ending) for ending in _BOUNDARY)

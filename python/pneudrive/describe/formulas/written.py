@@ -225,7 +225,7 @@ def read_file(table: object, slot: str, key: str, make: Callable[[str, Path], Wr
 
 @lru_cache(maxsize=256)
 def core_entry(read: str, outputs: tuple[str, ...], *texts: str) -> Plain:
-    """Return what the core reads in formulas: `read` is the name of its function, `outputs` are keys of [output].
+    """Return the core's entry of some formulas. `read` names the function of the core, `outputs` are keys of [output].
 
     Raises
     ------

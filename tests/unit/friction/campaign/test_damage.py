@@ -240,3 +240,18 @@ def test_the_zeros_of_a_simulated_rig_are_told_apart(tmp_path):
     assert found.zero.zero_n == pytest.approx(tare["force_zero_n"], abs=0.02)
     shown = [s.text for s in found.statements if s.topic == "zero"]
     assert sum("subtracted from all cycles" in text for text in shown) == 2
+
+
+def test_gauge_pressures_are_no_silent_answer(measured, quick):
+    def lower(folder):
+        for path in (folder / "cycles").glob("*.parquet"):
+            head = json.loads(pl.read_parquet_metadata(path)["pneudrive"])
+            frame = pl.read_parquet(path)
+            for channel in ("pressure_a_pa", "pressure_b_pa"):
+                head["cycle"][channel] -= 0.9e5
+                if channel in frame.columns:
+                    frame = frame.with_columns(pl.col(channel) - 0.9e5)
+            frame.write_parquet(path, metadata={"pneudrive": json.dumps(head)})
+
+    found = measured(quick(), spoil=lower)
+    assert any("below ambient" in s.text and not s.carried for s in found.statements)

@@ -166,3 +166,23 @@ def test_pressures_that_were_not_the_set_ones_are_told(measured, quick, off, wor
     world = quick(**PLAN | {"written_too_high_pa": off, "gauges_pa": PLAN["gauges_pa"][1:]})
     said = " ".join(str(s) for s in measured(world).statements if "from the set pressure" in s.text)
     assert (word in said) if word else not said
+
+
+def test_neighbours_make_no_point_much_surer_than_its_own_cycles(measured, quick):
+    """Friction without a fall: the model may call the scatter of cycles a matter of the mean, as a line would."""
+    friction = Friction(law="viscous", lip_a=2.0, lip_b=2.0)
+    for repeats in (1, 3):
+        found = measured(quick(**PLAN | {"friction": friction, "cycle_share": 0.02, "repeats": repeats}))
+        for c in (c for c in found.curves if c.direction == 0):
+            own = found.repeatability.within.value / np.sqrt(c.cycles[c.measured])
+            assert np.all(c.stderr_n[c.measured] > 0.5 * own)
+
+
+def test_scatter_is_that_of_the_sentinels_themselves(measured, quick):
+    """Scatter of sentinels in newton, whatever misfit or smoothness the curves have."""
+    found = measured(quick(**PLAN | {"cycle_share": 0.0, "cycle_n": 0.5, "sentinel_every": 3, "zero_drift_n": 0.0}))
+    sentinels = found.cycles.filter(kind="sentinel")["friction_n"].to_numpy()
+    within = found.repeatability.within
+    assert found.repeatability.basis == "sentinels"
+    assert within.low < 0.5 < within.high
+    assert 0.5 < within.value / np.std(sentinels, ddof=1) < 1.5
