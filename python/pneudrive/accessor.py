@@ -1,4 +1,4 @@
-"""Accessor ``run.pneu`` of xarray: a run in selected units, its picture, numbers, strokes and energy."""
+"""Accessor ``run.pneu`` of xarray: unit conversion, plot, key figures, strokes and energy of a run."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ _JOULE = " [J]"
 
 @xr.register_dataset_accessor("pneu")
 class Pneu:
-    """Methods of a run of `pneudrive.simulate`, as ``run.pneu``.
+    """Methods of a run, available as ``run.pneu``.
 
     Parameters
     ----------
@@ -43,7 +43,7 @@ class Pneu:
         self._run = run.assign_attrs(attributes(run))
 
     def to(self, *wanted: str) -> xr.Dataset:
-        """Return the run in other units: each unit converts all columns and coordinates of the same quantity.
+        """Return the run in other units. Each unit applies to all columns and coordinates of its quantity.
 
         Parameters
         ----------
@@ -53,13 +53,13 @@ class Pneu:
         Returns
         -------
         xarray.Dataset
-            A new data set. ``units`` of each converted variable gives its unit. Strokes, files and reports take runs in
+            A new data set. Its variables have their unit in ``attrs["units"]``. Strokes, files and reports need runs in
             SI.
 
         Raises
         ------
         CommandError
-            No column has the quantity of a unit.
+            If no column has the quantity of a unit.
 
         Examples
         --------
@@ -117,26 +117,26 @@ class Pneu:
         return upper("plot")(self._run, path, circuit)
 
     def view(self, drive: Drive | Circuit | None = None) -> View:
-        """Return stroke times, impacts, gas into the chambers, peak pressures, warnings, and the picture of the run.
+        """Return plot and key figures of a run: stroke times, impacts, air consumption, peak pressures, warnings.
 
-        A run under control has its score instead. A characteristic has its results, and an ensemble the spread of its
-        outputs. A sensitivity has the effect of each number, a friction map its curves and flags.
+        Other data sets have other contents. Controlled run: score. Characteristic: results. Ensemble: spread of the
+        outputs. Sensitivity: effect of each input. Friction map: curves and flags.
 
         Parameters
         ----------
         drive : Drive or Circuit, optional
-            Simulated drive or circuit, whose gas defines the volume at the reference atmosphere (ANR). Default: air.
+            Simulated drive or circuit. Its gas is needed for volumes at the reference atmosphere (ANR). Default: air.
 
         Returns
         -------
         View
-            ``rows`` has the values in SI. A stroke time lasts from the last step of the command to the impact, in runs
-            with ``attrs["command_steps"]``.
+            ``rows`` has the values in SI. A stroke time runs from the last command step to the impact. It requires
+            ``attrs["command_steps"]``.
 
         Raises
         ------
         CommandError
-            The run is not in SI.
+            If the run is not in SI.
 
         Examples
         --------
@@ -176,14 +176,13 @@ class Pneu:
         Returns
         -------
         list of StrokeNumbers
-            Numbers as datasheets and reports show them, in the order of time. See `pneudrive.datasheet.strokes`. A run
-            without ``attrs["command_steps"]`` shows a command only at its samples: `begin_within` is then their
-            interval.
+            In the order of time, see `pneudrive.datasheet.strokes`. Without ``attrs["command_steps"]``, the time of a
+            command step is only known to within one sampling interval, `begin_within`.
 
         Raises
         ------
         CommandError
-            The run is not one of this drive, or not in SI.
+            If the run belongs to another drive, or is not in SI.
 
         Examples
         --------
@@ -238,7 +237,7 @@ class Pneu:
         return exhaust_air(columns(self._run), drive.ambient.pressure_pa)
 
     def energy(self) -> dict[str, UnitFloat]:
-        """Return the energy balance of the run: heat, work and enthalpy over its boundary, positive inward.
+        """Return the energy balance of the run: heat, work and enthalpy across the system boundary, positive inward.
 
         Returns
         -------
@@ -248,7 +247,7 @@ class Pneu:
         Raises
         ------
         CommandError
-            The run was made without its balances.
+            If the run was simulated without ``ledger=True``.
 
         Examples
         --------

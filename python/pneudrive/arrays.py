@@ -1,4 +1,4 @@
-"""Types of arrays, intervals, rows and plain data, for annotations; values by name, and evenly spread places."""
+"""Type aliases for arrays, intervals, rows and plain data, and two helpers for names and indices."""
 
 from __future__ import annotations
 
@@ -10,16 +10,16 @@ from numpy.typing import NDArray
 
 #: Array of real numbers.
 Array: TypeAlias = NDArray[np.float64]
-#: Array of truth values, and of whole numbers.
+#: Array of booleans, and array of integers.
 Bools: TypeAlias = NDArray[np.bool_]
 Ints: TypeAlias = NDArray[np.int64]
 #: Lower and upper end.
 Interval: TypeAlias = tuple[float, float]
-#: Two numbers, one for each chamber, or a point.
+#: Two numbers: one for each chamber, or the coordinates of a point.
 Pair: TypeAlias = tuple[float, float]
 #: Values by column or key.
 Row: TypeAlias = dict[str, Any]
-#: Plain data by key, as in TOML and JSON: to write, and given only to be read.
+#: Plain data by key, as in TOML and JSON: writable, and read-only.
 Plain: TypeAlias = dict[str, Any]
 Keyed: TypeAlias = Mapping[str, Any]
 
@@ -28,7 +28,7 @@ Value = TypeVar("Value")
 
 
 def by_name(names: Iterable[Name], values: Iterable[Value]) -> dict[Name, Value]:
-    """Return as many values by name; those of an array as plain numbers.
+    """Map names to values. Values of an array become Python numbers.
 
     Examples
     --------
@@ -39,7 +39,7 @@ def by_name(names: Iterable[Name], values: Iterable[Value]) -> dict[Name, Value]
 
 
 def evenly(count: int, most: int) -> Ints:
-    """Return at most so many places of a sequence, evenly spread from the first to the last.
+    """Return at most `most` indices, evenly spread from 0 to ``count - 1``.
 
     Examples
     --------

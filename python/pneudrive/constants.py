@@ -9,8 +9,8 @@ STANDARD_ATMOSPHERE_PA = 101325.0
 #: 0 degrees Celsius, exact by definition [bipm2019].
 ZERO_CELSIUS_K = 273.15
 
-#: Standard reference atmosphere of a normal litre (ANR) and of a sonic conductance: 65 % relative humidity, hence not
-#: p/(R T) of dry air [iso8778-2003], [iso6358-2013].
+#: Standard reference atmosphere (ANR) of air volumes and sonic conductances. At 65 % relative humidity, the density
+# differs from p/(R T) of dry air [iso8778-2003], [iso6358-2013].
 ANR_PRESSURE_PA = 1.0e5
 ANR_TEMPERATURE_K = 293.15
 ANR_DENSITY_KG_M3 = 1.185
@@ -20,7 +20,7 @@ ANR_LITRES_PER_KG = 1e3 / ANR_DENSITY_KG_M3
 AIR_HEAT_CAPACITY_RATIO = 1.4
 AIR_GAS_CONSTANT_J_KG_K = 287.05
 
-#: Critical pressure ratio of a leak past a seal: a narrow gap, far from an ideal nozzle (assumed).
+#: Critical pressure ratio of a leak past a seal, a narrow gap unlike an ideal nozzle (assumed).
 LEAK_CRITICAL_RATIO = 0.2
 
 #: Kinetic energy that a cylinder absorbs at its end, J for each m2 of piston (assumed): 2 J at a bore of 25 mm.

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 _NOT_THE_CALLER = ("pneudrive", "pydantic")
 
 Wrong = TypeVar("Wrong", bound="PneudriveError")
-#: First words of a severe finding: it endangers people, the machine or the order. No output folds or limits it.
+#: First words of a severe finding, which concerns danger to people, the machine or an order. Outputs never hide it.
 SEVERE = HAZARD, OPEN_CHECK, NOT_READY = "Hazard: ", "Open check: ", "Not ready to order: "
 MOST_SHOWN = 30  # further errors of one file in a message
 LONGEST_QUOTE, LONGEST_PART = 300, 800  # characters: what a file holds, and what we say about it
@@ -34,7 +34,7 @@ _HIDDEN = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u061c\u200b-\u200f\u2028-\u20
 
 
 def shown(given: object, longest: int = LONGEST_QUOTE) -> str:
-    r"""Return a text of a file or a user for messages and reports, with hidden characters as escapes.
+    r"""Return a text from a file or a user for messages and reports, with control characters escaped.
 
     Long texts are cut in the middle.
 
@@ -78,7 +78,7 @@ class PneudriveError(Exception):
     value : object, optional
         The rejected value or line, as the user wrote it.
     rule : str, optional
-        The rule that it breaks.
+        The rule that the value breaks.
     remedy : str, optional
         Advice for the user.
 
@@ -135,7 +135,7 @@ class PneudriveError(Exception):
         return "\n".join(lines)
 
     def each(self: Wrong) -> list[Wrong]:
-        """Yield this error and the errors that it contains."""
+        """Return this error and the errors that it contains."""
         return [self, *self.others]
 
     def turned(self, kind: type[Wrong]) -> Wrong:
@@ -300,14 +300,14 @@ class RigError(PneudriveError):
 
 
 class ConnectionLostError(RigError):
-    """The connection to a rig was lost and is back. The rig is at rest without pressure; its saved state may be lost.
+    """The connection to a rig was lost and restored. The rig is at rest without pressure; its saved state may be lost.
 
     The running cycle is lost. The caller restores the rig's saved state (`Reproducible.restore`) and repeats the cycle.
     """
 
 
 class CampaignError(PneudriveError):
-    """A campaign folder cannot be used: locked, read-only, disk full, not a campaign, or files that do not match."""
+    """A campaign folder cannot be used: locked, read-only, disk full, not a campaign, or inconsistent files."""
 
 
 class Cancelled(PneudriveError):  # noqa: N818 - not an error
@@ -332,7 +332,7 @@ def is_severe(finding: str) -> bool:
 
 
 def nearest(name: str, choices: Iterable[str]) -> str:
-    """Return a hint: the name that was probably meant, and the known names.
+    """Return a hint: the nearest known name, and all known names.
 
     Examples
     --------
@@ -347,7 +347,7 @@ def nearest(name: str, choices: Iterable[str]) -> str:
 
 @contextmanager
 def naming(name: str, caught: ErrorKind = DescriptionError) -> Iterator[None]:
-    """Put a name in front of the errors of a block.
+    """Prefix the errors of a block with a name.
 
     Raises
     ------

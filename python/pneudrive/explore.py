@@ -1,4 +1,4 @@
-"""Sliders on a running simulation in a notebook, made of the parts of the page of `pneudrive web`."""
+"""Sliders for a live simulation in a notebook, built from the page of `pneudrive web`."""
 
 from __future__ import annotations
 
@@ -19,19 +19,19 @@ if TYPE_CHECKING:
     from pneudrive.describe import Circuit, Drive, Initial
     from pneudrive.simulation.command import Commands
 
-#: What a live notebook needs: the widget of any notebook, and the server's own way of packing curves.
+#: Packages that a live notebook needs: the widget, and the server's encoder of curves.
 NEEDED = ("anywidget", "starlette", "tomlkit")
 INSTALL = 'pip install "pneudrive[notebook]"'
 _BUILT = Path(__file__).with_name("web") / "built"
 
 
 class Explorer:
-    """A drive with sliders. In a live notebook it is shown with sliders, elsewhere as text.
+    """A drive with sliders. Without a live notebook, the drive is shown as text.
 
     Attributes
     ----------
     changes : dict
-        Keys and values that the sliders have moved, as `replace` takes them.
+        Keys and values changed by the sliders, in the form of `replace`.
     """
 
     def __init__(
@@ -53,7 +53,7 @@ class Explorer:
         return self._base.replace(self.changes) if self.changes else self._base
 
     def simulate(self) -> xr.Dataset:
-        """Return the displayed run, as `pneudrive.simulate` makes it."""
+        """Return the displayed run, as from `pneudrive.simulate`."""
         return simulate(self.drive, self._command, self._duration, initial=self._initial)
 
     def begin(self) -> dict[str, Any]:
@@ -62,7 +62,7 @@ class Explorer:
         Raises
         ------
         CommandError
-            A slider is requested for something other than a number of the description.
+            If a slider is requested for something other than a number of the description.
         """
         from pneudrive.web.drive.description import fields_of
 
@@ -78,7 +78,7 @@ class Explorer:
         return {"name": self._base.name, "sliders": [{name: free[key][name] for name in kept} for key in names]}
 
     def answer(self, asked: Mapping[str, Any]) -> bytes:
-        """Simulate with the changes of a message, and return the frame that the widget draws."""
+        """Simulate with the changes in a message, and return the encoded curves for the widget."""
         from pneudrive.web.drive.run_request import RunLimit
         from pneudrive.web.live import frame_of
         from pneudrive.web.messages import pack, problems_of
@@ -111,7 +111,7 @@ class Explorer:
         return text_of(self._card())
 
     def _card(self) -> Card:
-        """Return the display without a live notebook: the end of the run, and a hint on how to enable sliders."""
+        """Return the text for display without a live notebook: end of the run, and how to enable sliders."""
         found = self.simulate()
         ends = {name: one for name, one in found.data_vars.items() if name in ("position", "pressure_a", "pressure_b")}
         rows = [(str(name), f"{float(one[-1]):.6g} {one.attrs['units']}") for name, one in ends.items()]
@@ -151,14 +151,14 @@ def explore(
     initial: Initial | Mapping[str, object] | str | None = None,
     sliders: str | Sequence[str] = (),
 ) -> Explorer:
-    """Show a drive in a notebook with sliders. The run is simulated again when they change.
+    """Show a drive in a notebook with sliders. Each change of a slider starts a new simulation.
 
     Parameters
     ----------
     drive : Drive or Circuit
         Drive or circuit to simulate.
     command, duration, initial
-        As for `pneudrive.simulate`. A run must be fast enough to follow a slider: 2 s of computing time.
+        As for `pneudrive.simulate`. A run may take at most 2 s of computing time.
     sliders : str or sequence of str
         Number or numbers of the description, such as ``"friction.coulomb"``; by default friction, supply and mass.
 
@@ -171,7 +171,7 @@ def explore(
     Raises
     ------
     CommandError
-        A slider is requested for something other than a number of the description.
+        If a slider is requested for something other than a number of the description.
 
     Examples
     --------

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     import numpy as np
 
 WIDTH_IN = 7.1  # 180 mm: the text width of a printed page
-#: Numbers of a mark, of any sequence; lists in the data of a view, with None for a number that is not finite.
+#: Numbers of a mark, in any sequence. The data of a view have lists, with None for non-finite numbers.
 if TYPE_CHECKING:
     Numbers: TypeAlias = Any
     Grid: TypeAlias = Any
@@ -36,7 +36,7 @@ class Look(NamedTuple):
     marker: str = "o"
 
 
-#: Curves side by side differ in dash and marker as well as in colour, and the colours differ in lightness.
+#: Looks of curves in one panel. They differ in dash, marker, colour and lightness.
 LOOKS = (
     Look("black", "-", "o"),
     Look("blue", "--", "s"),
@@ -47,7 +47,7 @@ LOOKS = (
     Look("blue", (0, (3, 1, 1, 1, 1, 1)), "X"),
     Look("orange", (0, (7, 2)), "*"),
 )
-#: Looks with a meaning that holds in all figures.
+#: Looks with the same meaning in all figures.
 MEASURED, MODEL, RESIDUAL, THIN = Look(), Look("orange", "--"), Look("blue", "-", "."), Look("grey", "-", ".")
 
 
@@ -57,7 +57,7 @@ def look(index: int) -> Look:
 
 
 def ramp(index: int, count: int) -> Look:
-    """Return the look of one of `count` curves in an order (pressures, durations), from light to dark."""
+    """Return the look of curve `index` of `count` ordered curves (pressures, durations), from light to dark."""
     return Look(index / max(count - 1, 1), "-", LOOKS[index % len(LOOKS)].marker)
 
 
@@ -68,12 +68,12 @@ class Axis:
     Attributes
     ----------
     label : str
-        Quantity and unit, ``"position / mm"``. A label without a unit belongs to a number.
+        Quantity and unit, ``"position / mm"``. A label without a unit denotes a pure number.
     scale : str
         ``"linear"``, ``"log"``, ``"wide"`` (logarithmic if the values differ by a factor above 3), or ``"far"``
         (logarithmic to both sides if the largest values of its lines differ by a factor above 20).
     low, high : float or None
-        Ends, SI; None for those of the data.
+        Ends, SI. None: the range of the data.
     below, above : float
         Room below and above the data, as a fraction of their range.
     names : sequence of str
@@ -132,7 +132,7 @@ class Line:
 
 @dataclass(frozen=True)
 class Band:
-    """The area between two curves; without a look, in the tint of predictions."""
+    """The area between two curves. Without a look, it has the tint of predictions."""
 
     x: Numbers
     low: Numbers
@@ -251,7 +251,7 @@ Mark: TypeAlias = Line | Band | Markers | Rule | Bars | Heat | Drawing
 
 @dataclass(frozen=True)
 class Panel:
-    """Marks on two axes; an axis without a label is that of the figure. Marks of `right` have an axis on the right."""
+    """Marks on two axes. Axes without a label are those of the figure. `right` has marks for a second y axis."""
 
     marks: Sequence[Mark]
     title: str = ""
@@ -269,7 +269,7 @@ class Figure:
     Attributes
     ----------
     panels : sequence of Panel or None
-        None leaves its place empty.
+        None leaves a cell of the grid empty.
     x, y : Axis or str
         Axes of the panels that do not define axes.
     columns : int
@@ -333,7 +333,7 @@ def axis(given: Axis | str) -> Axis:
     return Axis(given) if isinstance(given, str) else given
 
 
-#: Axis of speeds in many figures, logarithmic where they differ much.
+#: Axis of speeds in many figures, logarithmic for a wide range.
 SPEED = Axis("speed / (mm/s)", "wide")
 
 
@@ -351,7 +351,7 @@ def stack(
 
 
 def thin(values: Any, most: int = 4000) -> slice:  # noqa: ANN401 - any sequence
-    """Return the slice that keeps at most `most` samples of a long record, enough for a page."""
+    """Return a slice of evenly spaced samples of a long record: fewer than 2 `most`."""
     return slice(None, None, max(len(values) // most, 1))
 
 
@@ -365,7 +365,7 @@ def ends(estimates: Any, factor: float = 1.0) -> tuple[np.ndarray, np.ndarray, n
 
 
 def plain_data(value: Any) -> Any:  # noqa: ANN401 - any data
-    """Return data of lists, mappings, numbers and texts; a number that is not finite becomes None."""
+    """Convert a value to lists, mappings, numbers and texts. Non-finite numbers become None."""
     if is_dataclass(value) and not isinstance(value, type):
         items = {own.name: getattr(value, own.name) for own in fields(value)}
         items |= {key: axis(items[key]) for key in ("x", "y", "right_y") if isinstance(items.get(key), str)}

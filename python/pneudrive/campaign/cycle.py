@@ -77,10 +77,10 @@ class Head:
     Attributes
     ----------
     index : int
-        Place in the order in which the cycles were run, from 1.
+        Running number of the cycle, from 1.
     cycle : Cycle
     began_s : float
-        Clock of the rig at time zero of the cycle. The analysis of drift uses it.
+        Rig clock at time zero of the cycle, s; used in the analysis of drift.
     started : str
         Date and time of the computer, ISO 8601 with zone.
     flags : dict
@@ -113,12 +113,12 @@ class Head:
         return json.dumps({"schema": SCHEMA, **asdict(self)}, default=plain)
 
 
-#: Keys that a kind of cycle requires.
+#: Keys required for each kind of cycle.
 REQUIRED_FOR = {"sweep": ("speed_m_s",), "sentinel": ("speed_m_s",), "stop": ("speed_m_s", "stop_s")}
 
 
 def read_head(text: str, where: str, *, index: int | None = None, key: str = "") -> tuple[Head, list[str]]:
-    """Read the header of a cycle, from any program.
+    """Read the header of a cycle, written by pneudrive or by another program.
 
     Parameters
     ----------

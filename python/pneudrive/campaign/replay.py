@@ -1,4 +1,4 @@
-"""Rig that replays a campaign folder: it plays the recording that matches a cycle.
+"""Rig that replays a campaign folder. For each cycle it plays the matching recording.
 
 This module is in a layer above `pneudrive.rig`, because it reads campaign folders. The registry of rigs names it.
 """
@@ -57,7 +57,7 @@ class Tolerance:
     def matches(self, steps: Sequence[Step], cycle: Cycle) -> bool:
         """Return whether the steps match those of a recorded cycle.
 
-        A recorded cycle without steps matches by its purpose: longest stop, and speed after the stop.
+        If the recorded cycle lists no steps, compare the longest stop and the speed after it.
         """
         if cycle.steps:
             return len(steps) == len(cycle.steps) and all(map(self.alike, steps, cycle.steps))
@@ -70,7 +70,7 @@ class Tolerance:
 
 
 def speeds_of(cycle: Cycle) -> list[float]:
-    """Return the speeds of the moves of a cycle, m/s; without moves in the header, the speed of the cycle."""
+    """Return the speeds of the moves of a cycle, m/s. If the header lists no moves, return the speed of the cycle."""
     moves = [step.speed_m_s for step in cycle.steps if isinstance(step, Move)]
     return moves or ([cycle.speed_m_s] if cycle.speed_m_s else [])
 
@@ -151,7 +151,7 @@ class ReplayRig:
         return self._play(file, file.samples())
 
     def stop(self) -> None:
-        """Stop the playback; the next request is for ambient pressure."""
+        """Stop the playback, and vent both chambers."""
         self._halted.set()
         ambient = self._identity.ambient_pressure_pa
         self._state = replace(self._state, pressure_a_pa=ambient, pressure_b_pa=ambient, moving=False)
@@ -267,7 +267,7 @@ def load_replay(source: str | Path, seed: int = 0, pace: float | None = None) ->
     Raises
     ------
     RigError, CampaignError
-        The message gives file, value, rule and remedy.
+        If the folder or file is invalid. The message gives file, value, rule and remedy.
     """
     folder, tolerance, identity, limits = Path(source), Tolerance(), None, None
     if not folder.is_dir():

@@ -38,7 +38,7 @@ class Result(Shown):
     finished, planned : int
         Number of cycles on disk, and planned number of cycles, if known.
     ended : str
-        ``done``, or ``ended`` by a person. An ended campaign can be resumed.
+        ``done``, or ``ended`` if a person ended it. An ended campaign can be resumed.
     """
 
     campaign: Campaign
@@ -78,7 +78,7 @@ def run_campaign(
     display : Display, optional
         Default: nothing is shown.
     prompt : Terminal, optional
-        Asks in pauses and for operator's steps. Default: the terminal.
+        Source of answers in pauses and for operator's steps. Default: the terminal.
     subscribers : sequence of callable
         Called with bluesky's documents (name, document): a start, a descriptor, an event for each finished
         cycle, a stop.
@@ -183,7 +183,7 @@ def _run(
 def _rig_again(
     campaign: Campaign, rig: Rig | str | Path | None, plan: Plan, pace: float | None, allow_code: str | None
 ) -> contextlib.AbstractContextManager[tuple[Rig, str]]:
-    """Return the rig named by the user, or the rig that the folder names, if this is allowed."""
+    """Return the rig named by the user, otherwise the rig named in the folder, if this is allowed."""
     seed, where = plan.protocol.seed, str(campaign.path / ABOUT)
     if rig is not None:
         return _bench(rig, seed, pace)
@@ -243,7 +243,7 @@ def _digest(source: str) -> str:
 
 
 def _check_rig(campaign: Campaign, identity: Identity, source: str) -> None:
-    """Reject another rig for a resumed campaign, because the cycles would not be comparable."""
+    """Reject a resumed campaign on a different rig, because its cycles would not be comparable."""
     here = as_json(identity.to_dict())
     there = as_json(campaign.identity.to_dict())
     # The text on errors of a simulated rig depends on the version; the hash of its file identifies it.

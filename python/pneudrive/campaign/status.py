@@ -1,4 +1,4 @@
-"""Progress of a campaign, and preliminary friction of its finished cycles, read only from its folder."""
+"""Progress of a campaign, and preliminary friction of its finished cycles, read from its folder alone."""
 
 from __future__ import annotations
 
@@ -105,7 +105,7 @@ MEASURED = ("sweep", "sentinel", "stop")
 
 
 def preliminary_frictions(files: Sequence[CycleFile], identity: Identity) -> list[float]:
-    """Return mean friction of each sweep, or greatest force after each stop, N; NaN for other cycles.
+    """Return the mean friction of each sweep, or the greatest force after each stop, N; NaN for other cycles.
 
     Raises
     ------

@@ -27,7 +27,7 @@ from pneudrive.errors import CommandError, nearest
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping, Sequence
 
-#: Parameters that name a description, whose commands also take folders of the catalogue.
+#: Parameters for a description file. Commands with one of them also accept catalogue folders.
 _DESCRIBED = {"drive", "circuit", "task"}
 _CATALOGUE = inspect.Parameter("catalogue", inspect.Parameter.KEYWORD_ONLY, default=None, annotation=list[Path] | None)
 _EXAMPLES = "\n\nExamples\n--------\n"

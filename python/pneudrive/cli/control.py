@@ -36,7 +36,7 @@ with used_later(__name__):
     from pneudrive.report import control as control_page
     from pneudrive.simulation import trajectory
 
-#: Reference along which a tuned law is tried, and share of its way by which that may miss it (assumed).
+#: Reference for the trial of a tuned controller, and largest tracking error as a fraction of its travel (assumed).
 TRIED_ALONG, MOST_TRIED = "R3", 0.1
 SHOWN = ("max_error_m", "rmse_m", "settling_100_um_s", "rest_error_m", "hunting_m")
 #: Files of a run of a platform in its folder.

@@ -192,7 +192,7 @@ def check(drive: str) -> None:
 
 
 def _ideal_valves(core_json: str) -> Iterator[tuple[str, str]]:
-    """Yield the numbers of proportional valves that are zero, and the name of the valve."""
+    """Yield the parameters of proportional valves that are zero, each with the name of its valve."""
     for component in json.loads(core_json)["components"]:
         numbers = component["numbers"]
         if zeros := [key for key in mismatch.OF_VALVE.values() if "overlap" in numbers and numbers[key] == 0.0]:
@@ -201,7 +201,7 @@ def _ideal_valves(core_json: str) -> Iterator[tuple[str, str]]:
 
 
 def _together(assumptions: Iterable[tuple[str, str]]) -> Iterator[str]:
-    """Yield assumptions or notes. A text that holds for several components or joints appears once."""
+    """Yield assumptions or notes. A text that applies to several components or joints appears once."""
     names: dict[str, list[str]] = {}
     for line, name in assumptions:
         names.setdefault(line, []).append(name)

@@ -29,7 +29,7 @@ with used_later(__name__):
 
 #: Tools that take a whole drive, and those that take its friction.
 _WHOLE, _FRICTION = ("fmu", "c"), ("simscape", "modelica", "csv", "st")
-#: Parameter of the command -> tools that use it, and what to do for another one.
+#: Parameter of the command -> tools that use it, and a remedy for other tools.
 _USED = {
     "pressure_a": (_FRICTION, 'Remove it; a start pressure is --initial "pressure_a = 3 bar abs".'),
     "pressure_b": (_FRICTION, 'Remove it; a start pressure is --initial "pressure_b = 3 bar abs".'),
@@ -39,7 +39,7 @@ _USED = {
     "actuator": (("fmu",), "Remove it, or write --to fmu."),
 }
 MEASUREMENTS = Path("data/measurements/zillen-2021-pneumatic-piston")
-#: Two of the recordings and the axis, in every installation.
+#: Folder with two recordings and the axis description, part of every installation.
 SHIPPED = Path(__file__).parents[1] / "data" / "demo"
 AXIS = SHIPPED / "controlled_axis.toml"
 
@@ -76,7 +76,7 @@ def export(
     fmi
         Version of the interface of an FMU: 2.0 or 3.0.
     actuator
-        FMU whose piston is moved by the other tool; its output is the force.
+        FMU whose piston the other tool moves; its output is the force.
     initial
         Start state of a drive, e.g. "position = 50 mm, pressure_a = 3 bar abs".
 

@@ -54,7 +54,7 @@ LawFit: TypeAlias = "tuple[static_fits.FrictionFit, law_choice.LawComparison | N
 MOST_NAMED = 6  # largest number of values of a label in a message
 MAP_SUFFIXES = (".parquet", ".csv")
 DIRECTIONS = {"both": None, "+x": 1, "-x": -1}
-#: Largest number of designs until the protocol fits the requested time, and factor on the time of each next design.
+#: Largest number of attempts to fit a protocol into the requested time, and time factor of each further attempt.
 FITS, FIT_FRACTION = 5, 0.97
 
 

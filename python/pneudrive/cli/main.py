@@ -1,6 +1,6 @@
 """The ``pneudrive`` command line.
 
-Each command is a function in the module of its section and one word in ``sections.toml``.
+Each command is a function in the module of its section, and is listed in ``sections.toml``.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ COMMANDS = {
 HIDDEN = frozenset({"demo"})  # called by `make demo`
 
 EXIT_OTHER, EXIT_INPUT, EXIT_INTERRUPTED = 1, 2, 130
-#: Warnings that differ only in numbers: so many are printed, and the number of the others.
+#: Largest number of printed warnings that differ only in numbers; the others are counted.
 MOST_ALIKE = 3
 _NUMBER = re.compile(r"(?<![\w.])[-+]?\d[\d.]*(?:e[-+]?\d+)?(?!\w)")
 

@@ -92,7 +92,7 @@ def characterise(
     protocol: str = "settled",
     law: str = "stribeck",
 ) -> None:
-    """Evaluate recordings or a campaign: friction with uncertainty.
+    """Determine friction with its uncertainty from recordings or a campaign.
 
     The files are map.parquet, map.csv, fit.toml and report.html.
 

@@ -81,7 +81,7 @@ def changed(drive: str, changes: list[str] | None) -> pn.Drive | pn.Circuit:
 
 
 def number_or_text(text: str) -> float | str:
-    """Return a number without a unit as a pure number, and any other text unchanged."""
+    """Convert a text without a unit to a number. Return any other text unchanged."""
     try:
         return float(text)
     except ValueError:
@@ -89,7 +89,7 @@ def number_or_text(text: str) -> float | str:
 
 
 def one_of(option: str, word: str, known: Mapping[str, Value]) -> Value:
-    """Return the meaning of a word in an option.
+    """Return the value that a word of an option stands for.
 
     Raises
     ------
@@ -102,7 +102,7 @@ def one_of(option: str, word: str, known: Mapping[str, Value]) -> Value:
 
 
 def check_used(context: typer.Context, to: str, used: Mapping[str, tuple[Sequence[str], str]]) -> None:
-    """Refuse an option that the target of an export does not use.
+    """Reject an option that the target of an export does not use.
 
     Parameters
     ----------

@@ -38,9 +38,9 @@ if TYPE_CHECKING:
     import xarray as xr
 
 
-#: Ending of the folder in which the chunks of a file that is not finished lie.
+#: Ending of the folder with the finished chunks of an unfinished table.
 PARTS = ".parts"
-#: Endings of pictures, and of files that show or hold a run.
+#: Endings of pictures, and of files that show or contain a run.
 PICTURES, OF_RUNS = (".svg", ".png", ".pdf"), (".html", ".mp4", ".gif", ".parquet", ".csv")
 
 
@@ -218,7 +218,7 @@ def _design(
     seed: int,
     correlation: Sequence[str],
 ) -> pn.EnsembleDesign:
-    """Read the numbers that vary, and return the design."""
+    """Read the varied parameters, and return the design."""
     if method not in designs.SAMPLERS:
         raise CommandError(f"--design {method} is not known", remedy=nearest(method, designs.SAMPLERS))
     files = [text for text in vary if "=" not in text]
@@ -249,7 +249,7 @@ def _pair(text: str) -> tuple[tuple[str, str], float]:
 
 
 def _table(drive: pn.Drive | pn.Circuit, path: Path) -> dict[str, Any]:
-    """Read a table of members: names of numbers, with or without the unit, are its columns."""
+    """Read a table of members. Its columns are names of parameters, with or without unit."""
     if path.suffix not in (".csv", ".parquet"):
         raise CommandError.of("cli.no-table", path=path)
     known = {number.file_name: name for name, number in variation.all_numbers(drive).items()}
@@ -295,7 +295,7 @@ def lines(
 
 
 def _save_tubes(study: xr.Dataset, path: Path) -> None:
-    """Write a row for each length and bore, with units in the names of the columns."""
+    """Write a row for each length and bore, with units in the column names."""
     import numpy as np
 
     wide, long = np.meshgrid(study.diameter.to_numpy(), study.length.to_numpy(), indexing="ij")

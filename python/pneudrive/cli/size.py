@@ -153,7 +153,7 @@ def characteristic(
 
 
 def _setting(name: str, text: str, kind: Any) -> Any:  # noqa: ANN401
-    """Read a setting; several values are separated by commas."""
+    """Read a setting. Commas separate several values."""
     if name not in kind.settings:
         raise CommandError(f"{kind.name} has no setting {name!r}", remedy=nearest(name, kind.settings))
     values = [number_or_text(part.strip()) for part in text.split(",")]

@@ -37,7 +37,7 @@ WIDTH = 160
 MOST_ROWS = 60  # rows of a table on the terminal; files have all of them
 FIRST_S = 1.0  # s; shorter work shows no progress
 LINE_EVERY_S = 10.0  # s; between lines of progress if stderr is a file
-#: Environment variable; where it is "json", each report is a line {"done": ..., "total": ..., "task": ...} on stderr.
+#: Environment variable for progress. With "json", each report is a line {"done": ..., "total": ..., "task": ...}.
 FORM, JSON = "PNEUDRIVE_PROGRESS", "json"
 
 
@@ -102,7 +102,7 @@ def show_lines(*lines: object) -> None:
 
 
 def show_view(view: View) -> None:
-    """Print a result: headline, leading values, findings, values, curves, tables, and notes. "!" marks a bad one."""
+    """Print a result: headline, leading values, findings, values, curves, tables, and notes. "!" marks bad values."""
     typer.echo(typer.style(view.title, bold=True))
     leading = (("!" if value.state == "bad" else "-", value.text) for value in view.leading)
     findings = (("!" if f.state == "bad" else "-", f"{f.text} {f.remedy}".rstrip()) for f in view.findings)
@@ -123,7 +123,7 @@ def show_view(view: View) -> None:
 def check_outputs(
     out: Path | None, suffixes: Sequence[str] = (), plot: Path | None = None, more: Sequence[str] = ()
 ) -> None:
-    """Raise an error for files that cannot be written, before any work is done.
+    """Reject output files that cannot be written, before any work is done.
 
     Parameters
     ----------
@@ -146,7 +146,7 @@ def check_outputs(
 
 
 def write_outputs(*targets: tuple[Path | None, Callable[[Path], object]]) -> None:
-    """Write each file that has a name, then print the names."""
+    """Write each file whose path is not None, then print the paths."""
     for path, write in targets:
         if path is not None:
             write(path)
@@ -189,7 +189,7 @@ def write_text(text: str, out: Path | None) -> None:
 
 
 class _Line:
-    """Progress line on stderr, overwritten in place; in a file, a line every ten seconds."""
+    """Progress line on stderr, overwritten in place. If stderr is a file, write a line every ten seconds."""
 
     def __init__(self) -> None:
         self.began = self.written = time.monotonic()
@@ -220,5 +220,5 @@ def _as_json(done: float, total: float, task: str) -> None:
 
 
 def watch() -> Watch:
-    """Return the watch of a command, which shows progress on stderr after the first second."""
+    """Return the progress callback of a command. After the first second it shows progress on stderr."""
     return Watch(_as_json if os.environ.get(FORM) == JSON else _Line())

@@ -1,12 +1,12 @@
-"""Control of a drive along a reference: tune a law from the description, run it on the drive, score it, compare laws.
+"""Control of a drive along a reference: tune controllers from its description, simulate, score and compare them.
 
-`pneudrive.control.laws` lists the laws. The gains of a law are derived from its model of the drive::
+`pneudrive.control.laws` lists the controllers, also called laws. Their gains follow from a model of the drive::
 
     drive = pn.Circuit.load("axis.toml")
     run = pn.control.run(drive, law="nmpc", reference="sine 60 mm 0.5 Hz around 250 mm", setup="real", seed=1)
     run.attrs["score"]["max_error_m"]
 
-All results are simulated: no law has run on a machine.
+All results are simulated. No controller has run on a machine.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Check of a drive for control: differences to the model of the controllers, and limits of accuracy."""
+"""Checks whether the controllers can model a drive."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 MOST_LAG_S = 0.2
 _DOUBLE_ACTING = ("cylinder/rodless", "cylinder/through-rod", "cylinder/single-rod")
 _CROSSED = ("valve/proportional-5/3", "valve/switching-5/3")
-#: Numbers that change the motion and that no law knows: kind -> how a key begins -> what it is.
+#: Parameters that change the motion but that no controller models: kind of component -> prefix of a key -> effect.
 _UNKNOWN = {
     "cylinder/": {"cushion_": "cushion", "leakage": "leakage"},
     "valve/proportional": {"stroke_time": "stroke_time"},
@@ -25,7 +25,7 @@ _UNKNOWN = {
 
 
 def check_axis(belief: Circuit, plant: Mapping[str, Any]) -> None:
-    """Refuse a circuit that the laws cannot model.
+    """Reject a circuit that the controllers cannot model.
 
     Parameters
     ----------
@@ -55,7 +55,7 @@ def check_axis(belief: Circuit, plant: Mapping[str, Any]) -> None:
 
 
 def check_valves(belief: Circuit) -> None:
-    """Refuse valves whose flow is a table: controllers model a single conductance.
+    """Reject valves whose flow is a table, because controllers model a single conductance.
 
     Parameters
     ----------
@@ -72,7 +72,7 @@ def check_valves(belief: Circuit) -> None:
 
 
 def unknown_numbers(belief: Circuit) -> list[str]:
-    """Return the parts of cylinder, valves and supply that no law models, ``cylinder.cushion`` for instance."""
+    """Return the unmodelled parts of cylinder, valves and supply, for example ``cylinder.cushion``."""
     each = json.loads(belief.core_json())["components"]
     return [
         f"{one['name']}.{what}"

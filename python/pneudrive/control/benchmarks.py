@@ -1,4 +1,4 @@
-"""Benchmark of controllers along references: scored runs, their folder, and the display of a comparison."""
+"""Benchmark of controllers along references: scored runs, their folder, and the view of the comparison."""
 
 from __future__ import annotations
 
@@ -69,7 +69,7 @@ class ControlledRun(NamedTuple):
     score : Score or None
         None if the run failed.
     reason : str
-        Why the run failed; empty if it did not.
+        Reason of the failure; empty for a successful run.
     file : Path
         File of the run. A spread keeps only the file of its first member.
     truth : dict
@@ -91,7 +91,7 @@ class ControlledRun(NamedTuple):
 
 @dataclass(frozen=True, repr=False)
 class ControlComparison(Viewed):
-    """Simulated comparison of laws, as stored in its folder.
+    """Simulated comparison of controllers, as stored in its folder.
 
     Attributes
     ----------
@@ -101,13 +101,13 @@ class ControlComparison(Viewed):
     references : dict
         Name -> text.
     setup, mismatch, spread : str
-        Their names. Empty mismatch and spread: the drive is as described, and runs differ only in the seed.
+        Names of instrumentation, mismatch and spread. If mismatch and spread are empty, runs differ only in the seed.
     count : int
         Number of seeds, or of members of the spread, for each law and reference.
     about : dict
         Content of ``comparison.json``: the gains and the assumed drive of each law, and the request.
     runs : tuple of ControlledRun
-        Until the comparison is finished: the runs that are done, without their true values.
+        The finished runs. Their true values are missing until the comparison is finished.
     """
 
     folder: Path
@@ -151,9 +151,9 @@ class ControlComparison(Viewed):
         return self.within(law, along, measure, 0.5)
 
     def within(self, law: str, along: str, measure: str, share: float) -> float | None:
-        """Return a quantile of a measure over the runs; a run that failed counts as infinite.
+        """Return the quantile `share` of a measure over the runs. A failed run counts as infinite.
 
-        None if the measure does not apply to the reference, or each run failed.
+        None if the measure does not apply to the reference, or if all runs failed.
         """
         runs = self.of(law, along)
         scores = [run.score for run in runs if run.score is not None]
@@ -166,7 +166,7 @@ class ControlComparison(Viewed):
         return low if low == high else low + (place - math.floor(place)) * (high - low)
 
     def best(self, along: str, measure: str = "max_error_m") -> str | None:
-        """Return the law with the smallest measure along a reference; None where each law failed."""
+        """Return the controller with the smallest measure along a reference; None if all controllers failed."""
         errors = {law: self.middle(law, along, measure) for law in self.laws}
         known = {law: error for law, error in errors.items() if error is not None}
         return min(known, key=lambda law: known[law]) if known else None
@@ -176,7 +176,7 @@ class ControlComparison(Viewed):
         return sum(run.score is None or run.score.lost for run in self.of(law, along))
 
     def values(self, along: str, measures: Collection[str] = ()) -> list[ShownValue]:
-        """Return each law's measures that apply to a reference: medians, or 50, 95 and 100 % quantiles of a spread.
+        """Return each law's applicable measures along a reference: medians, or 50, 95 and 100 % quantiles of a spread.
 
         Parameters
         ----------
@@ -204,7 +204,7 @@ class ControlComparison(Viewed):
         return out + (rows if any(count for count, _ in lost.values()) else [])
 
     def view(self) -> View:
-        """Return the best law along each reference, the measures of all laws, their tracks, and the true drive."""
+        """Return a view: best law along each reference, measures and tracks of all laws, and the true drive."""
         return upper("controllers_view")(self)
 
     def save(self, path: str | Path) -> Path:
@@ -244,7 +244,7 @@ def assumptions(tunings: Mapping[str, Tuning]) -> Plain:
 
 
 def store_about(folder: Path, about: Keyed) -> None:
-    """Write the compared laws into a folder; scores of another comparison are removed from it.
+    """Write the compared laws into a folder, and remove the scores of another comparison.
 
     Raises
     ------
@@ -273,7 +273,7 @@ def row_of(run: ControlledRun, reference: str) -> Plain:
 
 
 def read_comparison(folder: str | Path) -> ControlComparison:
-    """Read the folder of a comparison that `compare` made.
+    """Read the folder of a comparison, made by `pneudrive.control.benchmark`.
 
     Parameters
     ----------
@@ -363,16 +363,16 @@ STEP_REPEATS = 3  # repeats of each step of kept runs, to measure its undisturbe
 
 @lru_cache(maxsize=1)
 def core_hash() -> str:
-    """Return the SHA-256 of the core in use: another core may give other bits."""
+    """Return the SHA-256 of the core in use. Results of another core may differ in their last bits."""
     from pneudrive import _core
 
     return hashlib.sha256(Path(_core.__file__).read_bytes()).hexdigest()
 
 
 def mark_of(out: Path, tunings: Mapping[str, Tuning]) -> str:
-    """Return the mark of the runs of custom laws. It is new once a comparison is finished, or if their code changed.
+    """Return an identifier for runs of custom laws. A finished comparison or changed code gives a new one.
 
-    Files that such code reads cannot be hashed.
+    Input files of custom code are unknown and cannot be part of the identifier.
     """
     own = [split(tuning.own.name) for tuning in tunings.values() if tuning.own is not None]
     if not own:
@@ -406,12 +406,12 @@ def key_of(prepared: Prepared, seed: int, mark: str) -> str:
 
 
 class Store:
-    """Runs of a comparison: a file for each run that is kept, and a line with the score for every other run.
+    """Store of the runs of a comparison: a file for each kept run, and a line with the score for every other run.
 
     Attributes
     ----------
     known : dict
-        Key of a run -> its score and why it failed, from the lines that the folder already has.
+        Key of a run -> its score and the reason of a failure, from earlier lines of the folder.
     """
 
     def __init__(self, out: Path, *, keeps: bool, mark: str) -> None:
@@ -441,7 +441,7 @@ class Store:
         return ControlledRun(law, along, seed, score, reason, file, prepared.truth.values)
 
     def _simulated(self, prepared: Prepared, seed: int, key: str, file: Path | None) -> tuple[Score | None, str]:
-        """Run and store; return the score, or why the run failed."""
+        """Run and store; return the score, or None and the reason of the failure."""
         score, reason = None, ""
         try:
             run = run_prepared(prepared._replace(step_repeats=STEP_REPEATS if file else 1), seed)
@@ -477,15 +477,15 @@ SPREAD_SEED, MOST_TRUTHS = 0, 64  # seed of a spread's samples; members that are
 
 
 def standard(drive: Drive | Circuit) -> dict[str, Reference]:
-    """Return the standard references for a drive, slowed to 0.85 of its speed at full opening where they are faster.
+    """Return the standard references for a drive, slowed if they exceed 85 % of its speed at full opening.
 
     R1 and R2 are sines, R3 stairs, R4 ramps, R5 a step and a long rest. R6 is a long fast move.
-    `feasibility` shows whether the force suffices for them, too.
+    `feasibility` also checks whether the force suffices.
 
     Raises
     ------
     DescriptionError
-        No law can command the drive.
+        If no law can command the drive.
 
     Examples
     --------
@@ -519,8 +519,8 @@ def benchmark(
     """Run laws along references with several seeds, and score them.
 
     Each run is a file in ``out/runs``, written completely or not at all. Runs that are already in the folder are not
-    repeated, so an interrupted comparison is resumed. Equal seeds give equal bits, except for the time of a step. A
-    finished comparison is repeated for custom laws, because their code may read other files.
+    repeated, so an interrupted comparison is resumed. Equal seeds give equal bits, except for the time of a step.
+    Custom laws are run again after a finished comparison, because their code may read other files.
 
     Parameters
     ----------
@@ -604,7 +604,7 @@ def benchmark(
 
 
 def _references_told(references: Mapping[str, Reference]) -> Plain:
-    """Return the texts of the references, and by how much references made of points miss their points."""
+    """Return the text of each reference, and the largest distance of its curve from given points."""
     missed = {along: one.points_missed_m for along, one in references.items() if one.points_missed_m is not None}
     texts = {along: one.text for along, one in references.items()}
     return {"references": texts} | ({"points_missed_m": missed} if missed else {})
@@ -642,7 +642,7 @@ def _count(seeds: int, members: int | None, *, is_spread: bool) -> int:
 
 
 def _truths(first: Prepared, spread: tuple[Mismatch, str] | None) -> Callable[[int], Truth]:
-    """Return a function that returns the true drive for a seed, or for a member of a spread."""
+    """Return a function from a seed, or a member of a spread, to the true drive."""
     if spread is None:
         return lambda _: first.truth
     core_json, plant, setup = first.circuit.core_json(), first.plant, first.setup
@@ -660,7 +660,7 @@ def _on_threads(
     threads: int,
     watch: Watch,
 ) -> Iterator[ControlledRun]:
-    """Yield the runs in the order of their requests. After a failure, runs that have not begun are dropped."""
+    """Yield the runs in the order of their requests. After an exception, runs that have not begun are cancelled."""
     with ThreadPoolExecutor(threads) as pool:
         futures = [pool.submit(call, *one) for one in asked]
         try:

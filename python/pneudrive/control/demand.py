@@ -1,4 +1,4 @@
-"""Whether a drive can follow a reference, by the inverse of its model, and which controllers suit it, by trial."""
+"""Feasibility of a reference by inverse dynamics, and suitability of controllers by simulated trials."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from pneudrive.control.setup import Setup
     from pneudrive.describe import Circuit, Drive
 
-#: Share of each limit up to which a reference is taken for feasible (assumed).
+#: Fraction of each limit up to which a reference counts as feasible (assumed).
 SHARE = 0.85
 _PERIODS = 3.0  # periods of a sine that are checked, with the first one
 _SEEN_S = 0.2  # behind the last move
@@ -37,14 +37,14 @@ class Demand(NamedTuple):
     Attributes
     ----------
     valve_share : float
-        Largest opening over the full opening; infinite if no opening gives the force.
+        Largest required opening as a fraction of the full opening; infinite if no opening gives the force.
     valve_at_s : float
     valve_exceeded_s : float
         Time for which the full opening would not suffice.
     force_share : float
-        Largest force of the air, over the force of supply against ambient pressure.
+        Largest pressure force as a fraction of the force with one chamber at supply and one at ambient pressure.
     speed_share : float
-        Largest speed over the steady speed at full opening.
+        Largest speed as a fraction of the steady speed at full opening.
     spool_rate_per_s : float
         Largest change of the opening per second.
     lowest_pressure_pa, highest_pressure_pa : float
@@ -71,14 +71,14 @@ class Feasibility(Viewed):
     demand : Demand
         Demand of the unslowed reference.
     factor : float or None
-        Least factor in time at which the reference needs at most 85 % of valve, force and speed; 1: it need not be
-        slowed. None: no factor helps, for instance because the reference leaves the stroke.
+        Smallest stretching of the time axis at which the reference needs at most 85 % of valve, force and speed. 1:
+        feasible as given. None: no factor helps, for instance because the reference leaves the stroke.
     slowed : Demand or None
         Demand of the slowed reference.
     stroke_m, speed_m_s : float
         Stroke, and steady speed at full opening, of the drive.
     left_out : tuple of str
-        Components that the model does not include, see `Plant`. The fractions do not contain their demand.
+        Components that the model does not include, see `Plant`. The fractions ignore their effect.
     """
 
     reference: Reference
@@ -98,7 +98,7 @@ class Feasibility(Viewed):
         return self.factor == 1.0 and not self.left_out
 
     def view(self) -> View:
-        """Return positions, the fraction of each limit, and whether the drive can follow."""
+        """Return a view: positions, the fraction of each limit, and whether the drive can follow."""
         reach, own, whose = self.reference.reach(), self.demand, "model" if self.left_out else "drive"
         low, high = (1e-5 * p for p in (own.lowest_pressure_pa, own.highest_pressure_pa))
         speed = f"{reach.fastest_m_s:.3g} m/s at {reach.at_s:.3g} s, {100.0 * own.speed_share:.0f} % of the {whose}'s"
@@ -156,7 +156,7 @@ def _percent(share: float) -> str:
 
 
 def _asked(form: str, reference: Reference) -> tuple[dict[str, float], tuple[float, dict[str, float]] | None]:
-    """Return the demands of a reference, the least factor in time, and the demands at this factor."""
+    """Return the demands of a reference, its smallest time stretching, and the demands at this stretching."""
     seen_s = (
         _PERIODS / reference.frequency_hz if reference.is_sine else reference.duration_s - reference.rest_s + _SEEN_S
     )
@@ -164,10 +164,10 @@ def _asked(form: str, reference: Reference) -> tuple[dict[str, float], tuple[flo
 
 
 def feasibility(tuning: Tuning, reference: Reference) -> Feasibility:
-    """Return the demands of a reference on a drive, and how far it must be slowed.
+    """Return the demands of a reference on a drive, and the slowdown that makes the reference feasible.
 
-    The inverse of the controller's model is run along the reference. The piston is at the reference. The gas is
-    simulated under the opening that produces the required force.
+    Inverse dynamics: the piston of the controller's model follows the reference exactly, and the gas is simulated with
+    the valve opening that produces the required force.
 
     Parameters
     ----------
@@ -210,12 +210,13 @@ def feasibility(tuning: Tuning, reference: Reference) -> Feasibility:
 
 # --- Choice of a controller: each is tried on the drive as described and with half of its mass.
 
-#: Reference of the trial, the fraction of its way that the error may reach, and the masses that are tried (assumed).
+#: Reference of the trial, largest error as a fraction of its travel, and factors on the mass (assumed).
 ALONG, MOST, MASSES = "R3", 0.1, (1.0, 0.5)
 BASELINES = ("pid", "fuzzy")
-#: Longest additional dead time that is tried, the number of bisections, and what a controller should bear (assumed).
+#: Longest tried additional dead time, s, number of bisections, and dead time that a controller should tolerate, s
+#: (assumed).
 LONGEST_LAG_S, HALVINGS, ENOUGH_LAG_S = 8e-3, 5, 1e-3
-#: Ways to the numbers of a valve.
+#: Advice for determining the parameters of a valve.
 FIND_DELAY = """pneudrive identify DRIVE RECORDING --sensor "command: delay = free" finds it in a recording."""
 SLOWER = f"Measure the dead time of the valve with its electronics. {FIND_DELAY}"
 FIND_SHAPE = "pneudrive identify DRIVE RECORDING --free valve.overlap,valve.leakage finds two of them in a recording."
@@ -313,7 +314,7 @@ def view_of_suitability(found: Sequence[Suitability]) -> View:
 
 
 def view_of_lag(drive: Drive | Circuit, tuning: Tuning, setup: Setup | str | Path = "real") -> View | None:
-    """Return how much more dead time the controller bears, and the possible cost of valve numbers that are zero.
+    """Return the additional dead time that the controller tolerates, and the possible effect of zero valve parameters.
 
     Parameters
     ----------
@@ -325,8 +326,8 @@ def view_of_lag(drive: Drive | Circuit, tuning: Tuning, setup: Setup | str | Pat
     Returns
     -------
     View or None
-        The margin is found by bisection of runs along R3. Numbers that are zero take the unfavourable end of their
-        range in the spread `standard`. None without a spool.
+        The margin is found by bisection with runs along R3. Parameters that are zero are set to the unfavourable end of
+        their range in the spread `standard`. None if the valve has no spool.
     """
     ranges = read_mismatch("standard")[0].ranges
     law, valve = tuning.law, tuning.plant.valves[0]

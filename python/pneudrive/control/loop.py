@@ -1,4 +1,4 @@
-"""A drive under control along a reference: the core runs the sampled loop, this module prepares and labels it."""
+"""A drive under control along a reference. The core runs the sampled loop; this module prepares and labels it."""
 
 from __future__ import annotations
 
@@ -39,9 +39,9 @@ if TYPE_CHECKING:
 MOST_SAMPLES = 20_000_000
 MOST_SEED = 2**63 - 1
 RTOL = 1e-5
-#: Distance of a reference from its points that is told, where the setup has no coarser resolution (assumed).
+#: Distance of a reference from its points above which a warning is given, m, unless the sensor is coarser (assumed).
 LEAST_MISSED_M = 1e-5
-#: Meaning of the columns that are not those of a trajectory.
+#: Meaning of the columns that a trajectory does not have.
 MEANINGS = {
     "reference_m": "reference position",
     "command": "command of the law, as it leaves the converter",
@@ -56,7 +56,7 @@ MEANINGS = {
 class Prepared(NamedTuple):
     """All inputs that determine a run under control, except its seed.
 
-    `plant` is the simulated drive as described. `warnings` name entries with no effect, or with an unexpected effect.
+    `plant` is the simulated drive as described. `warnings` list inputs without effect, or with an unexpected effect.
     """
 
     circuit: Circuit
@@ -107,19 +107,20 @@ def run(
     setup : Setup, str or path-like
         Sensors, converter and computer: ``"ideal"``, ``"real"``, ``"cheap"``, or a TOML file.
     duration : str or float, optional
-        ``"12 s"``, or a number of seconds; by default 16 s or four periods of a sine, or 2 s after the last move.
+        ``"12 s"``, or a number of seconds. Default: the longer of 16 s and four periods of a sine, otherwise until 2 s
+        after the last move.
     seed : int
         Seed of all noise. Equal seeds give equal bits, except step_time.
     controller : Controller, Tuning, str or path-like, optional
-        In place of `law`: a controller, its TOML file, or the result of `pneudrive.control.tune`.
+        Instead of `law`: a controller, its TOML file, or the result of `pneudrive.control.tune`.
     believes : Drive or Circuit, optional
         Drive that the law assumes; by default the drive of the controller file, or `drive`.
     mismatch : Mismatch, str or path-like, optional
         Deviation of the simulated drive from `drive`: ``"all"``, ``"mass+30"`` or another name in
         `pneudrive.control.ready_mismatches`, or a TOML file.
     initial : Initial, dict or str, optional
-        Start state. By default at rest at the reference's first position, both chambers about the mean of supply and
-        ambient pressure, so that the piston rests without friction.
+        Start state. Default: at rest at the reference's first position, with both pressures near the mean of supply and
+        ambient pressure and in balance.
     rtol : float
         Relative tolerance of the solver.
     allow_code : str, optional
@@ -252,7 +253,7 @@ def run_axes(
     watch: Watch,
     own: RunningLaw | None = None,
 ) -> tuple[list[Plain], Array, float]:
-    """Run axes of one circuit under control; return columns of each axis, outputs, and mass of the drawn air, kg.
+    """Run axes of one circuit under control; return columns of each axis, outputs, and consumed air, kg.
 
     Parameters
     ----------
@@ -291,7 +292,7 @@ def run_axes(
 
 
 def whole_number(name: str, given: object, low: int, high: int) -> int:
-    """Return a whole number within bounds; numbers of numpy are accepted.
+    """Return a whole number within bounds. NumPy integers are accepted.
 
     Raises
     ------
@@ -368,7 +369,7 @@ def _provenance(prepared: Prepared, seed: int) -> Plain:
 def provenance_of(
     circuit: Circuit, tuning: Tuning, setup: tuple[Setup, str], reference: str, seed: int, rtol: float
 ) -> Plain:
-    """Return the provenance that runs of an axis and of a platform have in common; `setup` is given with its name."""
+    """Return the provenance that runs of an axis and of a platform have in common."""
     read, name = setup
     assumed = [f"setup {name}: {read.about}"] if name in ready_setups() else []
     return made_from(circuit, rtol) | {

@@ -1,4 +1,4 @@
-"""Deviations of a drive from the description that the laws use (a mismatch), for one drive or a spread of members."""
+"""Mismatch: deviations of the simulated drive from the description that the controllers use, fixed or random."""
 
 from __future__ import annotations
 
@@ -76,7 +76,7 @@ class ValueOrRange(Mark):
 _Range = tuple[float, float]
 Factor = Annotated[_Range | None, ValueOrRange()]
 _ANY = Bounds()
-#: Key of a proportional valve -> bounds of its values, of the core's table.
+#: Key of a proportional valve -> bounds of its values, from the core's table.
 _OF_VALVE = {key: of.bounds for key, of in parameter_quantities(component_kinds()["valve/proportional-5/3"]).items()}
 
 
@@ -157,7 +157,7 @@ class Mismatch(Described):
         return out
 
 
-#: Numbers of a drive's description that a factor moves: of the cylinder's friction, and of components.
+#: Parameters that a factor of the mismatch scales: of the cylinder's friction, and of components.
 _FRICTION = {
     "friction_level": ("coulomb", "breakaway"),
     "viscous": ("viscous",),
@@ -211,7 +211,7 @@ class Truth(NamedTuple):
 
 
 def mismatched(core_json: str, plant: Plant, setup: Setup, mismatch: Mismatch, drawn: Mapping[str, float]) -> Truth:
-    """Return a drive, given in the core's form, with a mismatch and its drawn values applied.
+    """Apply the sampled values of a mismatch to a drive in the core's form.
 
     Raises
     ------
@@ -262,7 +262,7 @@ def _scale(numbers: dict[str, float], keys: tuple[str, ...], name: str, factor: 
 
 
 def _other_law(word: str, friction: Keyed) -> Plain:
-    """Return friction by another law, with the parameters that both laws have; formulas are dropped."""
+    """Return friction with another law, which keeps the shared parameters. Formulas are dropped."""
     law, has = friction_laws()[word], dict(friction["parameters"])
     if friction.get("elements"):
         has["bristle_stiffness"] = sum(one["stiffness_n_m"] for one in friction["elements"])
@@ -282,7 +282,7 @@ def _other_law(word: str, friction: Keyed) -> Plain:
 
 
 def _supply(form: Plain, drawn: Mapping[str, float], conductance: float) -> dict[str, float]:
-    """Change the supply in place; return the start state of the volume after it."""
+    """Change the supply in place; return the start state of the volume downstream of it."""
     reservoirs = [one for one in form["components"] if one["kind"].startswith("reservoir")]
     for one in reservoirs:
         one["numbers"]["pressure"] *= drawn.get("supply_pressure", 1.0)

@@ -23,9 +23,9 @@ if TYPE_CHECKING:
 POWERS = 10
 ORDER = 7  # of splines
 REST = 4  # coefficients of a spline that are equal at an end where it is at rest with continuous jerk
-#: Blends from 0 to 1 by their order: with three and with four continuous derivatives.
+#: Polynomial blends from 0 to 1 by degree, with three and with four continuous derivatives.
 BLENDS = {7: (0, 0, 0, 0, 35, -84, 70, -20), 9: (0, 0, 0, 0, 0, 126, -420, 540, -315, 70)}
-#: Largest speed of the blend of degree 7 over its mean.
+#: Ratio of the largest to the mean speed of the blend of degree 7.
 PEAK = 2.1875
 #: Velocity that grows from 0 to 1 by the blend of degree 7, integrated.
 _RUN_UP = (0, 0, 0, 0, 0, 7, -14, 10, -2.5)
@@ -46,8 +46,8 @@ def blended(begin_s: float, duration_s: float, start_m: float, to_m: float, orde
 def within_limits(begin_s: float, start_m: float, to_m: float, limits: tuple[float, ...]) -> list[Row]:
     """Return the fastest move of 15 pieces of constant snap within limits of velocity, acceleration, jerk and snap, SI.
 
-    Snap s for t_s makes the jerk s t_s, which is held for t_j. The acceleration is held for t_a, and the velocity for
-    t_v. The times are set in this order, each as long as the limits and the distance allow.
+    The snap is applied for t_s; the jerk is then held for t_j, the acceleration for t_a, and the velocity for t_v. In
+    this order, each time is made as long as the limits and the distance allow.
 
     Examples
     --------
@@ -106,8 +106,7 @@ def _integrated(begin_s: float, start_m: float, sign: float, each: Sequence[Pair
 def along_line(begin_s: float, start_m: float, to_m: float, duration_s: float, run_up_s: float) -> list[Row]:
     """Return a move at constant velocity, with blends at its start and end.
 
-    `duration_s` is the duration at constant velocity for the whole distance. The blends add `run_up_s`, which is
-    limited to `duration_s`.
+    At constant velocity, the whole distance would take `duration_s`. The blends add `run_up_s`, at most `duration_s`.
     """
     way = to_m - start_m
     run_up = min(run_up_s, duration_s)
@@ -134,7 +133,7 @@ def through(times_s: Sequence[float], points_m: Sequence[float]) -> list[Row]:
 
 
 def near(times_s: Array, points_m: Array, knot_s: float) -> list[Row]:
-    """Return the spline of degree 7, with knots at this distance, that fits the samples of a record best.
+    """Return the least-squares spline of degree 7 through the samples of a record, with knots every `knot_s`.
 
     The spline starts and ends at rest, at the first and last position of the record.
     """
@@ -165,7 +164,7 @@ def _of_spline(spline: Any) -> list[Row]:  # noqa: ANN401 - scipy's own
     return rows
 
 
-#: How long a reference is run where nothing is said: a sine at least so, and what follows the last move.
+#: Default durations: shortest run of a sine, s, its least number of periods, and rest after the last move, s.
 SINE_S, SINE_PERIODS, REST_S = 16.0, 4.0, 2.0
 _TOGETHER_S = 1e-9  # between pieces of one move
 _EVERY, _PERIODS = 400, 2.0  # samples of a move or a period of a sine, to find the highest speed
@@ -175,7 +174,7 @@ _REAL = 1e-6  # a root with a smaller imaginary part counts as real
 
 
 class ReferenceMove(NamedTuple):
-    """A move to a position from the end of the previous move, blended with continuous jerk.
+    """A move from the end of the previous move to a position, with continuous jerk.
 
     Attributes
     ----------
@@ -246,7 +245,7 @@ class Reference(Shown):
 
     @property
     def duration_s(self) -> float:
-        """Default duration of a run: 16 s or four periods of a sine, and 2 s of rest after moves."""
+        """Default duration of a run: the longer of 16 s and four periods of a sine, or 2 s after the last move."""
         if self.is_sine:
             return max(SINE_S, SINE_PERIODS / self.frequency_hz)
         ends = [move.end_s for move in self.moves[-1:]] + [begin + lasts for begin, lasts, *_ in self.pieces[-1:]]
@@ -280,7 +279,7 @@ class Reference(Shown):
         return Reach(lowest, highest, float(abs(velocity[fastest])), float(times[fastest]))
 
     def stretched(self, factor: float) -> Reference:
-        """Return the motion slowed by a factor in time, rounded up to 0.001; a factor up to 1 changes nothing."""
+        """Return the motion stretched in time by a factor, rounded up to 0.001. Factors up to 1 have no effect."""
         if factor <= 1.0:
             return self
         factor = rounded_up(factor)
@@ -308,7 +307,7 @@ class Reference(Shown):
 
 
 def rounded_up(factor: float) -> float:
-    """Return a factor in time, rounded up to 0.001."""
+    """Return a factor of time stretching, rounded up to 0.001."""
     return float(np.ceil(1e3 * factor) / 1e3)
 
 

@@ -18,7 +18,7 @@ from pneudrive.errors import CommandError, OwnLawError, nearest
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
-#: The word of the core for a law that it does not have.
+#: Name of all custom laws in the core.
 OWN = "own"
 _FAILS = 'Correct the law, or let another one take over: [on_fault] law = "inversion" in a controller file.'
 _RULE = "a law has inputs, a tuple of names, and step(t, sample, preview), which returns the command"
@@ -81,7 +81,7 @@ class OwnLaw:
     name : str
         ``"mine.py:Law"``, or the name of its class.
     digest : str
-        Identity of the law: the hash of its file. For an object, which cannot be hashed, it is new each time.
+        Hash of the file with the law. An object cannot be hashed, and gets a new identifier each time.
     """
 
     name: str
@@ -101,7 +101,7 @@ def signals() -> dict[str, tuple[str, str]]:
 
 
 def is_own(given: object) -> bool:
-    """Return whether a law is custom: an object, a class, or the name of code."""
+    """Return whether a law is custom: an object, a class, or the name of a code file or module."""
     if isinstance(given, str):
         return given not in _core.control_laws() and own_code.split(given) is not None
     return own_code.guarded(type(given).__name__, CommandError, lambda: hasattr(given, "step"))
@@ -115,7 +115,7 @@ def own_law(given: object, *, allow_code: str | None = None, found_in: str = "")
     given : object or str
         A class, an object of one, ``"mine.py:Law"`` or ``"package.module:Law"``.
     allow_code : str, optional
-        SHA-256 of a file of code that may run although only a file names it.
+        SHA-256 of a code file that may run although only another file, not the user, names it.
     found_in : str
         File that names the code; empty if the user of this run has named it.
 
@@ -159,7 +159,7 @@ def check_inputs(name: str, inputs: object) -> list[str]:
     Raises
     ------
     CommandError
-        A name is not that of a signal, or occurs twice.
+        If a name is not the name of a signal, or occurs twice.
     """
     known = list(signals())
     if not isinstance(inputs, (tuple, list)):

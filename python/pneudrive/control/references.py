@@ -1,4 +1,4 @@
-"""References (wanted position over time) from text or file, and check of their range and speed against a drive."""
+"""References (desired position over time) from text or file, and checks of their range and speed for a drive."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ class MoveTable(PointTable):
 
 
 class LimitTable(Described):
-    """Limits of the moves that have no duration: 15 pieces of constant snap."""
+    """Limits of moves without a duration. Such a move has 15 segments of constant snap."""
 
     table_name: ClassVar[str] = "limits"
     velocity_m_s: Annotated[float, Quantity("m/s", "m/s", _Over)]
@@ -265,7 +265,7 @@ def _of_record(path: Path) -> motion.Reference:
 
 
 def _check_span(made: motion.Reference, time: Any, position: Any) -> None:  # noqa: ANN401 - arrays
-    """Reject a record if the fitted curve deviates from it between its samples."""
+    """Reject a record if its fitted curve leaves the range of the samples, for example in a long gap."""
     low, high = float(position.min()), float(position.max())
     within = max(BEYOND_SHARE * (high - low), BEYOND_M)
     reach = made.reach() if np.isfinite(made.pieces).all() else motion.Reach(-np.inf, np.inf, np.inf, 0.0)
@@ -339,15 +339,15 @@ def check_reach(of: motion.Reference, stroke_m: float, speed_m_s: float) -> None
 
 # --- Standard references, by which laws are compared.
 
-#: Share of a drive's speed that a standard reference takes at most, and of its stroke that a sine takes (assumed).
+#: Largest fraction of a drive's speed in a standard reference, and fraction of a short stroke for a sine (assumed).
 _SPEED_SHARE, _STROKE_SHARE = 0.85, 0.3
-#: Those that laws are compared along where nothing is said; the others are asked for by name.
+#: References of a comparison by default.
 USUAL = ("R1", "R2", "R3", "R5", "R6")
-#: Names of all of them.
+#: Names of all standard references.
 NAMES = tuple(f"R{number}" for number in range(1, 7))
-#: Stroke of the drive whose ramps have the ways below, m.
+#: Stroke to which the ramp lengths below apply, m.
 RAMPS_STROKE_M = 0.5
-#: Of R4: speeds, m/s, and ways, m.
+#: Ramps of R4: (speed, m/s; length, m).
 _RAMPS = ((0.001, 0.005), (0.01, 0.03), (0.1, 0.1))
 _RUN_UP_S, _PAUSE_S = 0.1, 1.0
 

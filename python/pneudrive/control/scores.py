@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
     from pneudrive.arrays import Array, Keyed, Plain
 
-#: Time from the start that is scored apart, and the end of a sine that is scored, s.
+#: Initial time that is scored separately, and final time of a sine that is scored, s.
 FIRST_S, LAST_S = 4.0, 4.0
 REST_S, HUNTING_S = 0.2, 0.6  # ends of a dwell in which rest and hunting are measured
 ROUNDING_S = 1e-9  # rounding of times that are sums
@@ -70,7 +70,7 @@ class Score(Viewed):
     step_median_s, step_999_s, step_worst_s : float
         Computing time of a step of the law on this machine: median, 99.9 %, worst. It differs from run to run.
     step_undisturbed_s : float
-        Worst step, if each step counts with the least time of its repeats. Equal to `step_worst_s` without repeats.
+        Worst step over the shortest time of each step in repeated runs. Equal to `step_worst_s` without repeats.
     lost : bool
         Whether the error exceeded 20 mm.
     """
@@ -111,7 +111,7 @@ class Score(Viewed):
 #: Measure -> its title in tables, factor to the unit of tables, that unit.
 SHOWN: dict[str, tuple[str, float, str]] = package_table(__file__, "measures.toml")
 
-#: Measures that are told of a spread.
+#: Measures that are shown for a spread.
 SPREAD_SHOWN = ("max_error_m", "settling_100_um_s", "rest_error_m", "hunting_m")
 
 THOUSAND, _LARGER = 1e3, {"um": "mm", "ms": "s", "us": "ms"}
@@ -135,7 +135,7 @@ def written(name: str, value: float | None) -> str:
     return f"{factor * value:.3g} {unit}"
 
 
-#: Measures that decide on a run.
+#: Measures that are shown first.
 LEADING = ("rmse_m", "max_error_m", "settling_100_um_s", "rest_error_m", "air_anr_m3_s")
 
 
@@ -210,7 +210,7 @@ def score(run: xr.Dataset) -> Score:
     return score_of(time, named, motion, said.get("air"))
 
 
-#: Variables of a run that a score is of.
+#: Variables of a run that its score needs.
 SCORED = (
     "position",
     "velocity",

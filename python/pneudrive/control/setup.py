@@ -1,4 +1,4 @@
-"""Instrumentation between a drive and its law: sensors, converter, computing time, disturbances."""
+"""Instrumentation between a drive and its controller: sensors, converter, computing time, disturbances."""
 
 from __future__ import annotations
 
@@ -77,7 +77,7 @@ class PressureSensor(Described):
 
 
 class ControlSensors(Described):
-    """Sensors that the law reads. Without pressure sensors, the model simulates the pressures."""
+    """Sensors of the controller. Without pressure sensors, the controller simulates the pressures by its model."""
 
     table_name: ClassVar[str] = "sensors"
     position: PositionSensor = PositionSensor()
@@ -121,7 +121,7 @@ class LimitSwitches(Described):
         return self
 
 
-#: Kind of fault -> what goes wrong, and the unit of its value; a dash: it has none.
+#: Kind of fault -> effect, and unit of its value, or a dash if it has no value.
 FAULTS: dict[str, tuple[str, str]] = package_table(__file__, "faults.toml")
 CHANNEL_UNITS = {"position": "m", "pressure_a": "Pa", "pressure_b": "Pa"}
 MAY_LACK_A_VALUE = ("reference",)
@@ -295,7 +295,7 @@ def read_setup(given: Setup | str | Path) -> tuple[Setup, str]:
 
 
 def read_ready(kind: type[_Kind], given: _Kind | str | Path, ready: dict[str, Path], start: str) -> tuple[_Kind, str]:
-    """Read a table of the package by its name, or a TOML file. Return it with its name, "own" if the table was given.
+    """Read a table of the package by its name, or a TOML file. Return the table and its name, "own" for a given table.
 
     Raises
     ------

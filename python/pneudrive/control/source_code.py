@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from pneudrive.control.motion import Reference
     from pneudrive.control.tuning import Tuning
 
-#: Languages: word of an option -> what it is.
+#: Languages: word of an option -> description.
 LANGUAGES = {
     "c": "C99, a header and a source file",
     "st": "structured text, a function block",

@@ -34,12 +34,12 @@ if TYPE_CHECKING:
     from pneudrive.describe import Circuit, Drive
 
 
-#: Of a controller whose file says nothing; both assumed.
+#: Defaults of a controller file: sampling period, s, hold band, m, and delay before holding, s (assumed).
 PERIOD_S, BAND_M, AFTER_S = 1e-3, 30e-6, 20e-3
 
 
 class HoldBand(Described):
-    """Band for holding. Once the reference rests and the error stays in the band, the force of the air is kept."""
+    """Band for holding. Once the reference rests and the error stays in the band, the pressure force is kept."""
 
     table_name: ClassVar[str] = "hold"
     band_m: Annotated[float, Quantity("m", "um", Bounds(above=0.0))] = Field(
@@ -97,7 +97,7 @@ class Factors(Described):
         return () if set(self.values) == {1.0} else self.values
 
 
-#: Removed tables of a controller file: the content that changes nothing, and what to do about others.
+#: Removed tables of a controller file: content that is still accepted because it has no effect, and remedy for others.
 REMOVED_TABLES = {
     "nmpc": ({"predictor": "model"}, "The predictor circuit was removed. Leave the table out: the model is used."),
     "observer": ({"kind": "kalman"}, "Levant and lugre were removed. Leave the table out: kalman is used."),
@@ -197,7 +197,7 @@ class TunedGain(NamedTuple):
     meaning, rule : str
         Meaning of the gain, and the rule that determines it.
     given : bool
-        Whether the value was given and does not follow from the rule.
+        Whether the value is given, instead of determined by the rule.
     """
 
     key: str
@@ -242,12 +242,12 @@ class Plant(Shown):
     valves : list of str
         Names of the valves in the order of their commands.
     left_out : list of str
-        Components that the law does not model, and parts of cylinder and valve that it does not model. Of tubes at the
-        chambers, the law includes the volume.
+        Components, and parts of cylinder and valve, that the law does not model. The volume of tubes at the chambers is
+        modelled.
     pressure_decay_1_s : list of float
         Rates at which the pressures of both shut chambers decay by leakage and heat, at mid-stroke.
     least_force_shares : list of float
-        Fractions of the supply's force that weight and friction at rest need in +x and against it, at mid-stroke.
+        Fractions of the available force that overcome weight and static friction in +x and against it, at mid-stroke.
     """
 
     natural_frequency_rad_s: float
@@ -279,7 +279,7 @@ class Plant(Shown):
 
 
 class LawModel(NamedTuple):
-    """Data of the drive that a custom law gets before a run.
+    """Data of the drive that a custom law receives before a run.
 
     Attributes
     ----------
@@ -312,7 +312,7 @@ class Tuning(Viewed):
     own : OwnLaw or None
         Custom law, or None. A custom law has no gains here.
     valves : tuple of TunedGain
-        Numbers of several valves, or of a switching valve.
+        Parameters of several valves, or of a switching valve.
     """
 
     controller: Controller
@@ -341,7 +341,7 @@ class Tuning(Viewed):
 
     @property
     def numbers(self) -> tuple[TunedGain, ...]:
-        """Gains of the law and numbers of its valves."""
+        """Gains of the law and parameters of its valves."""
         return (*self.gains, *self.valves)
 
     def core(self) -> Plain:
@@ -510,7 +510,7 @@ def tune(
 
 
 def alone(tuning: Tuning, **others: object) -> Tuning:
-    """Return a tuning, and reject arguments that the tuning already has."""
+    """Return the tuning, and reject further arguments that it already contains."""
     for name in (name for name, one in others.items() if one is not None):
         raise CommandError.of("control.beside_tuning", name=name, law=tuning.law, drive=tuning.belief.name)
     return tuning
@@ -633,10 +633,10 @@ def _believed(source: str, folder: Path) -> tuple[Drive | Circuit, str]:
 
 # --- Limits of a tuned controller.
 
-#: Samples of a law in a period of the mass on its air, below which it is told to be slow (assumed).
+#: Samples per period of the natural frequency below which a controller is reported as slow (assumed).
 LEAST_SAMPLES = 40
 MOST_OF_FORCE = 0.85  # fraction of the supply's force for weight and friction above which a warning is given (assumed)
-#: Rates that differ by a smaller share are equal.
+#: Relative difference below which two decay rates count as equal.
 EQUAL_DECAY = 0.01
 
 

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
     from pneudrive.datasheet.plant import HeldDrive
 
-    #: Values by name or in the order of the docstring; `ResultValue` if the meaning depends on the drive.
+    #: Values by name, or in the order of the docstring. A `ResultValue` is used if the meaning depends on the drive.
     Found = Mapping[str, Any] | tuple[Any, ...]
     Find = Callable[..., Found]
 
@@ -107,7 +107,7 @@ class Characteristic:
         return xr.Dataset(labelled["result"], labelled["axis"], self.about(plant))
 
     def _value(self, name: str, value: Any, settings: Mapping[str, Any]) -> ResultValue:  # noqa: ANN401
-        """Return a result with its unit and meaning, from the docstring unless the function states them."""
+        """Return a result with unit and meaning, from the function if it states them, otherwise from its docstring."""
         if isinstance(value, ResultValue):
             return value
         form, meaning = self.results[name]
@@ -133,7 +133,7 @@ _of_module: dict[str, list[Characteristic]] = defaultdict(list)
 
 
 def characteristic(name: str, *, algorithm: str, definition: str = "", **more: Any) -> Callable[[Find], Find]:  # noqa: ANN401
-    """Make a function a characteristic; its docstring gives title, definition, settings and results.
+    """Register a function as a characteristic. Its docstring gives title, definition, settings and results.
 
     Parameters
     ----------

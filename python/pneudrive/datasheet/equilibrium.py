@@ -32,7 +32,7 @@ LASTING_S = 1e6  # a step after which rates that are settled count as such: gas 
 LONGEST = (0.5, 0.1, 1.0)  # steps of ln p, ln T and the velocity, m/s
 HELD = 1e-3  # change of ln p that must act on a rate
 DAMPED, SHORTER = 0.9, (1.0, 0.5, 0.2, 0.05)  # a step after which rates are not below this share is tried shorter
-#: Least singular value: what does not act on the rates keeps its start (the temperature of gas that leaves).
+#: Relative cut-off of singular values. States without effect on the rates keep their start value.
 LEAST = 1e-13
 SLOWEST = 1e-5  # m/s: a piston that does not get faster rests
 START_M_S = 0.5  # m/s: another start of the search
@@ -41,7 +41,7 @@ HIGHEST = 50.0  # times the supply: no steady state has such a pressure
 
 @dataclass(frozen=True, repr=False)
 class Equilibrium(Viewed):
-    """A steady state: no pressure and no temperature changes.
+    """A steady state, in which all pressures and temperatures are constant.
 
     Attributes
     ----------
@@ -54,7 +54,7 @@ class Equilibrium(Viewed):
     friction_n : float
         Steady friction against the motion, with the sign of the velocity; 0 at rest.
     load_n : float
-        External force in +x that balances the piston; at rest, it balances the piston without friction.
+        External force in +x that balances the piston, with friction in motion and without friction at rest.
     """
 
     command: float
@@ -101,7 +101,7 @@ def equilibrium(
     velocity : str or float, optional
         Imposed velocity, ``"0.2 m/s"`` or in m/s; the balancing load is calculated. The default is 0, a pinned piston.
     load : str or float, optional
-        Force in +x, ``"-100 N"`` or in N, in place of `velocity`; the velocity under this load is calculated.
+        Force in +x, ``"-100 N"`` or in N, instead of `velocity`. The velocity under this load is calculated.
 
     Returns
     -------
@@ -112,7 +112,7 @@ def equilibrium(
     CommandError
         The command, the position, the velocity or the load is not valid.
     SimulationError
-        The state does not exist. Under a shut valve without leaks, any pressure is a steady state.
+        No steady state exists, or it is not unique, as for a shut valve without leaks.
 
     Examples
     --------
@@ -154,7 +154,7 @@ def at_velocity(plant: HeldDrive, command: float, position: float, velocity: flo
 
 
 def state_at(plant: HeldDrive, command: float, position: float, velocity: float, gas: Array) -> Equilibrium:
-    """Return a state with pressures and temperatures of shape (nodes, 2) as an equilibrium."""
+    """Return an equilibrium from the pressures and temperatures of all nodes, shape (nodes, 2)."""
     force = plant.force(plant.session(command, position, velocity, gas).linearise([]))
     friction = plant.sliding(velocity, plant.pressures(gas), position) if velocity else 0.0
     (p_a, t_a), (p_b, t_b) = plant.chamber(gas, "a"), plant.chamber(gas, "b")
@@ -180,7 +180,7 @@ def gas_under_load(plant: HeldDrive, command: float, position: float, load: floa
 
 
 class _SteadySearch:
-    """Search for a steady state: integration of the drive's rates, at fixed position, with growing steps.
+    """Search for a steady state: implicit integration at fixed position with growing steps.
 
     Unknowns are ln p and ln T of all nodes and, under a load, the velocity. A step is an implicit Euler step. As it
     grows, it becomes a Newton step. The search therefore follows the motion of the drive and ends at the drive's final
@@ -254,7 +254,7 @@ class _SteadySearch:
         return best, tried[best]
 
     def _step(self, z: Array, found: Array, own: int, lasting: float) -> tuple[Array, bool]:
-        """Return an implicit Euler step over a time, and whether the step was too long and therefore shortened."""
+        """Return an implicit Euler step, and whether the step had to be shortened."""
         slopes = np.empty((own, own))
         for k in range(own):
             beside = z.copy()
@@ -373,7 +373,7 @@ _SHOWN = ("position_m", "velocity_m_s")
 
 
 def _short(name: str, plant: HeldDrive) -> str:
-    """Return a drive's name in a form for python-control: without dots."""
+    """Return a name without dots, as python-control requires."""
     from pneudrive.describe.system import short_name
 
     return short_name(name, plant.piston).replace(f"{plant.valve}.command", "command").replace(".", "_")

@@ -50,7 +50,7 @@ STILL = 5e-4  # largest relative change of the pressure among them
 
 
 def is_of_tank(path: Path, layout: Path | None) -> bool:
-    """Return whether the layout of a file says that it is a recording of a fixed volume."""
+    """Return whether a file is a recording of a fixed volume, according to its layout."""
     found = find_layout(path) if layout is None else Layout.load(layout)
     return found is not None and found.kind == KIND
 
@@ -137,7 +137,7 @@ class ComparedNumber:
     repeats : int
     simulated : float
     agrees : bool
-        Whether the simulation is within the interval, or within 5 % of the value of a single stroke.
+        Whether the simulation is within the interval, or within 5 % of the measured value of a single stroke.
     """
 
     stroke: str

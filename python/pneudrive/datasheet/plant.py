@@ -1,4 +1,4 @@
-"""Plant model for characteristics: one piston with its valves, which the core can evaluate at any state."""
+"""Plant model for characteristics: one piston with its valves, evaluated by the core at any state."""
 
 from __future__ import annotations
 
@@ -31,10 +31,10 @@ if TYPE_CHECKING:
 # A switching valve has only the commands of its positions. To hold a state, it is replaced by a proportional valve with
 # the same paths, fully open to one side or the other.
 
-#: Keys of a switching valve that a proportional one does not have.
+#: Keys that only a switching valve has.
 _TIMES = ("time_on", "time_off", "travel_share", "pwm_frequency", "pwm_model", "normally", "centre")
 LOCK = "rod-lock"
-#: Position of a valve that keeps its position.
+#: Key of the start position of a valve that keeps its last position.
 _KEPT = "position"
 
 
@@ -47,7 +47,7 @@ class Actuation:
     out, back : dict
         Valve -> its command for motion towards the end of chamber b (out) or of chamber a (back).
     is_switched : bool
-        Whether a valve has only switching positions, so that u is 1 or -1.
+        Whether a valve has only switching positions, so that the signal u is 1 or -1.
     has_shares : bool
         Whether the drive itself has commands between 0 and full opening.
     held : dict
@@ -169,8 +169,9 @@ MOST_VALVES, CLOSE = 4, 1e-6  # whose positions are tried; forces whose differen
 NO_FRICTION_N = 1e-9  # a law of friction has a level above 0
 CONTACT_N, LEAST_LAG_M, MOST_LAG = 1e-3, 1e-7, 0.1  # force on a coupling; its lags: least, most over the stroke
 LEAST_VELOCITY = 1e-5  # m/s: the contact just slides; its steady friction is the breakaway force
-#: What does not act on a steady state away from the ends, but has states of its own: of the valve, of the piston.
+#: Kinds of components at which a line to a chamber ends.
 _ENDS = ("tank", "reservoir")
+#: Parameters without effect on a steady state away from the ends, but with states of their own: of valve and piston.
 _LAGS, _CUSHIONS = ("frequency", "damping_ratio", "stroke_time", "delay", "hysteresis"), ("cushion_",)
 
 
@@ -281,9 +282,8 @@ class HeldDrive:
     def line(self, side: str) -> tuple[str, list[tuple[str, str, str]]]:
         """Return the port of the valve that feeds chamber a or b, and the components in between.
 
-        The components are ordered from the valve.
-
-        Each component has its port towards the valve and its port towards the chamber.
+        Components are ordered from the valve to the chamber, each with its port towards the valve and its port towards
+        the chamber.
 
         Raises
         ------
@@ -399,7 +399,7 @@ class HeldDrive:
 
     @cached_property
     def slides(self) -> tuple[str, ...]:
-        """Names of the piston and then of the other components with a position, a velocity and a load."""
+        """Names of the piston, then of the other components with a position, a velocity and a load."""
         loads = [name.removesuffix(".load_force_n") for name, *_ in self.core.inputs if name.endswith(".load_force_n")]
         moved = (name for name in loads if name != self.piston and f"{name}.velocity_m_s" in self.core.start_names)
         return (self.piston, *moved)
@@ -411,9 +411,9 @@ class HeldDrive:
 
     @cached_property
     def lags(self) -> dict[str, float]:
-        """Component that a coupling moves with the piston -> its lag behind the piston in slow motion in +x, m.
+        """Coupled component -> its lag behind the piston in slow motion in +x, m.
 
-        A coupling transmits weight and friction of its slide, and acts only at the end of its play.
+        A coupling transmits weight and friction of its slide only at the end of its play.
         """
         plant, lags = self.frictionless, {self.piston: 0.0}  # the same masses and couplings
         middle, least = 0.5 * self.stroke_m, LEAST_LAG_M

@@ -29,12 +29,12 @@ if TYPE_CHECKING:
 # --- Intervals of identified values of a drive, propagated to results that are computed from it.
 
 SAID = "each value with an interval moved to both its ends; effects added with the correlations of the values"
-#: Factors of the laws of heat transfer in chambers and in tubes at the ends of their interval. Source: heat page.
+#: Interval bounds of the heat transfer factors in chambers and in tubes, relative to the law (docs: heat transfer).
 HEAT_SPREAD, TUBE_SPREAD = (0.5, 2.0), (1.0 / 1.4, 1.4)
 
 
 class Ends(NamedTuple):
-    """A value with an interval, its correlations, and the drive with the value at either bound of the interval."""
+    """A value with an interval, its correlations, and the drive with this value at either bound."""
 
     name: str
     confidence: float
@@ -138,8 +138,8 @@ class UncertainDrive:
 def with_intervals(plain: xr.Dataset, ends: Sequence[Ends], moved: Sequence[Sequence[xr.Dataset]]) -> xr.Dataset:
     """Add the lower and upper bound of each result, as variables ``NAME_low`` and ``NAME_high``.
 
-    A value at a bound of its interval changes the result by d_i. For the upper bound of the result, d_i is the change
-    upwards; for the lower one, downwards. Values with correlations r together change the result by d:
+    Let d_i be the change of the result if value i is at a bound of its interval: the upward change for the upper bound
+    of the result, the downward change for the lower bound. Values with correlations r together change the result by d:
 
         d^2 = sum r_ij d_i d_j
 
@@ -176,7 +176,7 @@ def correlations(ends: Sequence[Ends]) -> Array:
 
 
 def together(away: Array, shared: Array) -> Array:
-    """Return the upward deviation of a result, from its deviations at the interval bounds of each value.
+    """Return the joint upward deviation of a result, from its deviations at the interval bounds of each value.
 
     Parameters
     ----------
@@ -275,7 +275,7 @@ def characteristic_named(name: str) -> Characteristic:
     raise CommandError(f"there is no characteristic {name!r}", remedy=remedy)
 
 
-#: Settings that are quantities, and their unit.
+#: Unit of each setting that is a quantity.
 _UNITS = {"position": "m", "half_period": "s", "duration": "s", "speed": "m/s", "end_speed": "m/s", "volume": "m3"}
 
 

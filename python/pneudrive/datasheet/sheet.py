@@ -36,7 +36,7 @@ if TYPE_CHECKING:
 # --- Units and names of results in readable form.
 
 NARROWEST = 1e-6  # relative width of an interval that is not shown: rounding
-#: Unit in SI -> factor and unit in which it is shown.
+#: SI unit -> factor and displayed unit.
 SHOWN_UNITS = {
     "Pa": (1e-5, "bar"),
     "m": (1e3, "mm"),
@@ -45,7 +45,7 @@ SHOWN_UNITS = {
 
 
 def shown_unit(unit: str) -> tuple[float, str]:
-    """Return the factor to the unit in which a result is shown, and that unit."""
+    """Return the factor to the displayed unit of a result, and the displayed unit."""
     return SHOWN_UNITS.get(unit, (1.0, unit))
 
 
@@ -73,7 +73,7 @@ def written_value(value: float, unit: str, low: float | None = None, high: float
     return text if narrow else f"{text} ({ends[0]} .. {ends[1]})"
 
 
-#: Characteristics of a sheet, in its order.
+#: Characteristics of a sheet, in the order of display.
 OF_A_SHEET = (
     *("velocity", "force-speed", "minimum-pressure", "square-response", "impact", "stiffness", "natural-frequency"),
     *("bode", "air", "exergy", "flow", "leakage", "published"),
@@ -117,7 +117,7 @@ class Datasheet(Viewed):
 
     @cached_property
     def numbers(self) -> list[SheetNumber]:
-        """Headline numbers, and the stated life."""
+        """Headline numbers, and the stated service life."""
         return [*_numbers(self.results), *_life(self.drive)]
 
     @property
@@ -189,9 +189,9 @@ class Datasheet(Viewed):
 
 
 _PATHS = ("conductance", "critical_ratio")
-#: Speed at which the friction of a piston at rest is read, m/s: below every Stribeck velocity (assumed).
+#: Speed at which the breakaway friction is evaluated, m/s: below every Stribeck velocity (assumed).
 AT_REST_M_S = 1e-5
-#: Label of a drive, and printed figure of a part: cycles that 90 % survive.
+#: Label of a drive, and printed figure of a part: number of cycles that 90 % of the units survive.
 LIFE = "b10_cycles"
 
 
@@ -266,7 +266,7 @@ def _numbers(results: dict[str, xr.Dataset]) -> list[SheetNumber]:
 
 
 def _life(drive: Drive | Circuit) -> list[SheetNumber]:
-    """Return the life that is stated for the drive or its parts; it is not computed."""
+    """Return the service life stated for the drive or its parts."""
     stated: list[tuple[str, object]] = [("drive, by its label", drive.labels[LIFE])] if LIFE in drive.labels else []
     stated += [
         (f"{part.name} [{one.source}]", str(one.value))

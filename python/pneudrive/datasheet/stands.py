@@ -1,4 +1,4 @@
-"""Virtual test stands: flow of the paths, leakage of shut chambers, published figures of catalogue parts."""
+"""Virtual test stands: flow of each path, leakage of shut chambers, published figures of catalogue parts."""
 
 from __future__ import annotations
 
@@ -70,7 +70,7 @@ def reduce_flow(
 
 
 def _fed(plant: HeldDrive) -> list[str]:
-    """Return the chambers that a valve feeds; a chamber open to the ambient is left out.
+    """Return the chambers that are connected to a valve, without chambers open to the ambient.
 
     Raises
     ------

@@ -22,18 +22,18 @@ if TYPE_CHECKING:
     from pneudrive.arrays import Array, Keyed
     from pneudrive.describe.drive import Drive
 
-#: Shares of the way: the piston has departed, has risen from and to, is nearly there (conventions).
+#: Fractions of the travel: end of the dead time, begin and end of the rise time, and `time_99` (conventions).
 DEPARTED, RISEN_FROM, RISEN_TO, NEARLY = 0.002, 0.1, 0.9, 0.99
-#: Half the band of settling, as a share of the way (convention).
+#: Half width of the settling band, as a fraction of the travel (convention).
 BAND = 0.01
-#: A piston that stops closer to the cover than this share of the stroke has arrived, even without an impact.
+#: Fraction of the stroke: a piston that stops closer to the cover has arrived, even without an impact.
 ARRIVED = 1e-3
-#: Share of the interval of the samples below which a beginning lies on a sample: rounding.
+#: Fraction of the sampling interval within which a start time counts as lying on a sample (rounding).
 SAME_TIME = 1e-6
 LITRE = 1e-3  # m3
 LAST_SAMPLES = 6  # whose slope is the end speed where no velocity was measured
 
-#: Number of a stroke -> unit and meaning.
+#: Quantity of a stroke -> unit and meaning.
 STROKE_MEANING: dict[str, tuple[str, str]] = package_table(__file__, "stroke_meaning.toml")
 
 
@@ -229,7 +229,7 @@ def _peak(values: Array | None) -> float:
 
 
 def _before(t: Array, values: Array, when: float) -> float:
-    """Return the last value before a time, after which the end stop acts."""
+    """Return the last value before a time; after it the end stop acts."""
     return float(values[max(int(np.searchsorted(t, when)) - 1, 0)]) if when == when else math.nan
 
 

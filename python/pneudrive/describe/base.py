@@ -39,7 +39,7 @@ def key_of(name: str) -> str:
     return _SUFFIX.sub("", name)
 
 
-#: pydantic's names of type errors -> needed form.
+#: pydantic's type error -> required form.
 _TYPES = {"string_type": "a text in quotes", "bool_type": "true or false", "int_type": "a whole number"}
 
 
@@ -50,7 +50,7 @@ class Described(Shown, BaseModel):
     number as a quantity that shows its unit.
     """
 
-    #: A table is looked at closely when the first one of its kind is read: a description has few of all kinds.
+    #: pydantic builds the validator of a table at its first use, because a description uses few kinds of tables.
     model_config = ConfigDict(
         frozen=True, extra="forbid", arbitrary_types_allowed=True, alias_generator=key_of, defer_build=True
     )
@@ -139,7 +139,7 @@ class Described(Shown, BaseModel):
 
     @classmethod
     def _key(cls, place: Sequence[object]) -> str:
-        """Return the dotted key of a place in the table."""
+        """Return the dotted key of a location in the table."""
         return ".".join([*([cls.table_name] if cls.table_name else []), *map(str, place)])
 
     @classmethod
@@ -265,7 +265,7 @@ def mark_of(field: FieldInfo) -> Mark | None:
 
 
 def as_tables(value: Any) -> Any:  # noqa: ANN401 - any type of a field
-    """Write tables, also those in a list or by name, as plain values."""
+    """Convert tables to plain values, including those in lists and mappings."""
     if isinstance(value, Described):
         return value.to_dict()
     if isinstance(value, dict):
@@ -278,7 +278,7 @@ def as_tables(value: Any) -> Any:  # noqa: ANN401 - any type of a field
 
 
 def _placed(error: DescriptionError, place: str) -> DescriptionError:
-    """Return an error of a value or a table, with its full key in the file."""
+    """Return an error with the full key of its value or table in the file."""
     key = error.key or ""
     if not place or (key and key.partition(".")[0] == place.partition(".")[0]):
         return error

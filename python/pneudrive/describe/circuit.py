@@ -1,4 +1,4 @@
-"""Circuits from a file or from Python: named components that are joined by their ports."""
+"""Circuits from a file or from Python: named components, joined at their ports."""
 
 from __future__ import annotations
 
@@ -55,10 +55,10 @@ STOP_KEYS = ("stiffness", "damping", "damping_depth")
 class Circuit(Described):
     """A pneumatic circuit: components by name, and connections between their ports.
 
-    Frozen: `replace` makes another one. `connections` are chains, ``"valve.4 -> hose -> cylinder.a"``. `plugged` lists
-    closed ports. `junctions` selects how two restrictions are joined. `initial` is the default start state of a run.
-    Tables of a drive file, such as ``supply`` and ``cylinder``, define components of these names with their default
-    connections.
+    Frozen; `replace` returns a changed copy. `connections` are chains, ``"valve.4 -> hose -> cylinder.a"``. `plugged`
+    lists closed ports. `junctions` selects the model of a joint between two restrictions. `initial` is the default
+    start state of a run. Tables of a drive file, such as ``supply`` and ``cylinder``, define components of these names
+    with their default connections.
 
     Examples
     --------
@@ -75,7 +75,7 @@ class Circuit(Described):
     True
     """
 
-    #: Kind of its file in words, and what precedes the names of components in its keys.
+    #: Name of the kind of file, and prefix of component names in its keys.
     file_kind: ClassVar[str] = "circuit"
     key_prefix: ClassVar[str] = "components."
     picture_home: ClassVar[str] = "pneudrive.report.circuit.svg:circuit_svg"
@@ -230,12 +230,12 @@ class Circuit(Described):
 
     @property
     def axis_names(self) -> ShortNames:
-        """Names of a drive for the only cylinder of the circuit and its only component with a command.
+        """Names of a drive file for the columns of a circuit with one cylinder and one commanded component.
 
         Raises
         ------
         DescriptionError
-            There is none of them, or there are several.
+            If the circuit does not have exactly one of each.
         """
         cylinders = [name for name, one in self.components.items() if one.kind.startswith(f"{PISTON}/")]
         parts = {PISTON: cylinders, "valve": list(self.commandable)}
@@ -292,7 +292,7 @@ class Circuit(Described):
 
     @property
     def system(self) -> System:
-        """Circuit in the core's form, under the names of its components."""
+        """Circuit in the core's form, with the names of its components."""
         return System(self.si_form)
 
     @property
@@ -301,11 +301,11 @@ class Circuit(Described):
         return self
 
     def circuit_values(self, given: object) -> Keyed:
-        """Return start values, given as a dict or a text, as a table."""
+        """Return a dict or text of start values as a table."""
         return start_values(given)
 
     def read_start(self, given: object) -> dict[str, float]:
-        """Return the start state in SI, from start values as a dict or a text."""
+        """Convert a dict or text of start values to SI."""
         return self.core_initial(start_values(given))
 
     circuit_start = read_start
@@ -356,7 +356,7 @@ class Circuit(Described):
         return starts.values(self.initial, initial or {})
 
     def start(self, initial: Keyed | str | None = None, *, rtol: float = 1e-6) -> Session:
-        """Start a session of the circuit, which the caller advances in time.
+        """Start a session of the circuit. The caller advances the session in time.
 
         Parameters
         ----------
@@ -399,8 +399,8 @@ class Circuit(Described):
         ----------
         commands : dict, str, number, sequence or None
             Commands by component: ``{"valve_l": "0 s: 1, 0.5 s: -1", "valve_r": 0.4}``, each in a form of
-            `pneudrive.simulate`. Texts may have the name in front, ``"valve_l: 0 s: 1, 0.5 s: -1"``. The name may be
-            left out if only one component has a command. Without a command a valve stays shut.
+            `pneudrive.simulate`. A text may begin with the name, ``"valve_l: 0 s: 1, 0.5 s: -1"``. The name is optional
+            if only one component has a command. A valve without a command stays shut.
         duration, sample_rate, rtol, ledger, budget, progress, cancel
             See `pneudrive.simulate`.
         initial : dict or str, optional
@@ -454,7 +454,7 @@ class Circuit(Described):
 
     @property
     def joint_volumes(self) -> list[tuple[str, float]]:
-        """Gas joints without a component that has a volume: one port of each joint, and the volume of its ports, m3."""
+        """Gas joints without a component that has a volume: one port of each joint, and the volume of the joint, m3."""
         return compiled(self.core_json()).joint_volumes
 
     @property
@@ -469,7 +469,7 @@ class Circuit(Described):
 
     @property
     def unusual(self) -> list[str]:
-        """Sizes of components that are larger or smaller than usual ones: their unit may be wrong."""
+        """Unusually large or small sizes of components, which may have a wrong unit."""
         return [f"{name}.{line}" for name, one in self.components.items() for line in one.unusual]
 
     def _card(self) -> Card:
@@ -492,7 +492,7 @@ def _area(component: Any) -> float:  # noqa: ANN401 - a component with a piston
 
 
 def _in_file(error: PneudriveError, keys: Mapping[str, str]) -> DescriptionError:
-    """Return an error of a component or of a copy, with its key in the file."""
+    """Return an error with its key in the file, for a component or a copy."""
     key = getattr(error, "key", None) or ""
     table, _, rest = key.partition(".")
     name, dot, inner = rest.partition(".")

@@ -53,7 +53,7 @@ class _Rejected(dict[str, Any]):
 
 
 def used(given: object, problems: Problems) -> object:
-    """Return the tables of components. A table that uses a part of the catalogue is merged over that part."""
+    """Return the tables of components. A table that uses a catalogue part is merged over the part."""
     if not isinstance(given, dict):
         return given
     out = dict(given)

@@ -26,15 +26,15 @@ if TYPE_CHECKING:
 
     from pneudrive.arrays import Keyed, Plain
 
-#: Key of a size -> least and greatest usual value, SI (assumed).
+#: Key of a size -> lowest and highest usual value, SI (assumed).
 USUAL = {"bore": (2e-3, 0.4), "stroke": (1e-3, 12.0), "moving_mass": (1e-3, 1e4), "conductance": (1e-12, 1e-6)}
 
 
 class Component(Described):
     """Component of a circuit.
 
-    Its class is made from the core's entry of its kind. A number is stored in SI under a name with its unit, and its
-    key reads it as a quantity.
+    The class is generated from the core's entry of the kind. A number is stored in SI under a name with its unit. The
+    key without the unit returns it as a quantity.
     """
 
     model_config = ConfigDict(alias_generator=None)
@@ -71,7 +71,7 @@ class Component(Described):
 
     @cached_property
     def origins(self) -> Mapping[str, sourced.Value]:
-        """Values with their origin; origins do not count when components are compared."""
+        """Values with their origin. Comparisons of components ignore origins."""
         return {}
 
     @classmethod
@@ -103,7 +103,7 @@ class Component(Described):
     def over(cls, base: Keyed, own: Keyed) -> Plain:
         """Merge keys of a user over those of a part, each with its origin.
 
-        A size of a flow path, or a friction law, that the user gives in another form replaces that of the part.
+        If the user gives a flow size or a friction law in another form, it replaces that of the part.
         """
         out, own = cls.flat(base), cls.flat(own)
         for key, given in own.items():
@@ -143,7 +143,7 @@ class Component(Described):
         return self
 
     def _has(self, parameter: Keyed) -> bool:
-        """Return whether the table that contains a parameter is given; True for a parameter outside a table."""
+        """Return whether the inner table of a parameter is given; True for a parameter outside an inner table."""
         table = parameter["within"]
         own = (p["key"] for p in self.entry["parameters"] if p["within"] == table)
         return not table or any(self.fields[key] in self.model_fields_set for key in own)
@@ -262,7 +262,7 @@ class Component(Described):
             yield f"{key} = {size}; {rule}"
 
     def __reduce__(self) -> tuple[object, ...]:
-        """Pickle the component as its table: its class is made again on loading."""
+        """Pickle the component as its table, because its class is generated again on loading."""
         return component, (self.to_dict(),)
 
 
@@ -365,7 +365,7 @@ def rows(entry: Keyed) -> list[tuple[str, str, str, str]]:
 
 
 def _unless(parameter: Keyed) -> str:
-    """Return in words when a parameter is needed, "needed unless ..."; empty without a condition."""
+    """Return the condition of a required parameter, "needed unless ..."; empty without a condition."""
     unless = parameter["unless"]
     return unless and f"needed unless {unless}{'' if ' = ' in unless else ' is given'}"
 
@@ -449,7 +449,7 @@ def _class_of(entry: Keyed) -> type[Component]:
     return made
 
 
-#: Kinds of components that switch -> their commands. Some take pulses, whose width is any fraction.
+#: Kind of switching component -> its commands. Some also accept pulses, with any fraction as command.
 SWITCHED: dict[str, list[float]] = package_table(__file__, "switched.toml")
 _PULSES = "pwm_frequency"
 #: Keys of a spool.
@@ -457,7 +457,7 @@ _SPOOL = ("frequency", "damping_ratio", "stroke_time", "delay", "hysteresis", "o
 _SWITCHES = 'The valve switches, after time_on and time_off. A spool belongs to kind = "valve/proportional-5/3".'
 
 
-#: Alternative sizes of a flow path beside its conductance, by the last word of their key.
+#: Alternatives to the conductance as size of a flow path, by the last word of their key.
 _SIZES: dict[str, Quantity] = {
     "flow": Quantity("m^3/s ANR", "l/min ANR", POSITIVE),
     "kv": FlowCoefficient("", "Kv", POSITIVE),

@@ -1,8 +1,8 @@
-"""Connections between the components of a circuit: chains of ports become joints, and errors in them are reported.
+"""Connections between the components of a circuit: convert chains of ports to joints, and report errors.
 
-The chain `a -> b -> c` enters a component with two ports by its first port and leaves by its second. Exhausts and
-optional ports are skipped. Any other port must be named. `a.4 .. b.12` is a pilot line: the pressure of a.4 acts on
-port 12 of b, without flow.
+In `a -> b -> c`, a component with two ports is entered at its first port and left at its second. Exhausts and optional
+ports are skipped. Any other port must be named. `a.4 .. b.12` is a pilot line: the pressure of a.4 acts on port 12 of
+b, without flow.
 """
 
 from __future__ import annotations
@@ -37,8 +37,8 @@ class Port(NamedTuple):
     component: str
     name: str
     kind: str  # "gas", "axis", or "pilot": senses a pressure without flow
-    #: "volume": gas with its own state; "pressure": constant pressure; "set": regulated pressure; "motion": an axis
-    #: with commanded motion; "": a restriction, another axis
+    #: Role of the port. "volume": gas with its own state; "pressure": constant pressure; "set": regulated pressure;
+    #: "motion": an axis with commanded motion; "": a restriction, or any other axis
     holds: str
     exhaust: bool
     optional: bool
@@ -50,7 +50,7 @@ class Port(NamedTuple):
 
     @property
     def is_single(self) -> bool:
-        """Whether only one connection may name the port, because its thread takes one fitting.
+        """Whether only one connection may name the port, because its thread accepts one fitting.
 
         Pilot lines are not counted as connections.
         """
@@ -190,7 +190,7 @@ class Wiring:
                         self._join(one, other, chain, key)
 
     def element(self, word: str, key: str, *, first: bool, last: bool) -> tuple[Port | str | None, Port | str | None]:
-        """Return the ports by which a chain enters and leaves a component; None if they are unknown."""
+        """Return the ports at which a chain enters and leaves a component, each None if unknown."""
         if word == AMBIENT:
             return AMBIENT, AMBIENT
         name, dot, port = word.partition(".")
@@ -230,7 +230,7 @@ class Wiring:
 
     @staticmethod
     def _pilots(one: Port | str, other: Port | str, key: str, *, is_line: bool) -> None:
-        """Raise an error for gas through a pilot port, and for a pilot line without a pilot port."""
+        """Report gas flow through a pilot port, and a pilot line without a pilot port."""
         pilots = [port.id for port in (one, other) if isinstance(port, Port) and port.is_pilot]
         ends = [port if isinstance(port, str) else port.id for port in (one, other)]
         if pilots and not is_line:
@@ -272,7 +272,7 @@ class Wiring:
             self._one_state(kept, key)
 
     def _one_state(self, joint: Joint, key: str) -> None:
-        """Raise an error, once, for the connection that gives a joint two pressures or two volumes."""
+        """Report, once, a connection that gives a joint two pressures or two volumes."""
         held = [port.component for port in joint.holders] + [AMBIENT] * joint.ambient
         full = [port.component if len(self.ports(port.component)) == 1 else port.id for port in joint.volumes]
         what = ""

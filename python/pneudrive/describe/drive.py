@@ -44,7 +44,7 @@ _ASSUMED = {
 
 
 class _FileOrTable(classmethod):
-    """``Drive.load("drive.toml")`` reads a file; ``drive.load`` of a drive is its table [load]."""
+    """Descriptor: ``Drive.load("drive.toml")`` reads a file, and ``drive.load`` is the table [load] of a drive."""
 
     def __get__(self, instance: Any, owner: Any = None) -> Any:  # noqa: ANN401 - either
         return super().__get__(None, owner) if instance is None else instance.carried
@@ -53,8 +53,8 @@ class _FileOrTable(classmethod):
 class Drive(Described):
     """Pneumatic drive: supply, valve, cylinder with friction, load.
 
-    Frozen: `replace` makes another one. Every value has two names: the key of the drive file, which shows its unit
-    (``drive.cylinder.bore``), and the name of the plain SI number (``drive.cylinder.bore_m``).
+    Frozen; `replace` returns a changed copy. Every value has two names: ``drive.cylinder.bore`` is a quantity with
+    unit, as in the drive file, and ``drive.cylinder.bore_m`` is the plain number in SI.
 
     Examples
     --------
@@ -151,7 +151,7 @@ class Drive(Described):
         ----------
         changes : dict
             Dotted keys of the drive file, each with a quantity or a table: ``{"friction.coulomb": "31 N"}``. The
-            provenance of a changed value is dropped; ``"provenance"`` with a table adds new ones.
+            provenance of a changed value is dropped. The key ``"provenance"`` adds a table of new ones.
 
         Examples
         --------
@@ -181,7 +181,7 @@ class Drive(Described):
 
     @cached_property
     def origins(self) -> tuple[Value, ...]:
-        """Values of the catalogue with their origin; origins do not count when drives are compared."""
+        """Values of the catalogue with their origin. Comparisons of drives ignore origins."""
         return ()
 
     @property
@@ -203,7 +203,7 @@ class Drive(Described):
 
     @property
     def lines(self) -> tuple[str, ...]:
-        """Tables of the tubes and flow controls between valve and cylinder."""
+        """Names of the tables with tubes and flow controls between valve and cylinder."""
         tables = {"tubing": self.tubing, "flow_control": self.flow_control}
         return tuple(f"{table}.{chamber}" for table, own in tables.items() for chamber in own)
 
@@ -259,7 +259,7 @@ class Drive(Described):
 
     @property
     def meanings(self) -> dict[str, str]:
-        """Meaning of the columns of a trajectory that only a drive with lines has, by name."""
+        """Meaning of the additional trajectory columns of a drive with lines, by name."""
         return {} if self.is_plain else self.circuit.meanings
 
     def model_copy(self, *, update: Any = None, deep: bool = False) -> Drive:  # noqa: ANN401 - pydantic's signature
@@ -319,7 +319,7 @@ class Drive(Described):
         return whole | {"contact_age_s": start.contact_age_s}
 
     def circuit_values(self, given: Initial | Mapping[str, object] | str | None) -> Plain:
-        """Return the given start values by the names of the circuit, without the age of the contact."""
+        """Return the given start values under the names of the circuit, without the contact age."""
         values = (read_initial(given) or Initial()).to_dict()
         values.pop("contact_age", None)
         ends = {f"{key}_{chamber}": f"{chamber}.{key}" for chamber in "ab" for key in ("pressure", "temperature")}
@@ -334,7 +334,7 @@ class Drive(Described):
         return self.core_initial(read_initial(given))
 
     def start(self, initial: Initial | Mapping[str, object] | str | None = None, *, rtol: float = 1e-6) -> Session:
-        """Start a session of the drive, which the caller advances in time.
+        """Start a session of the drive. The caller advances the session in time.
 
         Parameters
         ----------
@@ -367,7 +367,7 @@ class Drive(Described):
 
     @property
     def end_stop(self) -> dict[str, float]:
-        """End stops in SI by the names of `EndStop`: given in the file, or derived from the drive."""
+        """End stop parameters in SI by the names of `EndStop`, from the file or derived from the drive."""
         return dict(zip(EndStop.model_fields, self._stops()[0], strict=True))
 
     def _stops(self) -> tuple[list[float], list[float]]:
@@ -429,7 +429,7 @@ class Drive(Described):
 def merge(base: Plain, changes: Plain) -> Plain:
     """Apply changes to base values, table by table.
 
-    A change removes keys that it excludes, such as another size of the valve or parameters of another friction law.
+    A change removes the keys that it excludes, such as another size of the valve or parameters of another friction law.
     """
     tables = {
         key: value for key, value in changes.items() if isinstance(value, dict) and isinstance(base.get(key), dict)

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 STATED = "Pa abs"
 #: Input of a component for a command in -1 .. 1.
 COMMAND = "command"
-#: Other parameters of a flow path whose size may be given in other ways than by its conductance.
+#: Key of the critical pressure ratio of a flow path.
 RATIO = "critical_pressure_ratio"
 FLOW = (RATIO, "subsonic_index")
 

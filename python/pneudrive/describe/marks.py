@@ -1,4 +1,4 @@
-"""Annotations of fields that are not plain quantities: whole numbers, fractions, ranges and other forms."""
+"""Annotations of fields: quantities, whole numbers, fractions, ranges and other forms."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ class Bounds:
     bound: str | None = None  # bound of `pneudrive.files.bounds`, which users can raise
 
     def broken(self, value: float, show: Callable[[float], str] = "{:g}".format) -> str | None:
-        """Return the violated rule in words, or None for a valid value; `show` writes a bound."""
+        """Return the violated rule in words, or None for a valid value. `show` formats a bound."""
         if self.above is not None and not value > self.above:
             return f"greater than {show(self.above)}"
         if self.at_least is not None and not value >= self.at_least:
@@ -93,7 +93,7 @@ def table_schema(properties: Plain, required: list[str] | None = None) -> Plain:
 
 @dataclass(frozen=True)
 class Mark:
-    """Annotation of a field with a separate reader and writer."""
+    """Base of the annotations of fields: reader, writer and schema of a value."""
 
     def read(self, given: Any) -> Any:  # noqa: ANN401 - any type of the field
         """Convert and check, or raise `DescriptionError`."""
@@ -197,7 +197,7 @@ class EachChamber(Quantity):
         return PerChamber(*values)
 
     def show(self, value: PerChamber) -> dict[str, str]:  # type: ignore[override]
-        """Write both."""
+        """Write both values as users would."""
         return {chamber: units.write(one, self.si_unit, self.written) for chamber, one in value._asdict().items()}
 
     def schema(self) -> Plain:
@@ -253,7 +253,7 @@ Fraction = Annotated[float, Quantity("", bounds=Bounds(above=0.0, below=1.0))]
 
 # --- Annotations of fields that are not plain quantities: whole numbers, fractions, ranges and other forms.
 
-#: Largest coordinate of a place in a drawing, in modules.
+#: Largest coordinate of a position in a drawing, in modules.
 MOST_MODULES = 1000.0
 
 
@@ -266,7 +266,7 @@ class Reads(Mark):
     how : callable
         Converts and checks.
     write : callable, optional
-        Writes the value as users would; None for a value that is already in their form.
+        Writes the value as users would. None: the value is already in that form.
     form : dict
         JSON schema of the form that users write.
     """
@@ -407,7 +407,7 @@ def _on_paper(given: object) -> Interval | None:
     return x, y
 
 
-#: Annotation of a field for a place in a drawing.
+#: Annotation of a field for a position in a drawing.
 ON_PAPER = Reads(_on_paper, list, {"type": "array", "items": {"type": "number"}, "minItems": 2, "maxItems": 2})
 
 
@@ -437,9 +437,9 @@ class PointRows(Quantity):
     Parameters
     ----------
     columns : tuple
-        Key and annotation of each column; values of the first column rise.
+        Key and annotation of each column. Values of the first column must increase.
     defaults : tuple
-        Default of each column; None if a point has to give it.
+        Default of each column; None for a required column.
     most : int
         Largest number of points.
     """
@@ -545,7 +545,7 @@ class Signal(NamedTuple):
         Raises
         ------
         CommandError
-            The text is another quantity, or outside the range.
+            If the text is another quantity, or outside the range.
 
         Examples
         --------

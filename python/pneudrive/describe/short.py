@@ -1,4 +1,4 @@
-"""Short form of a circuit: the tables of a drive file as components with their default connections.
+"""Short form of a circuit: converts the tables of a drive file to components with default connections.
 
 ``[supply]``, ``[valve]`` and ``[cylinder]`` are components of these names. ``[friction]`` belongs to the cylinder, and
 ``[load]`` moves with it. ``[tubing]`` and ``[flow_control]`` are between valve and cylinder, for each chamber. Keys are
@@ -22,9 +22,9 @@ if TYPE_CHECKING:
 
 #: Tables of a drive file that describe components.
 TABLES = ("supply", "valve", "cylinder", "friction", "load", "tubing", "flow_control")
-#: Chamber -> port of the valve that feeds it while the piston moves towards +x, or -x.
+#: Chamber -> port of the valve that is connected to the chamber.
 CHAMBERS = {"a": "4", "b": "2"}
-#: Prefixes of the sizes of a flow control's needle and check valve; in the short form, none means the needle.
+#: Prefixes of the sizes of a flow control's needle and check valve. In the short form, the needle has no prefix.
 _NEEDLE, _CHECK = "needle_", "check_"
 _SAME = "assumed as large as that of the needle"
 
@@ -56,7 +56,7 @@ class Short:
 
 
 def expanded(data: Keyed, problems: Problems) -> Short:
-    """Return the components of the tables of a drive file, and default connections that `connections` leaves open."""
+    """Return components for the tables of a drive file, and the default connections not replaced in `connections`."""
     short = Short()
     given = _tables(data, problems)
     if "supply" in given:
@@ -145,7 +145,7 @@ def _flow_control(table: Keyed) -> Plain:
 
 
 def beside_control(old: Keyed, own: Keyed) -> Plain:
-    """Return the keys of a flow control without the sizes that the user's size of the same flow path replaces."""
+    """Return the keys of a flow control without the sizes that the user replaces by a size of the same flow path."""
     given = {_path(key) for key in own} - {""}
     return {key: value for key, value in old.items() if _path(key) not in given}
 
@@ -172,7 +172,7 @@ def _tube(table: Keyed) -> Plain:
 _ENDS = ["valve", "cylinder"]
 #: Kind of a tube by its `model`.
 TUBES = {"auto": "tube/auto", "steady": "tube", "lumped": "tube/lumped", "distributed": "tube/distributed"}
-#: Table of lines -> name of its components, their kind, conversion of its keys; in the order from the valve.
+#: Table of lines -> name of its components, their kind, conversion of keys. The order is from the valve to the chamber.
 _LINES: dict[str, tuple[str, str, Any]] = {
     "tubing": ("tube", "tube", _tube),
     "flow_control": ("flow_control", "flow-control", _flow_control),
@@ -180,7 +180,7 @@ _LINES: dict[str, tuple[str, str, Any]] = {
 
 
 def _join(short: Short, data: Keyed) -> None:
-    """Add the default connections, except those whose valve port or line `connections` or `plugged` names."""
+    """Add the default connections. Valve ports and lines named in `connections` or `plugged` are left out."""
     lists = [data.get(key) for key in ("connections", "plugged")]
     words = {word.strip() for text in _texts(lists) for word in text.split(ARROW)}
     named = words | {word.partition(".")[0] for word in words if "." in word}
@@ -204,7 +204,7 @@ def _texts(lists: Sequence[Any]) -> Iterator[str]:
 
 
 def _has_ports(table: Keyed, *names: str) -> bool:
-    """Return whether a valve has ports of these names; True for a valve of the catalogue (kind not known yet)."""
+    """Return whether a valve has the ports 4 and 2. True for a valve of the catalogue, whose kind is not known yet."""
     from pneudrive.describe.kinds import component_kinds
 
     entry = component_kinds().get(table.get("kind", ""))

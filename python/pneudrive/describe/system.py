@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 PISTON = "cylinder"
 #: Names of a drive -> names of its circuit.
 DRIVE_NAMES = package_table(__file__, "drive_names.toml")
-#: Names of a drive outside its cylinder, by those of the circuit.
+#: Name in the circuit -> name of the drive, for components other than the cylinder.
 _OUTSIDE = {full: short for short, full in DRIVE_NAMES.items() if not full.startswith(f"{PISTON}.")}
 #: Units that end the keys of a drive in SI, longest first.
 _UNITS = ("_m3_s_pa", "_w_m2_k", "_n_s_m", "_n_m", "_rad", "_m3", "_kg", "_pa", "_k", "_m", "_n")
@@ -33,7 +33,8 @@ class System(NamedTuple):
     json : str
         Circuit in the core's form, in SI.
     names : tuple, optional
-        Component whose name is left out, pairs of short and full name, and whether all other columns are left out.
+        Component whose name is omitted, pairs of short and full name, and whether columns without a short name are
+        omitted.
     """
 
     json: str
@@ -125,7 +126,7 @@ def without_unit(key: str) -> str:
 
 
 def short_name(name: str, piston: str = PISTON) -> str:
-    """Return a drive's name for a variable of its circuit; unchanged if a drive has no such variable.
+    """Return the drive's name of a variable of its circuit. Other names stay unchanged.
 
     Examples
     --------

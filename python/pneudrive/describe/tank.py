@@ -29,7 +29,7 @@ class FixedVolume(Described):
 
     The heat flow through the whole wall is `heat_transfer` times the difference of temperatures: 0 is adiabatic, a
     large value isothermal. `leakage` is the sonic conductance of the leak into the ambient air; its critical pressure
-    ratio is assumed to be 0.2. The wall, and the gas at the start of a recording, are ambient by default.
+    ratio is assumed to be 0.2. Wall and gas have ambient temperature at the start of a recording by default.
     """
 
     table: ClassVar[str] = "volume"
@@ -43,7 +43,7 @@ class FixedVolume(Described):
 class TankLine(Described):
     """Flow path between the volume and gas of constant pressure: a nozzle, a tube, a valve (ISO 6358).
 
-    `pressure` and `temperature` are those on the far side; the default is ambient.
+    `pressure` and `temperature` belong to the side away from the volume. Default: ambient.
     """
 
     table: ClassVar[str] = "line"
@@ -63,7 +63,7 @@ class TankLine(Described):
         return self
 
     def core(self, ambient: Ambient) -> dict[str, Any]:
-        """Return the line in the core's form, with pressure and temperature of its other side."""
+        """Return the line in the core's form, with pressure and temperature on the side away from the volume."""
         stated = ambient.pressure_pa if self.pressure is None else self.pressure.absolute_pa(ambient.pressure_pa)
         if not stated > 0.0:
             raise wrong("line.pressure", "line.pressure is below vacuum", rule="gauge + ambient > 0")
@@ -73,7 +73,7 @@ class TankLine(Described):
 
 
 def _tube(table: object) -> object:
-    """Read the table of the tube as a component with waves."""
+    """Read the table of the tube as a distributed tube, which models pressure waves."""
     if not isinstance(table, dict):
         return table
     if table.get("kind", TUBE) != TUBE:
@@ -162,7 +162,7 @@ class Tank(Described):
         return json.dumps(self.core_form(), sort_keys=True)
 
     def expanded(self, leakage_m3_s_pa: float) -> dict[str, Any]:
-        """Return the circuit of the tank in the core's form: volume, line, its other side, tube and leak.
+        """Return the circuit of the tank in the core's form: volume, tube, line, far side of the line, and leak.
 
         Parameters
         ----------

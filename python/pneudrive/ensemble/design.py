@@ -64,7 +64,7 @@ class Distribution:
         return replace(self, **{field.name: read.value(getattr(self, field.name)) for field in fields(self)})
 
     def _rules(self) -> dict[str, bool]:
-        """Return the rules that the numbers must follow, and whether each holds."""
+        """Return the rules for the numbers of the distribution, and whether each rule holds."""
         raise NotImplementedError
 
     def __str__(self) -> str:
@@ -112,7 +112,7 @@ class Triangular(Distribution):
         return {"low <= mode <= high, low < high": is_ordered and self.low < self.high}
 
     def quantile(self, share: Array) -> Array:
-        """Return the inverse of the distribution function, a root on either side of the mode."""
+        """Return the inverse of the distribution function, with one square root on each side of the mode."""
         whole = self.high - self.low
         below = self.low + np.sqrt(share * whole * (self.mode - self.low))
         above = self.high - np.sqrt((1.0 - share) * whole * (self.high - self.mode))
@@ -234,12 +234,12 @@ def grid(*values: Any) -> GridAxis:  # noqa: ANN401 - quantities or numbers
     return GridAxis(values)
 
 
-#: Word -> what it makes of the texts in its brackets.
+#: Word -> function that makes a distribution or a grid from the texts in brackets.
 WORDS: dict[str, Callable[..., Any]] = {
     **{kind.WORD: kind for kind in (Uniform, Triangular, Normal, Lognormal)},
     "grid": grid,
 }
-#: Quantities whose scale does not begin at zero.
+#: Units whose zero is not the zero of the quantity.
 _FROM_ELSEWHERE = re.compile(r"gauge|degC|degF|°C|°F|[Cc]elsius|[Ff]ahrenheit")
 _CALL = re.compile(r"\s*([a-z][\w-]*)\s*\((.*)\)\s*", re.DOTALL)
 
@@ -273,13 +273,13 @@ def read_text(text: str) -> Any:  # noqa: ANN401 - a distribution, an axis or a 
 
 # --- The rows of a design in SI: row k is a pure function of the design and k.
 
-#: Half a cell of scipy's Sobol points, which are multiples of 2^-30: none lies on a face of the cube.
+#: Half the spacing of scipy's Sobol points (2^-30). The offset keeps points away from the faces of the cube.
 HALF_CELL = 2.0**-31
-#: Rows of a random design that one generator makes.
+#: Number of rows of a random design from one generator.
 BLOCK = 4096
-#: Rows that are checked together.
+#: Number of rows that are checked together.
 CHECKED_ROWS = 65536
-#: The nearest to 0 and to 1 that a share comes.
+#: Smallest distance of a probability from 0 and 1.
 EDGE = 2.0**-53
 
 
@@ -296,7 +296,7 @@ class Rows:
     about : dict
         Description of the design as plain data. Two designs with the same description have the same rows.
     points : callable
-        (first, last) -> rows of the members from first to before last, shape (members, names).
+        (first, last) -> values of members first to last - 1, shape (members, names).
     shape : Marginals or NormalCoordinates, optional
         For a sampled design: mapping from the unit cube to values.
     """
@@ -328,7 +328,7 @@ class Rows:
 
     @classmethod
     def sampled(cls, method: str, size: int, seed: int, shape: Marginals | NormalCoordinates) -> Rows:
-        """Return points in the unit cube, by distributions or by the posterior of a fit.
+        """Return rows from points in the unit cube, mapped by distributions or by the posterior of a fit.
 
         Parameters
         ----------
@@ -345,7 +345,7 @@ class Rows:
         return cls(shape.names, size, about, points, shape)
 
     def wider(self, other: Rows) -> Rows:
-        """Return rows that are each extended by the row of another design."""
+        """Extend each row by the row of another design with the same index."""
 
         def points(first: int, last: int) -> Array:
             return np.column_stack([self.take(first, last), other.take(first, last)])
@@ -353,7 +353,7 @@ class Rows:
         return Rows((*self.names, *other.names), self.size, {**self.about, "beside": other.about}, points)
 
     def take(self, first: int, last: int) -> Array:
-        """Return the rows of the members from `first` to before `last`, shape (members, names)."""
+        """Return the values of members `first` to ``last - 1``, shape (members, names)."""
         return self.points(first, min(last, self.size))
 
     def check(self, variation: Variation) -> None:
@@ -401,8 +401,8 @@ class Marginals:
 class NormalCoordinates:
     """Values whose coordinates (`pneudrive.estimate.profile`) are jointly normal: the posterior of a fit.
 
-    The distribution is normal on the scale of the coordinates, as for intervals of a fit. A positive value stays
-    positive. A `folded` value is nearly zero, and its absolute value is used.
+    As for intervals of a fit, the distribution is normal in the coordinates, so that positive values stay positive. A
+    `folded` value is near zero, and its absolute value is used.
     """
 
     names: tuple[str, ...]
@@ -426,7 +426,7 @@ class NormalCoordinates:
 
 
 def _mixed(scores: Array, by: Array) -> Array:
-    """Return ``scores by'``, computed row by row. Unlike with BLAS, its bits do not depend on the number of rows."""
+    """Return ``scores by'``, computed row by row. With BLAS, the bits would depend on the number of rows."""
     return sum(scores[:, k, None] * by[:, k] for k in range(scores.shape[1]))  # pyright: ignore[reportReturnType]
 
 
@@ -452,7 +452,7 @@ def _random(first: int, last: int, size: int, d: int, seed: int) -> Array:
     return np.clip(np.concatenate(every)[first - start : last - start], EDGE, 1.0 - EDGE)
 
 
-#: Method -> points of the unit cube from first to before last, of so many in so many dimensions, by a seed.
+#: Method -> function (first, last, size, dimensions, seed) that returns points in the unit cube.
 SAMPLERS = {"sobol": _sobol, "latin-hypercube": lambda a, b, *of: _hypercube(*of)[a:b], "random": _random}
 
 
@@ -461,9 +461,9 @@ SAMPLERS = {"sobol": _sobol, "latin-hypercube": lambda a, b, *of: _hypercube(*of
 #: Name -> distribution, or its text; pair of names -> correlation.
 Distributions: TypeAlias = Mapping[str, Distribution | str]
 Correlations: TypeAlias = Mapping[tuple[str, str], float]
-#: Most members of a Latin hypercube, which is made as a whole.
+#: Largest number of members of a Latin hypercube, which must fit into memory.
 MOST_HYPERCUBE = 10_000_000
-#: Most members of a Sobol sequence: its points are multiples of 2^-30.
+#: Largest number of members of a Sobol sequence, whose points are multiples of 2^-30.
 MOST_SOBOL = 1 << 30
 
 
@@ -472,7 +472,7 @@ class EnsembleDesign(Shown):
     """Values of the members of an ensemble.
 
     Made by `table`, `grid`, `sobol`, `latin_hypercube`, `random` and `posterior`. Quantities are as in the drive file
-    (``"25 mm"``) or numbers in SI. Names are those that `pneudrive.identify` accepts as free, and ``initial.position``,
+    (``"25 mm"``) or numbers in SI. Names are those of free values in `pneudrive.identify`, and ``initial.position``,
     ``initial.pressure_a`` and similar names for the start state.
 
     Examples
@@ -498,7 +498,7 @@ class EnsembleDesign(Shown):
 
     @classmethod
     def table(cls, columns: Mapping[str, ArrayLike]) -> EnsembleDesign:
-        """Members by explicit values: for each number, one value for each member.
+        """Return a design with explicit values: for each number, one value per member.
 
         Parameters
         ----------
@@ -522,7 +522,7 @@ class EnsembleDesign(Shown):
     def sobol(
         cls, distributions: Distributions, n: int, *, seed: int = 0, correlation: Correlations | None = None
     ) -> EnsembleDesign:
-        """Points of a scrambled Sobol sequence: they fill the space evenly. `n` should be a power of 2.
+        """Draw members by a scrambled Sobol sequence, which fills the space evenly. `n` should be a power of 2.
 
         Parameters
         ----------
@@ -542,12 +542,13 @@ class EnsembleDesign(Shown):
     def latin_hypercube(
         cls, distributions: Distributions, n: int, *, seed: int = 0, correlation: Correlations | None = None
     ) -> EnsembleDesign:
-        """Draw a Latin hypercube: for each number, one member in each of n intervals of equal probability.
+        """Draw a Latin hypercube: for each number, each of n intervals of equal probability contains one member.
 
         Parameters
         ----------
         distributions, n, seed, correlation
-            As for `sobol`, with n of at most 1e7. With a correlation, only the first number keeps its even intervals.
+            As for `sobol`, with n of at most 1e7. With correlations, only the first number keeps one member per
+            interval.
         """
         return cls("latin-hypercube", dict(distributions), n, seed, dict(correlation or {}))
 
@@ -555,7 +556,7 @@ class EnsembleDesign(Shown):
     def random(
         cls, distributions: Distributions, n: int, *, seed: int = 0, correlation: Correlations | None = None
     ) -> EnsembleDesign:
-        """Members drawn independently.
+        """Draw members independently.
 
         Parameters
         ----------
@@ -570,7 +571,7 @@ class EnsembleDesign(Shown):
     ) -> EnsembleDesign:
         """Draw members from the posterior of a fit: jointly normal in the coordinates of its intervals.
 
-        Values that the data do not determine, and values that were not free, keep the drive's value.
+        Values that were not free, or that the data do not determine, keep the value of the drive.
 
         Parameters
         ----------

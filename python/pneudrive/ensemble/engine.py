@@ -1,4 +1,4 @@
-"""Interface to the core, which gets members and returns outputs. Only this module calls the core for ensembles."""
+"""Interface to the core, which simulates members and returns outputs. Only this module calls the core for ensembles."""
 
 from __future__ import annotations
 
@@ -69,7 +69,7 @@ def run(
     threads : int, optional
         Default: all processors.
     look : callable, optional
-        Receives the number of finished members. An exception in it ends the run.
+        Called with the number of finished members. An exception ends the run.
 
     Raises
     ------
@@ -129,7 +129,7 @@ def processors() -> int:
 
 @lru_cache(maxsize=8)
 def _ensemble(system: System, *paths: str) -> Ensemble:
-    """Return the core's ensemble for members that differ in the numbers at these paths. It is made only once."""
+    """Return the core's ensemble of a system. It is created once and cached."""
     from pneudrive import _core
 
     try:
@@ -139,7 +139,7 @@ def _ensemble(system: System, *paths: str) -> Ensemble:
 
 
 def _output(one: Reduction) -> CoreOutput:
-    """Return the outputs for the request to the core."""
+    """Return the output in the form that the core expects."""
     what: Any = one.word
     level = one.rate_hz if what == "samples" else one.level
     return {"column": one.columns[0], "what": what, "value": level, "above": one.above}

@@ -48,9 +48,9 @@ if TYPE_CHECKING:
 
 # --- A study: everything that determines the results of its members, and the results of members.
 
-#: Members of a chunk by default.
+#: Default number of members of a chunk.
 CHUNK = 16384
-#: Samples, of all signals that a chunk keeps or a function of the user's sees, that are in memory at a time.
+#: Largest number of samples in memory at a time, over all signals that a chunk stores or a user function receives.
 MOST_SAMPLES = 20_000_000
 
 
@@ -111,7 +111,7 @@ class EnsembleStudy:
         return [Chunk(first, min(first + step, size)) for first in range(0, size, step)]
 
     def part(self, chunk: Chunk) -> EnsembleStudy:
-        """Return the object that runs a chunk, without other data, to be sent to another machine."""
+        """Return a study reduced to the data of one chunk, to be sent to another machine."""
         return replace(self, rows=self.rows.part(*chunk), plans=self.plans.part(*chunk), begin=chunk.first)
 
     def sample_times(self, rate_hz: float) -> Array:
@@ -194,7 +194,7 @@ class Members:
         return [self.frame[output.file_name].to_numpy(writable=True) for output in self.study.outputs]
 
     def view(self) -> View:
-        """Return the spread of each output over the members that have it, and the first failure."""
+        """Return a view: spread of each output over the members with a value, and the first failure."""
         return upper("ensemble_view")(self.dataset())
 
     def save(self, path: Path) -> None:
@@ -259,9 +259,9 @@ class Members:
 Item = TypeVar("Item")
 Result = TypeVar("Result")
 
-#: Items on the way for each thread of the workers: one runs, the others wait there.
+#: Items sent to the workers per thread: one runs, the others wait on the worker.
 AHEAD = 3
-#: How often it is looked whether workers are there, and for how long none may be, s.
+#: Interval of checks for workers, and longest time without a worker, s.
 LOOK_S, NO_WORKER_S = 5.0, 300.0
 
 
@@ -274,9 +274,9 @@ class Executor(Protocol):
         Parameters
         ----------
         work : callable
-            Function that can be pickled, has no side effects, and returns the same for an item on any machine.
+            Function that can be pickled, has no side effects, and returns the same result on any machine.
         items : iterable
-            Items that can be pickled. They are taken when needed.
+            Items that can be pickled. They are consumed lazily.
         """
         ...
 
@@ -335,7 +335,7 @@ class DaskExecutor:
             self.client.cancel(list(on_the_way))
 
     def _still_there(self, seen: float) -> float:
-        """Return the time at which a worker was last seen. Raise an error if this is long ago."""
+        """Return the time at which a worker was last seen. Raise an error after `NO_WORKER_S`."""
         if self.client.nthreads():
             return time.monotonic()
         if time.monotonic() - seen > NO_WORKER_S:
@@ -484,7 +484,7 @@ def run_part(item: tuple[EnsembleStudy, Chunk]) -> pl.DataFrame:
 
 # --- One drive in many variants: simulated, reduced and labelled.
 
-#: Members whose results one data set holds by default.
+#: Default limit of the members in one data set.
 IN_MEMORY = 5_000_000
 
 
@@ -520,7 +520,7 @@ def simulate_many(
         As for `pneudrive.simulate`, for all members, but not a function. It may also be a list with one command for
         each member (``["0 s: 1", "0 s: 1, 0.2 s: -1"]``). An array has shape (n,) for constant commands, or (n,
         entries, 2) for times in s and commands. For a circuit, it is a dict by component with any of these forms, or a
-        list of dicts. Members whose commands change at the same times run side by side. Others run one after the other.
+        list of dicts. Members whose commands change at the same times run faster, because they are simulated together.
     duration : str, float, or a list or array of them
         Duration of all members, or one duration for each.
     vary : mapping or Design
@@ -532,11 +532,11 @@ def simulate_many(
         - ``pn.grid("20 mm .. 32 mm", 7)``: all combinations.
 
         For a circuit, a name has a component and a key, such as ``left.bore`` or ``initial.left.position``. The names
-        ``ambient.pressure`` and ``ambient.temperature`` vary the surroundings. A `pn.EnsembleDesign` in place of the
-        mapping has a Latin hypercube, a correlation, or the posterior of a fit. Values that depend on a varied number
-        follow it.
+        ``ambient.pressure`` and ``ambient.temperature`` vary the surroundings. For a Latin hypercube, correlations, or
+        the posterior of a fit, give a `pn.EnsembleDesign` instead of the mapping. Values that depend on a varied number
+        change with it.
     n : int, optional
-        Members of distributions.
+        Number of members, for distributions.
     outputs : sequence of str or Output, optional
         Outputs of each run. Default: the state at the end and the stroke time. An output is one of
 
@@ -563,9 +563,9 @@ def simulate_many(
     chunk : int, optional
         Number of members that run together.
     errors : str
-        What follows from a failed member. ``"keep"``: it has NaN, a status and a reason. ``"raise"``: the study ends.
+        Reaction to a failed member. ``"keep"``: store NaN, status and reason. ``"raise"``: end the study with an error.
     max_members_in_memory : int
-        Larger studies need `out`. The returned data set then lacks the members.
+        Larger studies need `out`. The returned data set then does not contain the members.
     threads : int, optional
         Default: all processors; one for each chunk of an executor.
     progress, cancel : optional
@@ -641,7 +641,7 @@ def study_of(
     threads: int | None = None,
     refuse: bool = True,
 ) -> EnsembleStudy:
-    """Read and check a whole study before anything runs.
+    """Read and check a whole study before the first run.
 
     Arguments and errors are those of `simulate_many`. Without `refuse`, the caller checks the rows of the design.
     """

@@ -1,4 +1,4 @@
-"""Commands and durations of the members, and outputs of each run: a number, or samples, of its signals."""
+"""Commands and durations of the members, and outputs of each run: a number or samples of its signals."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 
 # --- Commands and duration of each member, one for all members or one for each.
 
-#: Row of all members if one command is for all.
+#: Index of all members, if they share one command.
 _ALL = slice(None)
 
 
@@ -102,7 +102,7 @@ class MemberPlans:
         return MemberPlans(own, self.durations if len(self.durations) == 1 else self.durations[first:last])
 
     def alike(self) -> Iterator[Alike]:
-        """Yield the members by the times of their commands. Members with equal times are computed together."""
+        """Yield groups of members with equal command times, which are computed together."""
         longest = max((len(each) for each in self.steps.values()), default=1)
         if longest == 1:
             plans = [(name, list(each[0][0]), np.array(each[0][1])) for name, each in self.steps.items()]
@@ -189,7 +189,7 @@ def read_rows(given: Any, signal: CommandInput) -> EachSteps:  # noqa: ANN401
 
 
 def _is_many(given: Any) -> bool:  # noqa: ANN401
-    """Return whether a value is a list of commands: its entries are then not pairs of time and value."""
+    """Return whether a value is a list of commands. Pairs of time and value form a single command."""
     if isinstance(given, np.ndarray):
         return given.ndim in (1, 3) and len(given) > 0
     if isinstance(given, str) or not isinstance(given, Sequence):
@@ -244,11 +244,11 @@ def parted_starts(given: Any) -> tuple[Any, dict[str, list[Any]]]:  # noqa: ANN4
 
 # --- Outputs of each run: a number, or samples, of its signals.
 
-#: Sampling of what a function of the user's sees by default, Hz.
+#: Default sampling rate of the signals for a user function, Hz.
 RATE_HZ = 1000.0
-#: Force of an end stop from which on the piston touches it, N (assumed): far below a nanometre of its depth.
+#: End stop force above which the piston counts as in contact, N (assumed). The penetration is far below 1 nm.
 TOUCH_N = 1e-3
-#: What is kept by default: these at the end, and the stroke time.
+#: Default outputs: these signals at the end of the run. The stroke time is added.
 STATE = ("position", "velocity", "pressure_a", "pressure_b", "temperature_a", "temperature_b")
 _CONDITION = re.compile(r"\s*+([A-Za-z_][\w.]*+)\s*+([<>])\s*+(.*\S)\s*+")
 _CALL = re.compile(r"\s*([a-z_]+)\s*\((.*)\)\s*", re.DOTALL)
@@ -344,7 +344,7 @@ def own(
     long_name: str = "",
     rate: str | float = "1 kHz",
 ) -> Output:
-    """Keep the result of a user function of sampled signals.
+    """Return an output that a user function computes from sampled signals.
 
     Parameters
     ----------
@@ -469,7 +469,7 @@ def _settled(half: float, signals: dict[str, Array], times: Array) -> Array:
     return np.where(beyond.any(axis=1), crossed, 0.0)
 
 
-#: Words of texts -> least and largest number of arguments, and their reader.
+#: Word of an output -> least and largest number of arguments, and function that reads them.
 WORDS: dict[str, tuple[int, int, Callable[..., Reduction]]] = {
     **{word: (1, 1, partial(_plain, word)) for word in _PLAIN},
     "time_when": (1, 1, _time_when),

@@ -1,6 +1,6 @@
-"""Sensitivity of a drive's outputs to its numbers: Sobol indices.
+"""Sensitivity of a drive's outputs to its parameters: Sobol indices.
 
-The points are in the unit cube. The distributions convert them to values of the numbers.
+The points are in the unit cube. Distributions map them to values of the parameters.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
 #: Base points by default.
 BASE_POINTS = 1024
-#: Resamples of the bootstrap, and how many are evaluated together.
+#: Number of bootstrap resamples, and number that is evaluated together.
 RESAMPLES, TOGETHER = 1000, 50
 #: Variables of the result -> long name.
 LONG_NAMES = {
@@ -56,15 +56,15 @@ def sensitivity(
     progress: Progress | None = None,
     cancel: Flag | None = None,
 ) -> xr.Dataset:
-    """Find how much the outputs of a drive depend on each of its numbers.
+    """Estimate how much the outputs of a drive depend on each of its parameters.
 
-    Sobol indices are the fraction of each output's variance that each number causes alone (first order) and with its
-    interactions (total) [saltelli2010,jansen1999]. They need n (d + 2) members for d numbers.
+    A Sobol index is the fraction of an output's variance due to one parameter alone (first order), or including its
+    interactions (total) [saltelli2010,jansen1999]. Estimation takes n (d + 2) members for d parameters.
 
     Parameters
     ----------
     drive, command, duration, outputs, initial, rtol, executor, progress, cancel
-        As for `pneudrive.simulate_many`. Outputs that are samples are not possible.
+        As for `pneudrive.simulate_many`. Each output must be a single number, not samples.
     vary : mapping
         Name -> distribution, ``"normal(30 N, 10 %)"``. The numbers vary independently.
     n : int
@@ -77,9 +77,9 @@ def sensitivity(
     Returns
     -------
     xarray.Dataset
-        Dimensions number and output. They contain ``first``, ``total``, with ``first_interval`` and ``total_interval``
-        (dimension end: lower, upper). ``used`` counts the base points of each output without missing values. NaN for an
-        output that does not vary.
+        Dimensions number and output. Variables ``first`` and ``total``, and their bounds ``first_interval`` and
+        ``total_interval`` (dimension end: lower, upper). ``used`` counts the base points of each output without missing
+        values. Indices of a constant output are NaN.
 
     Warns
     -----

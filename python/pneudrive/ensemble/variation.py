@@ -25,16 +25,16 @@ if TYPE_CHECKING:
     from pneudrive.describe import Circuit, Drive
     from pneudrive.free.parameters import DriveFamily, Parameter
 
-#: Numbers the first of which must not exceed the second: of a design, the row that comes nearest is looked at.
+#: Pairs of parameters of which the first must not exceed the second. Only the most critical row of a design is checked.
 COUPLED = (
     ("cylinder.rod_diameter", "cylinder.bore"),
     ("friction.coulomb", "friction.breakaway"),
     ("valve.critical_pressure_ratio", "valve.linear_above"),
     ("initial.position", "cylinder.stroke"),
 )
-#: What a start state follows from if it says nothing: numbers of the drive.
+#: Parameters of the drive that determine the default start state.
 STARTS_FROM = ("cylinder.stroke", "ambient.pressure", "ambient.temperature")
-#: What follows from a number of a circuit is found by moving it by this share, or by so much if it is 0.
+#: Relative step of a parameter, or absolute step if it is 0, to find the values of a circuit that depend on it.
 NUDGE = 1e-3
 
 
@@ -52,7 +52,7 @@ class CoreMembers(NamedTuple):
     Attributes
     ----------
     paths : list of str
-        Varied numbers in the core's form, including those that follow from others.
+        Varied numbers in the core's form, including those derived from others.
     values : ndarray, shape (n, paths)
     starts : dict
         Name of a start value -> number, or an array of one for each member; SI.
@@ -113,7 +113,7 @@ class Variation:
         return [number.name for number in self.numbers]
 
     def columns(self, rows: Array) -> dict[str, Array]:
-        """Return the values of each number of some rows, SI, by name."""
+        """Return the values of each number in the given rows, SI, by name."""
         return by_name(self.names, list(rows.T))
 
     def start_said(self) -> dict[str, str]:
@@ -130,7 +130,7 @@ class Variation:
         return QuantityReader(self.numbers[self.names.index(name)], gauge_from)
 
     def changes(self, row: Array) -> tuple[Plain, Plain]:
-        """Return a member's changes to the description (see `Drive.replace`) and its start state, in file form."""
+        """Return a member's changes to the description (see `Drive.replace`) and to the start state, in file form."""
         texts = {number.name: number.written(float(value)) for number, value in zip(self.numbers, row, strict=True)}
         start = self._start_table()
         start |= {
@@ -171,7 +171,7 @@ class Variation:
         return (pair for pair in COUPLED if {*pair} <= {*self.names})
 
     def check(self, rows: Array, first: int = 0) -> None:
-        """Reject impossible rows, the first of which is row `first` of the design. Only extreme rows are read.
+        """Reject invalid rows. Only extreme rows are checked. `first` is the index of the first row in the design.
 
         Raises
         ------
@@ -247,7 +247,7 @@ class CircuitVariation(Variation):
 
     @cached_property
     def _start_columns(self) -> dict[str, str] | None:
-        """Return the varying start values by name; None if other start values follow from a varied number."""
+        """Return the varied start values by name; None if other start values depend on a varied number."""
         known, state = free.numbers_of(self.drive), self.drive.core_initial(self.initial)
         starts = {
             name: self.drive.start_names[name.removeprefix(free.INITIAL)] for name in self.names if name not in known
@@ -272,7 +272,7 @@ class CircuitVariation(Variation):
         return None
 
     def _starts(self, rows: Array) -> dict[str, float | Array]:
-        """Return the start values: column by column, or member by member if others follow from the varied numbers."""
+        """Return the start values by column, or by member if other start values depend on varied numbers."""
         starts = self._start_columns
         if starts is None:
             return self._each_start(rows)
@@ -281,7 +281,7 @@ class CircuitVariation(Variation):
 
 
 class QuantityReader:
-    """Reader of one number's quantities as users write them, or of numbers in SI."""
+    """Reader of the values of one parameter: quantities as users write them, or numbers in SI."""
 
     def __init__(self, number: Parameter, gauge_from: float | None) -> None:
         self.number, self._gauge_from = number, gauge_from
@@ -313,7 +313,7 @@ class QuantityReader:
         return pressure.absolute_pa(self._gauge_from or 0.0)
 
     def width(self, given: object, about: float) -> float:
-        """Return a difference in SI. ``"10 %"`` refers to `about`.
+        """Return a difference in SI. ``"10 %"`` is a fraction of `about`.
 
         Raises
         ------
@@ -333,7 +333,7 @@ class QuantityReader:
 
 @contextmanager
 def _named(name: str) -> Iterator[None]:
-    """Add the name of the number whose quantity cannot be read."""
+    """Add the name of the parameter to an error of its quantity."""
     try:
         yield
     except PneudriveError as error:
@@ -344,7 +344,7 @@ def _named(name: str) -> Iterator[None]:
 
 @contextmanager
 def _of_row(place: int, numbers: Sequence[Parameter], row: Array) -> Iterator[None]:
-    """Add the row that is not valid."""
+    """Add the index and the values of the row to an error."""
     try:
         yield
     except DescriptionError as error:

@@ -1,4 +1,4 @@
-"""Building blocks of estimates: means of autocorrelated values, levels, covariances, information, losses, variances."""
+"""Building blocks of estimates: standard errors of autocorrelated values, levels, covariances, losses, variances."""
 
 from __future__ import annotations
 
@@ -14,15 +14,15 @@ if TYPE_CHECKING:
     from pneudrive.arrays import Array, Bools, Ints
 
 
-#: Number of values above which the autocorrelation is computed from means of neighbours, with fewer lags.
+#: Number of values above which the autocorrelation is computed from block means, with fewer lags.
 MOST_VALUES = 400
 
 
 def stderr_of_mean(values: Array) -> float:
     """Estimate the standard error of the mean of a series, shape (n,), in the order of time or position.
 
-    The autocorrelation is summed until it first falls below zero. The same sum corrects the variance, which is too
-    small because the mean of the series was subtracted.
+    The autocorrelation is summed until it first falls below zero. The sum also corrects the bias of the variance that
+    results from subtracting the mean of the series.
 
     Returns
     -------
@@ -107,7 +107,7 @@ def means(group: Ints, *columns: Array) -> list[Array]:
 
 
 def cells(*columns: Ints) -> Ints:
-    """Return the number of each row's combination of values, from columns of shape (n,).
+    """Return the index of each row's combination of values, from columns of shape (n,).
 
     Examples
     --------
@@ -121,7 +121,7 @@ def cells(*columns: Ints) -> Ints:
 
 
 def integrated_wiener(s: Array, t: Array) -> Array:
-    """Return the covariance of an integrated Wiener process with variance 1 at 1.
+    """Return the covariance of an integrated Wiener process with variance 1 at argument 1.
 
     The estimate with this covariance is the cubic spline [wahba1983].
 
@@ -162,14 +162,14 @@ def centred_walk(order: Array) -> Array:
 
 # --- Information of least-squares problems: covariance, and directions without information [bates1988].
 
-#: Share of the largest singular value of the scaled Jacobian below which a direction has no information.
+#: Fraction of the largest singular value of the scaled Jacobian below which a direction counts as undetermined.
 SINGULAR_SHARE = 1e-4
-#: Component of such a direction from which a coordinate counts as part of it.
+#: Component of an undetermined direction above which a coordinate counts as undetermined.
 TAKES_PART = 0.3
 
 
 def covariance_of(jacobian: Array, variance: float = 1.0) -> Array:
-    """Return the covariance of the coordinates of a least-squares problem; directions without information are left out.
+    """Return the covariance of least-squares coordinates, shape (p, p). Undetermined directions are left out.
 
     Parameters
     ----------
@@ -191,13 +191,13 @@ def covariance_of(jacobian: Array, variance: float = 1.0) -> Array:
 
 
 def shift_of(jacobian: Array, residual: Array) -> Array:
-    """Return the change of the coordinates that residuals cause, shape (p,), in directions with information."""
+    """Return the least-squares step of the coordinates for residuals, shape (p,), without undetermined directions."""
     size = _sizes(jacobian)
     return np.linalg.pinv(jacobian / size, rcond=SINGULAR_SHARE) @ residual / size
 
 
 def weak_coordinates(jacobian: Array) -> Bools:
-    """Return a mask of coordinates that have no effect, or that have a component in a direction without information.
+    """Return a mask of coordinates that have no effect or take part in an undetermined direction.
 
     Examples
     --------
@@ -238,8 +238,8 @@ class Loss:
     rho: Callable[[Array], Array]
 
 
-#: Huber's tuning constant: 99 % efficiency on normal errors. The usual 1.345 (95 %) is slightly more robust, but its
-#: intervals on a dozen levels cover the true value 1 % less often [huber2009].
+#: Huber's tuning constant: 99 % efficiency on normal errors. The usual 1.345 (95 %) is slightly more robust, but with a
+#: dozen levels its intervals cover the true value 1 % less often [huber2009].
 HUBER_K = 2.0
 LINEAR = Loss("linear", np.inf, lambda u: u, np.ones_like, lambda u: 0.5 * u**2)
 HUBER = Loss(

@@ -1,8 +1,8 @@
 """Optimal designs over a list of candidate points.
 
-A candidate is a gradient g of its expected value by the parameters, divided by its standard deviation. One measurement
-adds g g' to the information. The gradients of a nonlinear law depend on its parameters. There is therefore one set of
-gradients for each sample of a prior, and criteria are means over the samples:
+A candidate is described by the gradient g of its expected value with respect to the parameters, divided by its standard
+deviation. One measurement adds g g' to the information matrix M. The gradients of a nonlinear law depend on its
+parameters. Each sample d of a prior therefore has its own gradients, and criteria are means over the samples:
 
     D   mean of ln det M_d                the volume of the confidence region
     I   mean of trace(M_d^-1 W_d)         the variance of the prediction, averaged over a range
@@ -21,9 +21,9 @@ import numpy as np
 if TYPE_CHECKING:
     from pneudrive.arrays import Array, Ints
 
-#: Numbers of repeats that are tried for a budget of time.
+#: Largest number of repeats that is tried for a given time.
 MOST_REPEATS = 12
-#: Information added along each parameter before the first choice, relative to that of all candidates.
+#: Regularisation: information added to each parameter, as a fraction of that of all candidates.
 RIDGE = 1e-9
 #: Largest number of passes of exchanges; three to six usually suffice.
 MOST_PASSES = 40
@@ -51,12 +51,12 @@ class DesignSpace:
 
     @property
     def scale(self) -> Array:
-        """Size of each parameter's column, shape (p,); the algorithms work on columns of size one."""
+        """Norm of each parameter's column, shape (p,). The algorithms work on columns of norm one."""
         size = np.sqrt(np.mean(self.gradients**2, axis=(0, 1)))
         return np.where(size > 0.0, size, 1.0)
 
     def scaled(self) -> DesignSpace:
-        """Return the candidates with columns of size one, and a diagonal term that makes every matrix regular."""
+        """Return the candidates with columns of norm one, and a diagonal term that makes every matrix regular."""
         s = self.scale
         known = self.known / np.outer(s, s) + RIDGE * self.gradients.shape[1] * np.eye(s.size)
         region = None if self.region is None else self.region / np.outer(s, s)
@@ -70,7 +70,7 @@ def information(candidates: DesignSpace, counts: Array) -> Array:
 
 
 def exchange(candidates: DesignSpace, count: int, criterion: str = "D") -> Ints:
-    """Choose `count` measurements, with repeats: first greedily, then by exchanges while these improve the criterion.
+    """Choose `count` measurements, possibly repeated: first greedily, then by exchanges that improve the criterion.
 
     Returns
     -------
@@ -99,7 +99,7 @@ def exchange(candidates: DesignSpace, count: int, criterion: str = "D") -> Ints:
 def within_budget(candidates: DesignSpace, cost: Array, budget: float, criterion: str = "D") -> tuple[Ints, int]:
     """Choose measurements in the order of their gain over their cost (c,), within the budget.
 
-    A point is chosen at most once. As in a protocol, all points have the same number of repeats, which is optimised.
+    Each point is chosen at most once. All points have the same number of repeats, which is optimised, too.
 
     Returns
     -------

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from pneudrive.arrays import Array
 
 CONFIDENCE = 0.95  # confidence of every interval
-#: Two-sided quantile of the normal distribution at this confidence.
+#: Two-sided 95 % quantile of the normal distribution.
 NORMAL_95 = 1.959963984540054
 CHANCE = 0.05  # p below which an effect counts as beyond chance
 MOST_FREEDOM = 1e6  # degrees of freedom above which Student's t counts as normal
@@ -49,7 +49,7 @@ class Estimate:
     degrees_of_freedom : float
         Degrees of freedom of Student's t for the interval.
     p : float
-        Probability of a value as far from zero by chance; NaN if the test has no meaning.
+        p-value of the hypothesis that the true value is zero; NaN if the test has no meaning.
     """
 
     value: float
@@ -76,7 +76,7 @@ class Estimate:
 
     @property
     def verdict(self) -> str:
-        """Statement on whether the value differs from zero by more than chance."""
+        """Statement on whether the value differs significantly from zero."""
         return f"{'beyond' if self.p < CHANCE else 'not beyond'} chance (p = {self.p:.2g})"
 
     @property
@@ -120,7 +120,7 @@ class Estimate:
 
 
 def _chance(value: float, stderr: float, freedom: float) -> float:
-    """Return the probability that chance alone gives a value at least as far from zero."""
+    """Return the two-sided p-value of the hypothesis that the true value is zero."""
     from scipy.special import stdtr
 
     if not stderr > 0.0:

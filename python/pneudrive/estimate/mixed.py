@@ -2,11 +2,11 @@
 
     y = X b + sum_i g_i + e,   g_i ~ N(0, s_i^2 K_i),   e ~ N(0, W)
 
-y are the results of cycles, and X b the wanted fixed effects. Each K_i describes how cycles share a random effect (a
-block, a day, the drift, the cycle itself, the deviation of a curve from a line). W is the known noise within cycles.
-The standard deviations s_i are found by restricted maximum likelihood [patterson1971] with a weak prior. They are
-uncertain. Every result is therefore averaged over points about their estimate, weighted by probability, so that
-intervals from few cycles are wide enough [rue2009].
+y are the results of cycles, and b the coefficients of the fixed effects. Each K_i is the covariance structure of a
+random effect (a block, a day, the drift, the cycle itself, the deviation of a curve from a line). W is the known noise
+within cycles. The standard deviations s_i are found by restricted maximum likelihood [patterson1971] with a weak prior.
+Because the s_i are uncertain, every result is averaged over points about their estimate, weighted by probability.
+Intervals from few cycles are therefore wide enough [rue2009].
 """
 
 from __future__ import annotations
@@ -31,13 +31,13 @@ if TYPE_CHECKING:
 # At each shape, a linear fit gives the best coefficients, so that the profile over the shape needs no repeated
 # fits. An interval is open if the data set no bound.
 
-#: Share of the largest singular value below which a direction is left out.
+#: Fraction of the largest singular value below which a direction is left out.
 NEGLIGIBLE = 1e-10
 
 
 @dataclass(frozen=True, eq=False)
 class Scan:
-    """Linear fits over a grid of g shapes.
+    """Linear fits for each point of a grid of g nonlinear (shape) parameter sets.
 
     Attributes
     ----------
@@ -64,7 +64,7 @@ class Scan:
         return max(float(self.cost[self.best]) / freedom, least)
 
     def rise(self, freedom: float, least: float = 0.0) -> float:
-        """Return the increase of the cost at the ends of the 95 % interval of one quantity."""
+        """Return the increase of the cost at the bounds of a 95 % interval of one quantity."""
         return self.scale(freedom, least) * student(freedom) ** 2
 
     def inside(self, rise: float) -> NDArray[np.intp]:
@@ -72,7 +72,7 @@ class Scan:
         return np.flatnonzero(self.cost <= self.cost[self.best] + rise)
 
     def interval(self, rows: Array, rise: float) -> Interval:
-        """Return the interval of a linear function of the coefficients over all shapes within `rise`.
+        """Return the interval of a linear function of the coefficients over shapes with a cost increase up to `rise`.
 
         Parameters
         ----------
@@ -88,7 +88,7 @@ class Scan:
         return float((value - reach).min()), float((value + reach).max())
 
     def shape_interval(self, k: int, rise: float, sought: Interval) -> Interval:
-        """Return the interval of a shape parameter; an end that reaches the end of the grid is 0 or inf."""
+        """Return the interval of a shape parameter. A bound at the end of the grid is replaced by 0 or inf."""
         allowed = self.shape[self.inside(rise), k]
         low, high = float(allowed.min()), float(allowed.max())
         return (
@@ -130,17 +130,17 @@ def scan(shape: Array, designs: Array, values: Array) -> Scan:
 
 
 def refined(at: Callable[[Array], Scan], coarse: Array, count: int, rise: Callable[[Scan], float]) -> Scan:
-    """Scan a first shape parameter, then `count` values of it in the range that the first scan allows.
+    """Scan one shape parameter coarsely, then with `count` values in the range that the coarse scan allows.
 
     Parameters
     ----------
     at : callable
-        Values of the parameter -> scan of shapes with these values.
+        Function from values of the parameter to a scan over these values.
     coarse : ndarray
         First values, ascending, in logarithmic steps.
     count : int
     rise : callable
-        Scan -> allowed increase of the cost.
+        Function from a scan to the allowed increase of the cost.
     """
     first = at(coarse)
     allowed = np.searchsorted(coarse, first.shape[first.inside(rise(first)), 0])
@@ -213,11 +213,11 @@ def solve_triangle(triangle: Array, right: Array, *, is_lower: bool = True) -> A
 
 #: Bounds of a standard deviation, as factors of its component's scale.
 REACH = (1e-4, 1e2)
-#: Share of the noise added to every variance, so that equal cycles do not make the equations singular.
+#: Fraction of the noise added to every variance, so that equal cycles do not make the equations singular.
 JITTER = 1e-10
-#: Step of the logarithm of a standard deviation for the curvature of the likelihood.
+#: Finite-difference step of log standard deviations, for the curvature of the likelihood.
 STEP = 0.05
-#: Number of cycles above which the standard deviations are fitted to every k-th cycle; results still use all cycles.
+#: Number of cycles above which standard deviations are fitted to every k-th cycle only. Results use all cycles.
 MOST_FOR_SEARCH = 500
 
 
@@ -229,11 +229,11 @@ class RandomEffect:
     ----------
     name : str
     kernel : ndarray, shape (n, n) or (n,)
-        Covariance between the observations at standard deviation 1; one-dimensional: diagonal.
+        Covariance between the observations at standard deviation 1. A one-dimensional array is a diagonal.
     scale : float
         Scale of the half-Cauchy prior of the standard deviation [gelman2006].
     power : float
-        Power of the prior's density near a standard deviation of zero; 0 allows zero [chung2013].
+        Exponent of the prior density near a standard deviation of zero. With 0, the estimate may be zero [chung2013].
     """
 
     name: str
@@ -273,9 +273,9 @@ class MixedModel:
         return MixedFit(self, np.exp(best), weights, tuple(_State.of(self, np.exp(p)) for p in points))
 
     def most_probable(self, start: Array | None = None) -> tuple[Array, float]:
-        """Find only the most probable standard deviations, from a start nearby, and the cost of the data.
+        """Return the most probable standard deviations, searched from `start`, and the cost of the data.
 
-        The cost is the negative logarithm of the probability, without its constant for this number of data.
+        The cost is the negative log likelihood without its constant term.
         """
         scales = np.array([c.scale for c in self.components])
         few = self._few()
@@ -308,7 +308,7 @@ class MixedModel:
         return self if n <= MOST_FOR_SEARCH else self._part(np.arange(0, n, -(-n // MOST_FOR_SEARCH)))
 
     def _part(self, rows: NDArray[np.intp]) -> MixedModel:
-        """Return the model of some observations, without columns that these observations do not determine."""
+        """Return the model for some of the observations, without columns that these observations do not determine."""
         x = self.x[rows]
         kernels = (c.kernel[rows] if c.kernel.ndim == 1 else c.kernel[np.ix_(rows, rows)] for c in self.components)
         parts = (replace(c, kernel=kernel) for c, kernel in zip(self.components, kernels, strict=True))
@@ -428,13 +428,13 @@ class MixedFit:
         return _mixed(np.array(means), np.array(variances), self.weights)
 
     def averaged(self, *others: MixedFit, odds: Sequence[float] = ()) -> tuple[MixedFit, Array]:
-        """Average with fits of the same observations that have other kernels or noise, weighted by probability.
+        """Average this fit with fits of the same data with other kernels or noise, weighted by their probability.
 
         Parameters
         ----------
         *others : MixedFit
         odds : sequence of float, optional
-            Prior odds of each of the others over this fit; 1 by default.
+            Prior odds of each other fit against this one; 1 by default.
 
         Returns
         -------
@@ -474,7 +474,7 @@ class MixedFit:
         return FTest(f, q, freedom, float(fdtrc(q, freedom, f)))
 
     def most_probable_sd(self, name: str) -> float:
-        """Return the most probable standard deviation of a random effect; 0 for an effect that the model lacks."""
+        """Return the most probable standard deviation of a random effect; 0 if the model does not contain it."""
         names = [c.name for c in self.model.components]
         return float(self.sd[names.index(name)]) if name in names else 0.0
 
@@ -495,7 +495,7 @@ class MixedFit:
 
 @dataclass(frozen=True, eq=False)
 class Functionals:
-    """Linear functions of a fitted model, m in number.
+    """A set of m linear functions of a fitted model.
 
     Attributes
     ----------
@@ -593,10 +593,10 @@ def _search(model: MixedModel, start: Array, scales: Array) -> Array:
 
 
 def _points(model: MixedModel, best: Array, scales: Array) -> tuple[list[Array], Array]:
-    """Return points about the optimum, on the axes of the likelihood's curvature, weighted by their probability.
+    """Return points about the optimum on the principal axes of the curvature, and their weights by probability.
 
-    The rule with 2 d + 1 points is exact for cubic polynomials under a normal distribution. The weights contain the
-    ratio of the true density to the normal one, which corrects for skew.
+    With 2 d + 1 points, averages of cubic polynomials are exact for a normal distribution. The weights contain the
+    ratio of the true density to the normal density, which corrects for skewness.
     """
     d = best.size
     curvature = np.empty((d, d))

@@ -1,4 +1,4 @@
-"""Coordinates of bounded values, and intervals by profile likelihood."""
+"""Transformation of bounded values to unbounded coordinates, and intervals by profile likelihood."""
 
 from __future__ import annotations
 
@@ -25,25 +25,25 @@ if TYPE_CHECKING:
 # The Jacobians are exact. First-order intervals are computed on the scale of the coordinate: the logarithm of a
 # positive value, the logit of a value between two bounds [bates1988].
 
-#: Smallest distance from a bound, as a share of the range between two bounds.
+#: Smallest distance from a bound, as a fraction of the range between two bounds.
 MARGIN = 1e-6
-#: Largest exponent of the factors of an interval.
+#: Largest exponent in the factors of an interval, to avoid overflow.
 MOST_EXPONENT = 700.0
 
 
 class Transforms:
-    """Transform between p values and their coordinates.
+    """Transformation between p bounded values and unbounded coordinates.
 
     Parameters
     ----------
     lower, upper : array_like, shape (p,)
-        Open bounds. A value without a lower bound is signed.
+        Open bounds. A value without a lower bound may be negative.
     size : array_like, shape (p,)
-        Usual change of a signed value.
+        Typical change of a value that may be negative.
     excess : int, optional
-        Value whose excess over another one is positive.
+        Index of a value that must exceed another value.
     over : int or float
-        The other value: its index, or a constant.
+        The other value, as an index or a constant.
     least_excess : float
         Smallest excess, relative to the other value. A smaller excess is increased to it.
 
@@ -159,11 +159,12 @@ def intervals(values: Array, reach: Array, lower: ArrayLike, upper: ArrayLike = 
 
 Point = TypeVar("Point")
 
-#: Largest number of steps to find an end, and relative error of the root of the cost's growth at it.
+#: Largest number of steps to find a bound, and tolerance of the square root of the cost increase there.
 STEPS, ROOT_ERROR = 12, 0.02
-#: Distance without sufficient growth of the cost beyond which a side is open.
+#: Distance from the estimate after which a side without sufficient cost increase counts as open.
 FARTHEST = 50.0
-#: Least distance of a step from both ends of the bracket, as a share of the bracket, and largest growth of a distance.
+#: Least distance of a step from the ends of the bracket, as a fraction of the bracket, and largest growth factor of a
+#: step.
 INSET, GROWTH = 0.1, 3.0
 
 
@@ -178,10 +179,10 @@ def profile_interval(
 ) -> tuple[float, float]:
     """Return the interval of one coordinate in which the cost grows by no more than `allowed`.
 
-    For a linear model, the square root of the growth of the cost is linear, so a secant method finds each end. The
-    secant stays within a bracket: the farthest point below the limit and the nearest one beyond it. The method
-    tolerates scatter of incompletely minimised costs, because the bracket keeps its points. A side is open only if no
-    point is beyond the limit.
+    For a linear model, the square root of the cost increase is linear in the coordinate, so a secant method finds each
+    bound. Steps stay within a bracket: the farthest point below the limit and the nearest point beyond the limit. The
+    bracket makes the method robust against scatter of incompletely minimised costs. A side is open only if no point is
+    beyond the limit.
 
     Parameters
     ----------
@@ -195,7 +196,7 @@ def profile_interval(
     step : float
         First step; the half width of the first-order interval.
     least, allowed : float
-        Cost at the estimate, and its growth at the ends.
+        Cost at the estimate, and allowed cost increase at the bounds.
     farthest : float
         Distance from the estimate beyond which a side is open.
 
@@ -247,7 +248,7 @@ def profile_interval(
 def one_thread() -> threadpool_limits:
     """Let linear algebra use one thread inside a block.
 
-    The matrices of a campaign are small. Threads that wait for each other on a busy machine cost more than they save:
-    on two busy processors, a computation took 47 s instead of 3 s.
+    The matrices are small. On a busy machine, waiting threads cost more time than they save: 47 s instead of 3 s on two
+    busy processors.
     """
     return threadpool_limits(limits=1, user_api="blas")

@@ -21,7 +21,7 @@ class Bound:
     unit : str
         Unit of the amount.
     reason : str
-        Reason why ordinary use stays below the bound.
+        Reason of the value: ordinary use stays below the bound.
     raised : bool
         Whether the user may raise the bound.
     """

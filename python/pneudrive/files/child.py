@@ -1,4 +1,4 @@
-"""Start of child processes with the import path of this one, without the current folder."""
+"""Start of child processes with the import path of this process, without the current folder."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _START = (
 def command(module: str, *arguments: str) -> list[str]:
     """Return the command that runs ``main`` of a module of pneudrive in a child process.
 
-    ``python -m`` would put the current folder first in the search path, and run a file numpy.py in it. Ctrl-C also ends
-    the child if this process ignores Ctrl-C, for example a server that a script starts.
+    ``python -m`` would search the current folder first, and could run a file numpy.py there. Ctrl-C ends the child even
+    if this process ignores Ctrl-C, for example a server started by a script.
     """
     return [sys.executable, "-I", "-c", _START, json.dumps([p for p in sys.path if p]), module, *arguments]

@@ -33,8 +33,8 @@ def rendered(
     return environment.from_string(template.read_text(encoding="utf-8")).render(values)
 
 
-#: Texts and comments of TOML and texts of JSON, which are skipped; then the nesting characters.
-#: An unclosed text ends at the end of the line or of the file, so that each character is read once.
+#: Pattern that matches strings and comments of TOML and JSON, to skip them, then nesting characters. An unclosed string
+#: ends at the end of the line or of the file, so that each character is read once.
 _TOKENS = re.compile(
     r'''"""(?:\\.|[^\\])*?(?:"""|\Z)|"(?:\\.|[^"\\\n])*"?'''
     r"""|'''.*?(?:'''|\Z)|'[^'\n]*'?|\#[^\n]*|[\[\]{}.=,\n]""",
@@ -161,7 +161,7 @@ def parse_json(text: str, where: str, kind: ErrorKind) -> Any:  # noqa: ANN401 -
 
 
 def check_nesting(text: str, where: str, kind: ErrorKind) -> None:
-    """Check the nesting of brackets and the number of parts of keys in TOML, before it is parsed.
+    """Check the nesting of brackets and the number of key parts of a TOML text, before the text is parsed.
 
     Raises
     ------
@@ -171,7 +171,7 @@ def check_nesting(text: str, where: str, kind: ErrorKind) -> None:
 
 
 def _depths(tokens: Iterable[re.Match[str]]) -> Iterable[tuple[int, int]]:
-    """Yield depth and place of each character. The depth counts open brackets and parts of the key before it."""
+    """Yield depth and position of each nesting character. The depth counts open brackets and parts of the key."""
     brackets = parts = 0
     for token in tokens:
         sign = token[0]
@@ -197,7 +197,8 @@ def _check_depth(depths: Iterable[tuple[int, int]], kind: ErrorKind, where: str)
 def check_depth(value: object, where: str, kind: ErrorKind) -> None:
     """Check the nesting of parsed tables and lists, and the size of their whole numbers.
 
-    Parts of keys add to the depth of brackets. TOML allows whole numbers of 64 bits, but Python reads longer ones.
+    Dotted keys add to the depth of brackets. Integers of TOML are limited to 64 bits, but Python's parser accepts
+    longer ones.
 
     Raises
     ------
@@ -225,17 +226,17 @@ def check_depth(value: object, where: str, kind: ErrorKind) -> None:
 # --- Kinds of folders by the files in them, and of TOML files by their tables.
 
 _TABLE = package_table(__file__, "kinds.toml")
-#: Kind of a folder that is one object -> files in it.
+#: Kind of a result folder -> its characteristic files.
 FOLDERS: dict[str, list[str]] = _TABLE["folders"]
 HEAD = 1 << 16  # bytes of a TOML file that are read to find its kind
-#: A task has its stroke before any table. No pattern runs over lines: many empty lines would take quadratic time.
+#: A task file has the key stroke before any table. The pattern consumes whole lines, so that its time stays linear.
 _TASK = re.compile(r"(?:[ \t]*(?:[^\s\[][^\n]*)?\n)*[ \t]*stroke[ \t]*=")
-#: Kinds of TOML files by the beginning of a line.
+#: Kind of a TOML file -> pattern at the beginning of a line.
 _KINDS = {kind: re.compile(rf"^[ \t]*(?:{mark})", re.MULTILINE) for kind, mark in _TABLE["files"].items()}
 
 
 def kind_of_folder(path: Path) -> str:
-    """Return the kind of a folder that is one object. Empty for other folders."""
+    """Return the kind of a result folder, such as a campaign. Empty for other folders."""
     return next((kind for kind, names in FOLDERS.items() if all((path / name).is_file() for name in names)), "")
 
 
@@ -298,7 +299,7 @@ def pieces(path: Path, kind: ErrorKind, folder: str | None = None, size: int = P
 
 
 def check_unpacked(size: int, packed: int, kind: ErrorKind, where: str | None = None) -> None:
-    """Raise an error for a file that unpacks to too many bytes.
+    """Reject a file that unpacks to too many bytes.
 
     Raises
     ------

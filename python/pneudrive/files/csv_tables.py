@@ -20,7 +20,7 @@ LONGEST_HEADER = 1_000_000  # bytes of the first line: 50,000 names
 
 
 def spreadsheet_text(text: str) -> str:
-    """Return a text for a cell of a CSV file. Spreadsheets run texts that begin with = + - @ unless they follow a '.
+    """Return a text for a cell of a CSV file. A leading ' prevents spreadsheets from running texts like "=A1".
 
     Examples
     --------
@@ -36,7 +36,7 @@ def spreadsheet_text(text: str) -> str:
 
 
 def csv_names(path: Path, kind: ErrorKind) -> list[str]:
-    """Return the fields of a file's first line; fields of a binary file are arbitrary.
+    """Return the fields of a file's first line, which are arbitrary for a binary file.
 
     Raises
     ------

@@ -49,7 +49,7 @@ class Opened:
     names : callable
         Returns the names of the columns.
     get : callable
-        ``get(names, dates, rows)`` reads some columns; a name in `dates` gives texts or NumPy's ``datetime64``, if
+        ``get(names, dates, rows)`` reads columns. Those in `dates` are returned as texts or NumPy's ``datetime64``, if
         possible. `rows` is (first, last + 1), or None for all.
     count : callable
         Returns the number of rows; None for a format without tables.
@@ -99,7 +99,7 @@ def plain(column: NDArray[Any]) -> NDArray[Any]:
 
 
 def _without_lists(table: pl.LazyFrame) -> pl.LazyFrame:
-    """Return a table in which a column of short lists becomes columns ``name[0]``, ``name[1]``, ..."""
+    """Return a table with each column of short lists split into columns ``name[0]``, ``name[1]``, ..."""
     import polars as pl
 
     schema = table.collect_schema()
@@ -117,7 +117,7 @@ def _without_lists(table: pl.LazyFrame) -> pl.LazyFrame:
 
 
 def read_parquets(paths: Sequence[Path], wanted: Sequence[str]) -> list[Columns]:
-    """Read columns of several Parquet files at once; columns that a file lacks are left out.
+    """Read columns of several Parquet files at once. Columns missing in a file are left out.
 
     Files with the same columns are read by one query, because a query takes longer than reading a small file.
 
@@ -143,9 +143,9 @@ def read_parquets(paths: Sequence[Path], wanted: Sequence[str]) -> list[Columns]
 
 
 def _read_alike(paths: Sequence[Path], wanted: Sequence[str]) -> list[Columns] | None:
-    """Read files with the same columns, including all of `wanted`; None if a value is missing.
+    """Read files with the same columns, including all of `wanted`. Return None if a value is missing.
 
-    Integers with missing values would become floats, also in the other files.
+    A missing value in one file would turn the integers of all files into floats.
     """
     import polars as pl
 
@@ -189,8 +189,8 @@ def open_netcdf(path: Path) -> Opened:
 def open_tdms(path: Path) -> Opened:
     """Open a TDMS file; channels are named ``group/channel``.
 
-    A waveform has no channel of times: ``time`` is then computed from its properties, s from the first start.
-    Channels that start at different times, or have other rates, are interpolated to the fastest one.
+    A waveform has no time channel. Its ``time``, s from the first start, is computed from its properties. Channels with
+    different start times or rates are interpolated to the times of the fastest channel.
     """
     nptdms = _optional("nptdms", "tdms")
     header = [channel for group in nptdms.TdmsFile.read_metadata(path).groups() for channel in group.channels()]
@@ -249,8 +249,8 @@ def open_mf4(path: Path) -> Opened:
 def open_mat(path: Path) -> Opened:
     """Open a MAT file (v5 to v7.3); fields of structures have dotted names.
 
-    The signals of a Simulink scope are an array of structures. Its columns have the names in ``label``. Without labels
-    they are numbered: ``signals[1].values``.
+    The signals of a Simulink scope are an array of structures. Columns are named by ``label``, or numbered without
+    labels: ``signals[1].values``.
     """
     pymatreader = _optional("pymatreader", "mat")
     flat: Columns = {}
@@ -299,7 +299,7 @@ OPENERS: dict[str, tuple[str, Callable[[Path], Opened]]] = {
 
 
 def is_hdf5(path: Path) -> bool:
-    """Return whether a file is HDF5, as MAT files from version 7.3 on; their HDF5 begins at byte 512."""
+    """Return whether a file is HDF5. MAT files from version 7.3 on are HDF5, beginning at byte 512."""
     return _optional("h5py", "mat").is_hdf5(path)
 
 
@@ -364,7 +364,7 @@ def _waveform_times(channels: dict[str, Any]) -> dict[str, NDArray[np.float64]]:
 def _on_one_clock(times: dict[str, NDArray[np.float64]], values: Columns) -> tuple[NDArray[np.float64], Columns]:
     """Return the times of the fastest channel that covers half of the time span, and all channels at these times.
 
-    A channel has NaN before its first sample and after its last one. A channel of texts is unchanged.
+    Channels are NaN before their first and after their last sample. Text channels are unchanged.
     """
     spans = {name: float(np.ptp(own)) for name, own in times.items() if own.size}
     if not spans:

@@ -1,8 +1,8 @@
-"""Inputs of a result: the list that each writer stores in the provenance of its format.
+"""Inputs of a result, as stored in the provenance of each result file.
 
-An input is a table: ``kind`` and ``name`` in words, ``file``, and ``sha256`` of the content that determines the
-result. This content is the values of a description or a map, the samples of a recording, or the bytes of any other
-file. A change of a comment or a label therefore does not change an input.
+An input is a table: ``kind`` and ``name`` in words, ``file``, and ``sha256`` of the relevant content. This content is
+the values of a description or a map, the samples of a recording, or the bytes of any other file. Changed comments or
+labels of a description therefore do not change an input.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ INPUTS = "inputs"
 
 
 def stored_input(kind: str, name: str, file: str | Path | None, sha256: str | None) -> dict[str, str]:
-    """Return an input with the full path of its file; the name of a catalogue drive is not changed."""
+    """Return an input with the full path of its file. The name of a catalogue drive stays unchanged."""
     path = str(Path(file).resolve()) if file and Path(file).exists() else str(file or "")
     return {"kind": kind, "name": name, "file": path, "sha256": sha256 or ""}
 
@@ -46,7 +46,7 @@ def stored_beside(provenance: Mapping[str, Any], folder: Path) -> dict[str, Any]
 
 
 def path_from(file: str, folder: Path) -> str:
-    """Return a full path relative to a folder; unchanged on another disk drive."""
+    """Return a path relative to a folder; unchanged if the path is on another disk drive."""
     start = folder.resolve()
     is_near = Path(file).is_absolute() and Path(file).drive == start.drive
     return Path(os.path.relpath(file, start)).as_posix() if is_near else file

@@ -1,8 +1,7 @@
 """Process in which libraries written in C read files.
 
 `pneudrive.files.tables` starts it, and sends requests over a pipe. A damaged file can affect only this process. An
-exception becomes the answer. A crash, the alarm or the memory limit ends this process, and the client starts
-another one.
+exception is returned as answer. After a crash, a timeout or exhausted memory, the client starts another process.
 """
 
 from __future__ import annotations
@@ -49,7 +48,7 @@ class _Files:
 
 
 def answer(request: dict[str, Any], files: _Files) -> Any:  # noqa: ANN401 - of each request its own
-    """Answer a request for a file; an exception of a library becomes an answer too."""
+    """Answer a request for a file. An exception of a library is returned as answer."""
     form = request["form"]
     try:
         opened = files.open(form, request["path"])

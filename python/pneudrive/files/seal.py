@@ -103,7 +103,7 @@ def look(path: Path, size: int) -> Looked:
 
 @lru_cache(maxsize=16)
 def _look_mapped(path: Path, size: int, _changed_ns: int, _number: int) -> Looked:
-    """Check a large file once while it is unchanged, because its hash takes longer than reading a few columns."""
+    """Check a large file. The result is cached while the file is unchanged, because hashing takes long."""
     with path.open("rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
         return Looked(size, *_look(data))
 

@@ -1,8 +1,8 @@
 """Columns of binary files, with one clear message for each kind of damage.
 
-Parquet is read in this process; a valid checksum (`pneudrive.files.seal`: campaigns, maps and trajectories of
-pneudrive) proves that pneudrive wrote the bytes. Formats whose libraries are written in C are read by a child process
-(`pneudrive.files.reader_process`): if a library crashes, only that process ends. Its first file costs 0.2 to 0.6 s.
+Parquet is read in this process. A valid checksum (`pneudrive.files.seal`) shows that a file is unchanged since
+pneudrive wrote it. Formats with libraries in C are read by a child process (`pneudrive.files.reader_process`), so that
+a crash does not end this process. The start of the child takes 0.2 to 0.6 s.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ if TYPE_CHECKING:
 FORMATS = {form: name for form, (name, _) in formats.OPENERS.items()}
 #: Largest number of files, and of their bytes, in one batch.
 MOST_FILES, MOST_BYTES = 100, 1 << 25
-#: Files checked in one batch, and number of threads: keeps the disk and each processor busy.
+#: Files checked in one batch, and number of threads.
 LOOKED_AT, LOOKERS = 20, 4
 BYTES_PER_SECOND = 1e7
 ALARM = -14  # exit status of a process ended by its alarm
@@ -114,7 +114,7 @@ class Table:
 
 @contextlib.contextmanager
 def clear_errors(path: Path, kind: ErrorKind) -> Iterator[None]:
-    """Raise errors of polars about a Parquet file as errors of `kind`. Its panics are not ordinary exceptions."""
+    """Raise errors of polars about a Parquet file as errors of `kind`. Panics of polars are not ordinary exceptions."""
     import polars as pl
 
     try:
@@ -169,7 +169,7 @@ def open_table(path: Path, form: str, kind: ErrorKind = RecordingError) -> Table
 
 @dataclass(frozen=True)
 class Text:
-    """Text of a Parquet file's metadata, or None; ``sealed``: the file has a valid checksum."""
+    """Text of a Parquet file's metadata, or None. ``sealed`` tells whether the file has a valid checksum."""
 
     text: str | None
     sealed: bool
@@ -208,7 +208,7 @@ def _text(path: Path, key: str, kind: ErrorKind) -> Text | PneudriveError:
 
 
 def read_columns(paths: Iterable[Path], wanted: Sequence[str], kind: ErrorKind) -> Iterator[Columns | PneudriveError]:
-    """Read columns of many Parquet files. Columns that a file lacks are left out. See `read_texts`."""
+    """Read columns of many Parquet files. Columns missing in a file are left out. See `read_texts`."""
     for some in _batches(paths, kind):
         together = [path for path, looked in some if isinstance(looked, seal.Looked) and looked.is_sealed]
         sealed = dict(zip(together, _read(together, wanted, kind), strict=True))
@@ -220,7 +220,7 @@ def read_columns(paths: Iterable[Path], wanted: Sequence[str], kind: ErrorKind) 
 
 
 def _read(paths: Sequence[Path], wanted: Sequence[str], kind: ErrorKind) -> list[Columns | PneudriveError]:
-    """Read columns of files at once; if that fails, one by one."""
+    """Read columns of files in one query; if the query fails, file by file."""
     try:
         with clear_errors(paths[0] if paths else Path(), kind):
             return list(formats.read_parquets(paths, wanted))

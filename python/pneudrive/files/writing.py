@@ -1,4 +1,4 @@
-"""Safe writing into folders that other people may have made. Links are never followed."""
+"""Safe writing into folders that may come from other people. Symbolic links are never followed."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
 
-#: Flag of `os.open` that refuses a link; Windows has none, and makes links for administrators alone.
+#: Flag of `os.open` that refuses a symbolic link; 0 on Windows, where only administrators create links.
 NO_FOLLOW = getattr(os, "O_NOFOLLOW", 0)
 _RULE, _REMEDY = "a link could point to another of your files", "Remove the link."
 
@@ -75,7 +75,7 @@ _THREADS = threading.Lock()
 
 
 def take(file: int) -> bool:
-    """Take the lock of an open file, with a few attempts, because `is_held` takes the lock for a moment.
+    """Acquire the lock of an open file, with a few attempts, because `is_held` holds the lock for a moment.
 
     Raises
     ------
@@ -101,7 +101,7 @@ def take(file: int) -> bool:
 
 
 def is_held(path: Path) -> bool:
-    """Return whether a process holds the lock of a file. The lock does not change."""
+    """Return whether a process holds the lock of a file. The state of the lock does not change."""
     import fcntl
 
     try:

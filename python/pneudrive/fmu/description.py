@@ -63,7 +63,7 @@ TEMPLATE = Path(__file__).with_name("modelDescription.xml.j2")
 #: Name of the library without its suffix, in every FMU.
 IDENTIFIER = "pneudrive"
 _STRUCTURED = re.compile(r"(der\()?[A-Za-z_]\w*(\.[A-Za-z_]\w*)*(\[\d+\])?\)?")
-#: Characters that XML cannot hold, in whatever way they are written.
+#: Characters that are not allowed in XML, not even escaped.
 _FOREIGN = re.compile(r"[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 _ESCAPES = {'"': "&quot;", "\t": "&#09;", "\n": "&#10;", "\r": "&#13;"}
 _ABOUT = (

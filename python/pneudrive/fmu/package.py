@@ -125,9 +125,9 @@ def try_plan(json: str, token: str, states: int) -> tuple[int, list[float]]:
 # --- Source code in an FMU, and the library that this machine's compiler builds from it.
 
 _HERE = Path(__file__).parent / "sources"
-#: File that checks a compiled copy, for people and not for compilers.
+#: File with test values for checking a compiled copy. Compilers ignore the file.
 _CHECK = "conformance.txt"
-#: Options by which a compiler keeps the bits of the core.
+#: Compiler options that reproduce the results of the core bit by bit.
 _OPTIONS = ("-std=c99", "-O2", "-ffp-contract=off", "-fPIC", "-shared")
 
 
@@ -141,7 +141,8 @@ def source_entries(plan: FmuPlan, version: str, place: str) -> list[tuple[str, b
     version : str
         ``"2.0"`` or ``"3.0"``.
     place : str
-        Name of the library in the archive. Without a C compiler, no library is written, and a tool compiles the code.
+        Name of the library in the archive. Without a C compiler no library is written, and the other tool compiles the
+        code.
     """
     code = plan.code
     assert code is not None, "a plan with source code"
@@ -190,7 +191,7 @@ def _compiled(files: dict[str, bytes], sources: tuple[str, ...]) -> bytes | None
 # --- FMUs as files: the description, the plan and the library in one archive.
 
 VERSIONS = ("2.0", "3.0")
-#: Date in archives: equal drives give equal bytes.
+#: Fixed date in archives, so that equal drives give equal bytes.
 _DATE = (1980, 1, 1, 0, 0, 0)
 _EXECUTABLE = 0o755 << 16
 
@@ -255,8 +256,8 @@ def export_fmu(
 
     Inputs are the command and the external force in N. Outputs are the variables of a trajectory in SI. Parameters are
     the numbers of the drive file by their keys, and ``start.position``, ``start.pressure_a`` and so on. Pressures are
-    absolute. Each parameter is independent. A value that the drive file derives from another one does not change with
-    it in the FMU.
+    absolute. Each parameter is independent: in the FMU, a derived value does not follow a change of the value on which
+    it depends.
 
     Parameters
     ----------

@@ -23,10 +23,10 @@ if TYPE_CHECKING:
     from pneudrive.arrays import Plain
     from pneudrive.describe import Circuit, Initial
 
-#: Numbers of a valve that give the command a history or the circuit other states: fixed in an FMU.
+#: Parameters of a valve that are fixed in an FMU, because they change the number of states or delay the command.
 _HISTORY = ("frequency", "delay", "hysteresis", "overlap", "leakage")
 _PISTON = "cylinder.position_m"
-#: Relative tolerance of co-simulation: a tenth of that of a run, since a tool's own steps cut those of the solver.
+#: Relative tolerance of co-simulation: a tenth of that of a run, because communication steps interrupt the solver.
 RTOL = 1e-7
 
 
@@ -52,7 +52,7 @@ class FmuVariable:
     rate_of : str
         Name of the state whose rate this variable is.
     nominal : float or None
-        Size of a state, from which a tool derives its absolute tolerance. Without it, tools use 1.
+        Nominal value of a state, from which a tool derives its absolute tolerance. The default of tools is 1.
     """
 
     name: str
@@ -103,9 +103,9 @@ class FmuPlan:
     notes : tuple of str
         Warnings and assumed values of the description.
     law : dict or None
-        A controller in place of a circuit, in the form of `pneudrive.control`.
+        A controller instead of a circuit, in the form of `pneudrive.control`.
     code : FmuCode or None
-        Source code in place of the library.
+        Source code instead of the library.
     """
 
     title: str
@@ -202,10 +202,7 @@ def plan_of(
 
 
 def _as_actuator(described: Drive | Circuit) -> Drive:
-    """Check that a description is a drive, and remove the load's force and spring.
-
-    The other tool models the force and the spring of the load.
-    """
+    """Check that a description is a drive, and remove force and spring of the load, which the other tool models."""
     if not isinstance(described, Drive):
         raise DescriptionError("an actuator is made of a drive", remedy="Export a drive file.")
     load = described.carried.model_copy(update={"force_n": 0.0, "spring": None})

@@ -1,1 +1,1 @@
-"""Free numbers of a drive: their names, derived values, and the drive for any of their values."""
+"""Free parameters of a drive: names, derived values, and the drive as a function of the parameters."""

@@ -1,4 +1,4 @@
-"""Numbers of a drive or a circuit that can be free, and their names.
+"""Numbers of a drive or a circuit that can be free parameters, and their names.
 
 Names of a drive are those of its file (``friction.coulomb``, ``cylinder.dead_volume.a``, ``valve.conductance``). Those
 of a circuit begin with the component (``left.friction.coulomb``). Values are in SI, pressures absolute. Any number of
@@ -87,7 +87,7 @@ def table_of(form: Plain, path: str) -> tuple[Plain, str]:
 
 
 def at_rest(name: str, pressures: tuple[Array, Array] | tuple[float, float], temperature_k: float) -> Array | float:
-    """Return the start value of an inner state of friction or of gas in a tube, from the chamber pressures, Pa.
+    """Return the start value of a friction state or of gas in a tube, from the chamber pressures, Pa.
 
     Examples
     --------
@@ -100,7 +100,7 @@ def at_rest(name: str, pressures: tuple[Array, Array] | tuple[float, float], tem
 
 
 def side_of(name: str) -> str:
-    """Return the chamber on whose side the gas of a tube or a joint is.
+    """Return the side, chamber a or b, to which the gas of a tube or a joint belongs.
 
     Examples
     --------
@@ -113,7 +113,7 @@ def side_of(name: str) -> str:
 
 # --- Numbers of a drive that can be free, and their names.
 
-#: Units of numbers, which the ends of their names in the core's form give.
+#: Units, recognised by the suffix of a name in the core's form.
 _UNITS = ("m^3/(s Pa)", "W/(m^2 K)", "J/(kg K)", "N s/m", "N/m", "m/s", "rad", "m^3", "kg", "Pa", "K", "m", "N", "s")
 # Numbers that may be negative, with the size of a usual change; all others are positive.
 _SIGNED = {
@@ -123,11 +123,12 @@ _SIGNED = {
     "valve.overlap": 0.05,
     "friction.position.slope": 1.0,
 }
-#: Numbers of a valve that act on the schedule, and steps for derivatives by them: above the effect of the solver's
-#: error, and for a delay, s, below the time in which a valve's flow changes.
+#: Parameters of a valve that act on the command schedule -> finite-difference step. The step exceeds the effect of
+#: solver errors; that of the delay, s, is below the response time of the flow.
 COMMAND_STEPS = {"hysteresis": 1e-4, "delay": 1e-4}
 _SIGNED_KEYS = {name.rpartition(".")[2]: size for name, size in _SIGNED.items()}  # in a circuit
-#: Start values of the valve's shape for a drive without it (assumed): leakage has no logarithm at 0.
+#: Start values of overlap and leakage for a drive without them (assumed). Leakage must be positive because its
+#: logarithm is fitted.
 VALVE_SHAPE = {"valve.overlap": 0.0, "valve.leakage": 1e-3}
 _SEAL_SLOPE = 1e-5  # N/Pa: 1 N/bar
 _AGEING_SLOPE = 1e-6  # 1/Pa: 0.1/bar
@@ -150,7 +151,7 @@ class Parameter:
     lower, upper : float
         Open bounds.
     size : float
-        Usual change, for a number that may be negative.
+        Typical change, for a number that may be negative.
     discrete : bool
         Whether runs have no derivative by this number.
     mark : Quantity, StatedPressure or None
@@ -179,7 +180,7 @@ class Parameter:
         return si if self.unit in ("1", "") else units.write(si, self.unit)
 
 
-#: Names of the start state in a design begin so.
+#: Prefix of names of the start state in a design.
 INITIAL = "initial."
 
 
@@ -247,7 +248,7 @@ def find(described: Drive | Circuit, names: Sequence[str], *, shifts: bool = Fal
 
 
 def _of_circuits(described: Drive | Circuit) -> set[str]:
-    """Return the numbers of a drive's valve that only a circuit file has: those of its lag."""
+    """Return the parameters of a drive's valve that only a circuit file has: those of its lag."""
     if described.system.names is None:
         return set()
     valve = cast("Drive", described).valve
@@ -311,7 +312,7 @@ def _bounded(
 ) -> Parameter:
     """Return a number with the bounds of its row in a table of the core.
 
-    A number without a row, or with a usual change, may be negative.
+    A number without a row, or with a typical change, may be negative.
     """
     lower, upper = -np.inf, np.inf
     if row is not None and usual is None:
@@ -334,7 +335,7 @@ class DriveFamily:
     free : sequence of str
         Paths of the free numbers in `form`.
     every : iterable of Derived
-        All derived values; the core derives those that `form` lacks.
+        All derived values. The core computes those that `form` does not contain.
     names : tuple, optional
         Names of the drive, see `pneudrive.describe.system.System`.
 
@@ -407,7 +408,7 @@ class DriveFamily:
         return json.dumps(self._form, sort_keys=True)
 
     def settle(self, values: Array) -> bool:
-        """Fix the derived values that descriptions round, at the present values; return whether there are any."""
+        """Fix rounded derived values at the present parameter values. Return whether there are any."""
         self._set(values)
         rounded = [one for one in self.moving if one.digits is not None]
         for one in rounded:
@@ -545,7 +546,7 @@ class Differentiator:
     command : as for `pneudrive.simulate`
         A function of time is not accepted, because the steps must be known in advance.
     initial : as for `pneudrive.simulate`
-        The start state is fixed and does not depend on the numbers.
+        The start state does not depend on the parameters.
     rtol : float
 
     Raises

@@ -1,8 +1,8 @@
-"""Bins of position: both directions paired at equal position, and the spread of the means of strokes.
+"""Position bins: pairing of both directions at equal positions, and scatter of stroke means.
 
-Statistical uncertainty comes from the spread between strokes, never only from samples inside a stroke. These share the
-stroke's lubrication, temperature and position pattern, so they are not independent. Their spread divided by the root
-of their number is therefore many times too small.
+Statistical uncertainty comes from the scatter between strokes, never only from the samples of one stroke. Samples of
+one stroke share lubrication, temperature and position pattern, so they are not independent. A standard error from their
+number would be many times too small.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ MIDDLE = (0.2, 0.8)  # of the way: the window, if the layout does not state it
 
 @dataclass(frozen=True)
 class Grid:
-    """Equal bins of position, numbered from 0 in the window, whose ends are edges of bins.
+    """Equal position bins, numbered from 0 at the lower end of the window. The ends of the window are bin edges.
 
     Attributes
     ----------
@@ -38,10 +38,10 @@ class Grid:
     in_window : int
         Number of bins of the window.
     first, stop : int
-        Number of the first bin, negative below the window, and of the one after the last.
+        Index of the first bin (negative below the window), and index after the last bin.
     whole : bool
-        Whether bins that lie only partly in the settled part of a stroke are left out: bins that cycles share have
-        equal positions.
+        Whether to leave out bins that the settled part of a stroke covers only partly, so that all cycles have equal
+        bins.
     """
 
     low_m: float
@@ -84,7 +84,7 @@ class Profile:
 
 
 def grid_of(edges_m: Array) -> Grid:
-    """Return the bins of all cycles as a grid, whose window is the middle of the way."""
+    """Return the bins of all cycles as a grid. Its window is the middle of the travel."""
     bins = edges_m.size - 1
     first, stop = (round(share * bins) for share in MIDDLE)
     return Grid(float(edges_m[first]), float(edges_m[1] - edges_m[0]), stop - first, -first, bins - first, whole=True)
@@ -93,7 +93,7 @@ def grid_of(edges_m: Array) -> Grid:
 def bin_means(
     position_m: Array, values: Array, edges_m: Array, parts: Sequence[slice], chosen: Bools | None = None
 ) -> Array:
-    """Return the mean of ``values`` in each position bin over the samples of some parts, NaN in empty bins.
+    """Return the mean of ``values`` in each position bin over the samples in `parts`; NaN in empty bins.
 
     Parameters
     ----------
@@ -101,7 +101,7 @@ def bin_means(
     edges_m : ndarray, shape (bins + 1,)
     parts : sequence of slice
     chosen : ndarray of bool, shape (n,), optional
-        The samples that count; None: all.
+        Mask of the samples to use; None: all.
     """
     bins = (float(edges_m[0]), float(edges_m[-1]), edges_m.size - 1)
     columns = np.ascontiguousarray(position_m), np.ascontiguousarray(values)
@@ -109,7 +109,7 @@ def bin_means(
 
 
 def mean_profile(strokes_n: Array) -> Array:
-    """Return the mean over strokes in each bin, shape (bins,), with a separate level of each stroke.
+    """Return the mean over strokes in each bin, shape (bins,), by a model with a separate level for each stroke.
 
     A stroke with missing bins (a gap in the recording) must not shift the profile there. The two-way model value =
     stroke + bin is fitted by alternation, and the profile is bin + mean stroke.
@@ -156,9 +156,9 @@ MOST_PAIRED = 1000  # most strokes for slopes of all pairs; of more, this many e
 class Spread:
     """Spread of stroke means in one direction.
 
-    ``stderr_n`` is NaN for a single stroke. ``slope_n`` is the robust drift per stroke (Theil-Sen),
-    ``trend_p`` the two-sided probability of Kendall's test that it is chance (1 if not testable).
-    ``effective`` is the number of independent strokes, smaller than ``strokes`` if they drift.
+    ``stderr_n`` is NaN for a single stroke. ``slope_n`` is the robust drift per stroke (Theil-Sen), and ``trend_p`` the
+    p-value of Kendall's test for a drift (1 if not testable). ``effective`` is the number of independent strokes,
+    smaller than ``strokes`` with a drift.
     """
 
     strokes: int
@@ -219,8 +219,8 @@ def _effective_number(values: Array, *, has_trend: bool) -> float:
 def pair_stderr(deviation_n: Array, effective: Array) -> Array:
     """Return the standard errors of half the difference of both directions' means, shape (n,).
 
-    They follow from scatter and effective number of strokes of both directions, shape (n, 2). NaN without a known
-    scatter. If one direction has a single stroke, the scatter of the other direction is used.
+    Arguments are scatter and effective number of strokes of both directions, shape (n, 2). A direction with a single
+    stroke takes the scatter of the other direction. NaN if both are unknown.
     """
     pooled = np.where(np.isfinite(deviation_n), deviation_n, -np.inf).max(axis=1)
     filled = np.where(np.isfinite(deviation_n), deviation_n, pooled[:, None])
@@ -231,7 +231,7 @@ def pair_stderr(deviation_n: Array, effective: Array) -> Array:
 def profile_stderr(profile_n: Array) -> float:
     """Estimate the standard error of a profile's mean for a single stroke, from the profile alone.
 
-    A straight line is removed, because the pattern over position is not random, in particular its coarse part.
+    A straight line is removed first, because the coarse pattern over position is not random.
     """
     values = profile_n[np.isfinite(profile_n)]
     n = values.size
@@ -245,7 +245,7 @@ def profile_stderr(profile_n: Array) -> float:
 def within_stderr(strokes_n: Array) -> float:
     """Estimate the standard error of the mean of all strokes from noise inside the strokes only.
 
-    The spread of two or three stroke means may be small by chance, but their error is never below this.
+    The scatter of two or three stroke means may be small by chance. This value is a lower limit of the error.
 
     Parameters
     ----------

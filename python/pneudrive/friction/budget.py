@@ -2,12 +2,12 @@
 
 Measurand: friction, half the difference of the mean force balance in +x and in -x at equal positions. Terms are
 independent, so standard uncertainties add in squares; the expanded uncertainty has k = 2.
-A row of a recording, one speed level:
+For a row of a recording (one speed level):
 
     stderr_n        type A   `chance_n`: scatter of the strokes' means, at least the noise within the strokes
     u_systematic_n  type B   `systematic_budget`, `window_entry`: for each source its sensitivity times its uncertainty
 
-A row of a campaign, one cycle:
+For a row of a campaign (one cycle):
 
     stderr_n        type A   `cycle_terms`: `chance_n` of its strokes, scatter from cycle to cycle
     u_systematic_n  type B   `SharedTerms`: gain, hysteresis, mean over position
@@ -79,7 +79,8 @@ def systematic_budget(
     up, down : Side
         Means in +x and -x over the window.
     offset_slope_n_m, sample_interval_s : float
-        Change of offset over position, and interval within which channels are simultaneous: a skew makes friction.
+        Slope of the offset over position, and interval within which channels are simultaneous. A time skew appears as
+        friction.
     late_s : float
         Standard uncertainty of the times of the pressures.
     """
@@ -103,22 +104,22 @@ def systematic_budget(
 
 
 def _halves(up: float, down: float) -> Interval:
-    """Return half the difference and half the sum of both directions, without signs."""
+    """Return the absolute values of half the difference and half the sum of both directions."""
     return abs(up - down) / 2.0, abs(up + down) / 2.0
 
 
 def unseen_n(pattern_n: Array, coverage: float) -> float:
-    """Return the standard uncertainty of a mean over some bins of position as the mean over the drive's stroke, N.
+    """Return the standard uncertainty, N, of using the mean over some position bins as the mean over the whole stroke.
 
-    It is the standard deviation of friction over these bins, shape (bins,), times the share of the stroke outside them.
-    They cover the share ``coverage`` of the travel of the recording.
+    The uncertainty is the standard deviation of friction over the bins, shape (bins,), times the fraction of the stroke
+    outside the bins. The bins cover the fraction ``coverage`` of the travel.
     """
     known = pattern_n[np.isfinite(pattern_n)]
     return (1.0 - coverage * (1.0 - BEYOND_SHARE)) * float(known.std()) if known.size else 0.0
 
 
 def window_entry(friction_n: Array, offset_n: Array, coverage: float) -> BudgetEntry:
-    """Return the entry of the chosen window: friction and half the sum in its bins, shape (bins,), see `unseen_n`."""
+    """Return the budget entry for the choice of the window, from friction and offset in its bins, shape (bins,)."""
     friction, offset = (unseen_n(values, coverage) for values in (friction_n, offset_n))
     words = "standard deviation over the window times the share of the stroke outside it"
     return BudgetEntry("choice of the window", 1.0 - coverage, "", "data", "B", friction, offset, words)
@@ -133,12 +134,12 @@ def _sensor_entries(
     largest: float,
     zero: float = 0.0,
 ) -> list[BudgetEntry]:
-    """Return the entries of a common error and of hysteresis.
+    """Return the budget entries of a sensor: common error and hysteresis.
 
     In a pair of directions, only the error that changes with direction remains.
 
-    The layout states the standard uncertainty of the channel, and may mark it as assumed. At the largest value of the
-    sensor, the whole accuracy may be an error of gain.
+    The layout states the standard uncertainty of the channel, or it is assumed. At the largest reading, the whole
+    accuracy may be an error of gain.
 
     Parameters
     ----------
@@ -183,7 +184,7 @@ def _pressure_entries(recording: Recording, side: str, up: Side, down: Side) -> 
 
 
 def usual_range(largest_pa: float) -> float:
-    """Return the smallest usual range of a transducer that contains a pressure; beyond all ranges the pressure."""
+    """Return the smallest usual transducer range that contains a pressure, or the pressure itself beyond all ranges."""
     above = USUAL_RANGES_PA[largest_pa <= USUAL_RANGES_PA]
     return float(above[0]) if above.size else largest_pa
 
@@ -244,11 +245,11 @@ class SharedTerms:
     Attributes
     ----------
     gain_n, hysteresis_n : ndarray
-        Errors of the sensors: proportional to friction, and equal at all frictions.
+        Errors of the sensors: proportional to friction, and independent of friction.
     position_n : ndarray
         Friction over the part of the stroke that the mean does not cover.
     state_n : ndarray
-        Friction in another state of the campaign than the mean one: part of a single cycle, not of the mean curve.
+        Deviation of friction from the mean state of the campaign: part of a single cycle, not of the mean curve.
     zero_n, half_sum_n : ndarray
         Zero of the force sensor, and half the sum of both directions without zero runs; only for one direction.
     """
@@ -261,7 +262,7 @@ class SharedTerms:
     half_sum_n: Array
 
     def friction_n(self) -> Array:
-        """Return the uncertainty of half the difference of both directions, in the mean state of the campaign."""
+        """Return the uncertainty of half the difference of both directions, for the mean state of the campaign."""
         return np.sqrt(self.gain_n**2 + self.hysteresis_n**2 + self.position_n**2)
 
     def direction_n(self) -> Array:
@@ -270,12 +271,12 @@ class SharedTerms:
 
 
 def combined(entries: Sequence[BudgetEntry]) -> tuple[float, float]:
-    """Return the standard uncertainty of friction and of offset, sources taken as independent."""
+    """Return the standard uncertainties of friction and offset from independent sources."""
     return _root(e.friction_n for e in entries), _root(e.offset_n for e in entries)
 
 
 def stated_shares(recording: Recording, up: Side, down: Side, late_s: float = 0.0) -> dict[str, float | bool]:
-    """Divide the budget of a cycle into the parts that campaigns treat separately, by the columns of a cycle.
+    """Divide the budget of a cycle into the parts that campaigns treat separately: column of a cycle -> part.
 
     Cycles share their sensors. The parts are proportional to friction, constant, or removed by zero runs.
     """

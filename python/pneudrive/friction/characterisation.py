@@ -1,4 +1,4 @@
-"""Characterisation of recordings: all results by one function, and the notes on measured and doubtful values."""
+"""Characterisation of recordings: all results by one function, and notes on measured and doubtful values."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ if TYPE_CHECKING:
 
 
 def _speed_with_pressure(found: Characterisation) -> float:
-    """Return the correlation of speed and pressure within seals, in the direction in which it is stronger."""
+    """Return the correlation of speed and pressure within seals, for the direction with the stronger correlation."""
     of_recording = {point.recording: point for point in found.points}
     ways, names, speeds = (found.friction_map[name].to_numpy() for name in ("direction", "recording", "velocity_m_s"))
     strongest = 0.0
@@ -73,7 +73,7 @@ def _stick_slip_note(level: Level) -> str:
 
 
 def _doubts(levels: Iterable[Level]) -> list[str]:
-    """Return each kind of doubtful value once, with the sentence for the first recording that has it."""
+    """Return one sentence for each kind of doubtful value, about the first recording concerned."""
     found: dict[str, list[tuple[str, str]]] = {}
     for level in levels:
         for flag, doubt in level.doubts.items():
@@ -91,10 +91,10 @@ NEAR = 0.1  # speeds within this ratio are compared
 
 
 def _differences(results: tuple[RecordingResult, ...]) -> list[str]:
-    """Return the two recordings of one assembly that differ most in friction, by the note on them.
+    """Return a note on the two recordings of one assembly that differ most in friction.
 
-    Recordings are compared at several speeds. Among three or more, those at other pressures differ by the effect of
-    pressure.
+    Recordings with several speeds are compared. Of three or more, only recordings at equal pressures are compared,
+    because pressure changes friction.
     """
     largest, notes = 1.0, []
     for first, second in combinations(results, 2):
@@ -111,7 +111,7 @@ def _differences(results: tuple[RecordingResult, ...]) -> list[str]:
 
 
 def _near(first: tuple[Level, ...], second: tuple[Level, ...], way: int) -> list[tuple[Level, Level]]:
-    """Return the pairs of levels with about the same speed in a direction; none without curves over speed."""
+    """Return the pairs of levels with about the same speed in a direction; empty without curves over speed."""
     ours, others = ([level for level in levels if way in level.sides] for levels in (first, second))
     if min(len(ours), len(others)) < LEAST_SPEEDS:
         return []
@@ -120,9 +120,9 @@ def _near(first: tuple[Level, ...], second: tuple[Level, ...], way: int) -> list
 
 
 def _difference(one: Level, other: Level, way: int) -> tuple[float, dict[str, float | str]]:
-    """Return the difference divided by its U, and its values.
+    """Return the difference divided by its expanded uncertainty U, and the values for a note.
 
-    A source of error that both levels share has the same error in both, but clocks of loggers.
+    Common error sources are fully correlated between both levels, except clocks of loggers.
     """
     shares = [
         {e.source: e.friction_n if len(level.sides) == 2 else e.offset_n for e in level.budget}
@@ -247,7 +247,7 @@ class Characterisation(Viewed):
 
     @property
     def doubts(self) -> list[str]:
-        """Sentences on values that no rig can have, with a check."""
+        """Sentences on physically implausible values, each with a check."""
         return _doubts(self.levels)
 
     def view(self) -> View:
@@ -268,9 +268,9 @@ def characterise_recordings(
     Parameters
     ----------
     recordings
-        Recordings, files or trajectories (what ``pn.simulate`` returns), or one of them.
+        One or several recordings, files or trajectories of ``pn.simulate``.
     layout
-        How files are read. None: ``layout.toml`` next to each file. Trajectories need none.
+        Layout of the files. None: ``layout.toml`` next to each file. Trajectories need no layout.
     protocol
         Selection of samples: ``Settled()`` (default) or ``SourcePaper()``.
     progress, cancel
@@ -299,7 +299,7 @@ def characterise_recordings(
 
 
 def _readers(recordings: Input, layout: Layout | str | Path | None) -> tuple[int, Iterator[tuple[str, Reader]]]:
-    """Return the number of recordings, and the name of each with a function that reads it, or opens it if it is long.
+    """Return the number of recordings, and for each its name and a function that reads it (opens it, if long).
 
     Recordings and trajectories come before files.
     """
@@ -334,13 +334,13 @@ def _readers(recordings: Input, layout: Layout | str | Path | None) -> tuple[int
 
 
 class _Results:
-    """The results of recordings one after the other: rows and points of all, samples of those that are shown.
+    """Collector of results: rows and points of all recordings, samples of displayed recordings only.
 
-    Recordings with the samples of an earlier one count once. An unusable recording is left out if there are many.
+    Recordings with equal samples count once. An unusable recording is skipped if there are several.
     """
 
     def __init__(self, *, large: bool) -> None:
-        """Begin without results; `large` for more recordings than are kept in memory."""
+        """Begin without results. `large` means more recordings than fit into memory."""
         self.large = large
         self.shown: list[RecordingResult] = []
         self.rows: list[dict] = []
@@ -357,7 +357,7 @@ class _Results:
         Raises
         ------
         RecordingError
-            If it cannot be used, and is not one of many.
+            If the only recording cannot be used.
         """
         try:
             recording = read()

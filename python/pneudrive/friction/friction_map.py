@@ -1,4 +1,4 @@
-"""The friction map: one row per recording, or cycle of a campaign, speed level and direction."""
+"""The friction map: one row per recording (or cycle of a campaign), speed level and direction."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 
 TABLES = package_table(__file__, "columns.toml")
-#: Column -> (unit, meaning), in the order of the files: those of every map, and further ones of a campaign's.
+#: Column -> (unit, meaning), in the order of the files: columns of every map, then further columns of a campaign.
 COLUMNS: dict[str, tuple[str, str]] = {name: (unit, meaning) for name, (unit, meaning) in TABLES["map"].items()}
 LEVEL_COLUMNS = {name: (unit, meaning) for name, (unit, meaning) in TABLES["campaign"].items()}
 CYCLE_COLUMNS: Row = TABLES["cycle"]  # column of a cycle -> value of a cycle without it
@@ -71,7 +71,7 @@ def columns_to_dataset(columns: Mapping[str, Sequence | np.ndarray], about: Mapp
 def write_map(friction_map: xr.Dataset, path: str | Path) -> Path:
     """Write map.parquet or map.csv, by suffix: the columns of ``COLUMNS``, and after them the labels.
 
-    Only Parquet keeps the list of its recordings. The map gets its file as an attribute.
+    Only Parquet stores the list of recordings. The path of the file becomes an attribute of the map.
 
     Raises
     ------
@@ -156,7 +156,7 @@ class Condition:
     pressure_a_pa, pressure_b_pa : float
         Absolute pressures, as planned.
     mounting, seal, drive : str
-        Levels of the hard-to-change factors; "" if the campaign has none.
+        Levels of the hard-to-change factors; "" for a factor that the campaign does not have.
     """
 
     pressure_a_pa: float
@@ -176,7 +176,7 @@ class Condition:
         return ", ".join(level for level in self.levels if level)
 
     def label(self, ambient_pressure_pa: float) -> str:
-        """Return its name: gauge pressures, then the present levels.
+        """Return a label: gauge pressures, then the present levels.
 
         Examples
         --------
@@ -271,7 +271,7 @@ class MapGroup(NamedTuple):
     def curves(self, table: xr.Dataset) -> list[ShownCurve]:
         """Return friction over speed with U (k = 2), a point for each level.
 
-        Both directions of a level share their friction. Levels of a single direction make a curve for each direction.
+        Levels with both directions have one value. Levels with a single direction form a curve for each direction.
         """
         import polars as pl
 
@@ -298,7 +298,7 @@ class MapGroup(NamedTuple):
 
 
 def groups_of(table: xr.Dataset, most: int | None = None) -> list[MapGroup]:
-    """Return the groups of the first rows of a map: the assemblies in the order of their first rows."""
+    """Return the first groups of rows of a map. Assemblies are in the order of their first rows."""
     table = table.isel(row=slice(most))
     assemblies = np.array(assemblies_of(table))
     # Both pressures of a row are the means of its recording.

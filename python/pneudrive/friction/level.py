@@ -1,11 +1,11 @@
-"""A speed level: its strokes give friction, offset, their uncertainty, flags and the rows of the friction map.
+"""A speed level: friction, offset, uncertainty, flags and rows of the friction map from its strokes.
 
-Recording -> motion -> frames of strokes -> speed levels. Long recordings take the same way, part by part.
+Processing: recording -> motion -> tables of strokes -> speed levels. Long recordings are processed part by part.
 
-Memory is limited to one part, for any length of the recording. Each part begins one stroke before its first counted
-stroke. Every stroke is therefore counted once, with the rest before it. Speed classes are found from the strokes of all
-parts. The window is that of the layout, or the middle of the strokes of the first part. The samples of the part with
-the largest force are kept, for figures and the uncertainty budget.
+Only one part is in memory at a time. Parts overlap by one stroke, so that each stroke is counted once, with the rest
+before it. Speed classes are found from the strokes of all parts. The window is that of the layout, or the middle of the
+strokes of the first part. The samples of the part with the largest force are kept for figures and the uncertainty
+budget.
 """
 
 from __future__ import annotations
@@ -55,9 +55,9 @@ class Level(Shown):
     Attributes
     ----------
     motion : RecordedMotion
-        Motion of the recording, with the samples that are kept.
+        Motion of the recording, with the kept samples.
     index : int
-        Place of the class among those of the recording, slowest first.
+        Index of the class in the recording, slowest first.
     window_m : tuple of float
         Positions between which friction is averaged.
     table : Strokes
@@ -65,7 +65,7 @@ class Level(Shown):
     sides : dict of Side
         Used strokes by direction, +1 or -1.
     bins : ndarray of bool, shape (m,)
-        Bins of the window that all directions have.
+        Bins of the window covered by all directions.
     uses_window : bool
     budget : tuple of BudgetEntry
     """
@@ -94,7 +94,7 @@ class Level(Shown):
 
     @property
     def strokes(self) -> tuple[Stroke, ...]:
-        """Strokes whose samples are kept: all, except in long recordings."""
+        """Strokes with kept samples: all strokes, except in long recordings."""
         kept = set(map(id, self.motion.strokes))
         return tuple(row.stroke for row in self.table.rows if id(row.stroke) in kept)
 
@@ -110,7 +110,7 @@ class Level(Shown):
 
     @property
     def friction_n(self) -> float:
-        """Half the difference of both directions; of a single one, its balance against the motion."""
+        """Half the difference of both directions, N. For a single direction, its balance against the motion."""
         if len(self.sides) == 2:
             return (self.spreads[1].mean_n - self.spreads[-1].mean_n) / 2
         (only,) = self.sides
@@ -118,13 +118,13 @@ class Level(Shown):
 
     @property
     def offset_n(self) -> float:
-        """Half the sum of both directions; NaN of a single one."""
+        """Half the sum of both directions, N; NaN for a single direction."""
         paired = len(self.sides) == 2
         return (self.spreads[1].mean_n + self.spreads[-1].mean_n) / 2 if paired else np.nan
 
     @cached_property
     def stderr_n(self) -> float:
-        """Statistical uncertainty, `chance_n`.
+        """Type A standard uncertainty of friction, N, see `chance_n`.
 
         If no direction has two strokes, the uncertainty comes from the profile over position.
         """
@@ -146,7 +146,7 @@ class Level(Shown):
 
     @cached_property
     def u_systematic_n(self) -> float:
-        """Systematic standard uncertainty of friction. For a single direction it is that of the offset."""
+        """Systematic standard uncertainty of friction. For a single direction, it equals that of the offset."""
         return combined(self.budget)[0] if len(self.sides) == 2 else self.u_offset_n
 
     @property
@@ -156,9 +156,9 @@ class Level(Shown):
 
     @cached_property
     def doubts(self) -> dict[str, str]:
-        """Flag -> sentence with a check, for values that no rig can have.
+        """Flag -> sentence with a check, for physically implausible values.
 
-        A recording with zero areas has no pressure force, so its force is the friction.
+        With zero areas there is no pressure force, and the measured force is the friction.
         """
         recording, ambient, gauge = self.motion.recording, self.ambient_pressure_pa, self.gauge_pa
         areas = recording.area_a_m2, recording.area_b_m2
@@ -188,7 +188,7 @@ class Level(Shown):
 
     @cached_property
     def flags(self) -> tuple[str, ...]:
-        """Names of the flags: of the samples, of the level, of its doubtful values."""
+        """Names of the flags of samples, level and doubtful values."""
         sides = list(self.sides.values())
         speeds = [abs(side.velocity_m_s) for side in sides]
         stick_slip = any(side.stick_slip for side in sides)
@@ -227,7 +227,7 @@ class Level(Shown):
 
     @property
     def peaks(self) -> tuple[ReversalPeak, ...]:
-        """Peaks after the reversals before the strokes whose samples are kept."""
+        """Friction peaks after the reversals at which strokes with kept samples begin."""
         kept = set(map(id, self.motion.strokes))
         return tuple(row.peak for row in self.table.rows if row.peak and id(row.stroke) in kept)
 
@@ -277,7 +277,7 @@ class Level(Shown):
 
 @dataclass(frozen=True, eq=False, repr=False)  # holds arrays: equal only to itself
 class RecordingResult(RecordedMotion, Shown):
-    """The result of one recording. ``recording`` is the cleaned one, with its counts of flags."""
+    """The result of one recording. ``recording`` is cleaned, and has counts of flags."""
 
     levels: tuple[Level, ...]
     stroke_use: StrokeUse
@@ -286,7 +286,7 @@ class RecordingResult(RecordedMotion, Shown):
 def level_of(
     motion: RecordedMotion, index: int, table: Strokes, window_m: Interval, *, uses_window: bool
 ) -> Level | None:
-    """Return one speed class. None if no stroke counts, or the directions have no common bin.
+    """Return one speed class. None if no stroke is usable, or the directions have no common bin.
 
     Parameters
     ----------
@@ -296,7 +296,7 @@ def level_of(
     table : Strokes
     window_m : tuple of float
     uses_window : bool
-        Whether the means of strokes are over equal positions.
+        Whether to average all strokes over equal positions.
     """
     sides, bins = table.sides(uses_window=uses_window)
     if not sides:
@@ -320,7 +320,7 @@ LARGEST_PART = 16  # multiple of the usual part: longer strokes cannot be separa
 
 
 def extract(recording: Recording, choice: SampleChoice) -> RecordingResult:
-    """Extract friction from one recording, after the delay of its pressures is removed.
+    """Extract friction from one recording, after removing the delay of its pressures.
 
     Raises
     ------
@@ -351,7 +351,7 @@ def extract_long(file: LongFile, choice: SampleChoice, watch: Watch = UNWATCHED)
     Returns
     -------
     RecordingResult
-        As from `extract`; recording, strokes and samples are those of one part, levels those of all.
+        As from `extract`. Recording, strokes and samples come from one part; levels come from all parts.
 
     Raises
     ------
@@ -379,7 +379,7 @@ def extract_long(file: LongFile, choice: SampleChoice, watch: Watch = UNWATCHED)
 def _all_parts(
     file: LongFile, choice: SampleChoice, watch: Watch
 ) -> tuple[RecordedMotion, list[Stroke], list[Strokes], Interval]:
-    """Read the parts: the one with the largest force, all counted strokes, their frames, and the window."""
+    """Read all parts. Return the part with the largest force, all counted strokes, their tables, and the window."""
     kept: RecordedMotion | None = None
     window: Interval | None = None
     strokes: list[Stroke] = []
@@ -409,7 +409,7 @@ def _result(
     window: Interval,
     choice: SampleChoice,
 ) -> RecordingResult:
-    """Make the levels of the speed classes, and count the strokes that they use.
+    """Make the levels of the speed classes, and count the used strokes.
 
     Raises
     ------
@@ -432,7 +432,7 @@ def _result(
 
 
 def window_of(motion: RecordedMotion, choice: SampleChoice) -> Interval:
-    """Return the positions between which friction is averaged: those of the layout, or the middle of the strokes.
+    """Return the positions between which friction is averaged: from the layout, or the middle of the strokes.
 
     Raises
     ------

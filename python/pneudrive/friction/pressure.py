@@ -1,6 +1,6 @@
 """Results of several recordings over pressure: effective area and force zero (closure), friction over pressure.
 
-Both read a list of `LevelPoint`; neither knows a recording.
+Both results are computed from a list of `LevelPoint`.
 """
 
 from __future__ import annotations
@@ -89,7 +89,7 @@ class LevelPoint:
 
     @property
     def half_sum_force_n(self) -> float:
-        """Half the sum of both directions' forces at equal positions, without friction."""
+        """Half the sum of the forces of both directions at equal positions, N, which does not contain friction."""
         (gauge_a, gauge_b), (area_a, area_b) = self.gauge_pa, self.areas_m2
         return self.offset_n - gauge_a * area_a + gauge_b * area_b + self.weight_n
 
@@ -102,8 +102,8 @@ class ClosureFit(Shown):
     layout. If both pressures changed together, the only entry is ``net``: the force of both chambers divided by the
     pressure that changed most. ``force_zero_n`` is the reading of the sensor without friction and pressure.
     ``pressure_pa`` and ``residual_n`` (points,) are the gauge pressure of the chamber that changed most, and the
-    residuals of the line. ``statement`` is a sentence. Without a spare recording, or if the residuals contradict the
-    line, the intervals are unbounded.
+    residuals of the line. Intervals are unbounded without a redundant recording, or if the residuals contradict the
+    line.
     """
 
     group: str
@@ -199,7 +199,7 @@ def _contradiction(points: list[LevelPoint], residual_n: Array) -> str:
 def _factors(
     gauge: dict[str, Array], push: dict[str, Array], unsure: dict[str, float], area: float
 ) -> list[tuple[str, ...]]:
-    """Return the areas that can be determined: each separately, both by one factor, or none."""
+    """Return the determined areas: each separately, both by a common factor, or none."""
     sides = [side for side in ("a", "b") if np.ptp(gauge[side]) > MINIMUM_RANGE_PA]
     if len(sides) < 2:
         return [tuple(sides)] if sides else []
@@ -215,7 +215,7 @@ def _factors(
 
 
 def _estimate(value: float, stderr: float, dof: int, unit: str) -> Estimate:
-    """Return a value with its interval, which is unbounded without a spare recording."""
+    """Return a value with its interval, which is unbounded without a redundant recording."""
     if dof <= 0:
         return Estimate(float(value), -np.inf, np.inf, np.nan, unit)
     return Estimate.of(float(value), float(stderr), dof, unit)

@@ -16,7 +16,7 @@ NAMED = 3  # most cycles that a sentence names
 
 @dataclass(frozen=True)
 class Statement:
-    """A sentence on values that the data determine, or do not determine, with a remedy.
+    """A sentence on determined or undetermined values, with a remedy.
 
     Attributes
     ----------
@@ -24,7 +24,7 @@ class Statement:
         curve, direction, pressure, air, position, stops, drift, repeatability, stick-slip, zero, range, data.
     text : str
     carried : bool
-        Whether the data determine it.
+        Whether the data determine the value.
     remedy : str
         Cycles to add; "" if nothing is missing.
     """
@@ -40,7 +40,7 @@ class Statement:
 
 
 def table() -> dict[str, dict[str, str | dict[str, str]]]:
-    """Return topic -> name -> sentence, or its parts: text and remedy."""
+    """Return topic -> name -> sentence, or its parts text and remedy."""
     return package_table(__file__, "sentences.toml")
 
 
@@ -54,7 +54,7 @@ MOST_NAMED = 3  # recordings that a finding names
 
 
 def flag_findings(raised: Mapping[str, Sequence[str]], count: int) -> list[Finding]:
-    """Return the meaning of each raised flag with the recordings that have it, and its remedy.
+    """Return a finding for each raised flag: meaning, recordings, remedy.
 
     Parameters
     ----------
@@ -82,7 +82,7 @@ def sentence(name: str, part: str = "text", /, **values: Any) -> str:  # noqa: A
     name : str
         Topic and name, ``"doubt.no_friction"``.
     part : {"text", "remedy"}
-        A sentence without a remedy gives "" for it.
+        For a sentence without a remedy, the part "remedy" is "".
     **values
         Values for the braces of the sentence.
     """

@@ -40,7 +40,7 @@ class ReversalPeak:
 
     ``friction_n`` is the peak without the offset; ``sliding_n`` the friction level of the window.
     ``excess_n`` is their difference, ``significant`` whether it exceeds the noise of a single peak.
-    ``rise_samples`` counts samples while it rises from 10 % to 90 %; ``flags`` names its faults:
+    ``rise_samples`` counts samples while friction rises from 10 % to 90 %; ``flags`` names faults of the peak:
     ``undersampled``, ``pressure_transient``, ``inertia``, ``gap``, ``no_peak``.
     """
 
@@ -69,11 +69,11 @@ def find_reversal_peaks(
     recording
         Cleaned recording.
     strokes
-        Strokes of one speed class; the recording's first one has no reversal before it.
+        Strokes of one speed class. The first stroke of the recording has no reversal before it.
     balance_n
         Shape (n,).
     profile
-        Reversals of the same level. Its offset is removed, see `offset_line`.
+        Profile of the same level. Its offset is removed, see `offset_line`.
     """
     after = [stroke for stroke in strokes if stroke.start != 0 and stroke.index != 0]
     if (np.isfinite(profile.offset_n) & profile.in_window).sum() < FEWEST_BINS or not after:
@@ -91,8 +91,8 @@ def find_reversal_peaks(
 def offset_line(profile: Profile, turn_m: float) -> tuple[float, float]:
     """Fit a line through the offset near a turn: slope, N/m, and intercept at x = 0, N.
 
-    At the turn, one direction is still in its transient, so half the sum is not the offset. Far from the turn, the
-    offset may differ. If there are too few bins in between, the bins of the window are used.
+    At the turn, one direction is still in its transient, so that half the sum is not the offset. Far from the turn, the
+    offset may differ. Bins in between are used, or those of the window if there are too few.
     """
     known = np.isfinite(profile.offset_n)
     away = np.abs(profile.position_m - turn_m) / np.ptp(profile.position_m)
@@ -158,7 +158,7 @@ def _peak(
 
 
 def _pressure_moves_n(recording: Recording, part: slice, noise_pa: Sequence[float]) -> float:
-    """Return the change of the pressure force until the peak, also during the rest before it, beyond noise, N."""
+    """Return the change of the pressure force from the rest before the stroke to the peak, beyond noise, N."""
     moved = 0.0
     for side, noise in zip("ab", noise_pa, strict=True):
         pressure = getattr(recording, f"pressure_{side}_pa")[part]
@@ -169,7 +169,7 @@ def _pressure_moves_n(recording: Recording, part: slice, noise_pa: Sequence[floa
 
 
 def _inertia_n(recording: Recording, stroke: motion.Stroke) -> float:
-    """Return the force that accelerates the mass beyond the sensor to 80 % of the speed, in one sample or more."""
+    """Return the force, N, that accelerates the mass beyond the sensor to 80 % of the speed, in at least one sample."""
     mass = recording.mass_beyond_sensor_kg
     if not mass:
         return 0.0
@@ -180,9 +180,9 @@ def _inertia_n(recording: Recording, stroke: motion.Stroke) -> float:
 
 
 def rise(friction_n: Array) -> tuple[int, int]:
-    """Return the last sample below 10 %, and the first above 90 %, of the rise to a peak, the last sample.
+    """Return the last sample below 10 % and the first sample above 90 % of a rise. The peak is the last sample.
 
-    A slow drift between the rise and the peak does not belong to the rise.
+    A slow drift between rise and peak is not part of the rise.
     """
     bottom = friction_n.min()
     swing = friction_n[-1] - bottom
@@ -192,7 +192,7 @@ def rise(friction_n: Array) -> tuple[int, int]:
 
 
 def median(values: Sequence[float]) -> float:
-    """Return the median of a few values, or NaN. A single value is the usual case, for which NumPy is slow."""
+    """Return the median of a few values, or NaN. Faster than NumPy for the usual case of a single value."""
     return float(np.median(values)) if len(values) > 1 else values[0] if values else np.nan
 
 
@@ -251,7 +251,7 @@ def find_stick_slip(
         Shape (n,) if known (a simulation). Otherwise it follows from the position, smoothed according to the position
         noise.
     trim
-        Share of each stroke's travel that is left out at both ends.
+        Fraction of each stroke's travel that is left out at both ends.
 
     Returns
     -------
@@ -323,7 +323,7 @@ def measure_stick_slip(time_s: Array, position_m: Array, velocity_m_s: Array | N
 
 
 def _smoothing(time_s: Array, position_m: Array, mean: float) -> int:
-    """Return half width of the slope window at which position noise gives at most 5 % of the mean speed."""
+    """Return the half width of the slope window at which position noise causes at most 5 % of the mean speed."""
     step = (time_s[-1] - time_s[0]) / max(time_s.size - 1, 1)
     noise = motion.noise_level(position_m)
     if mean <= 0 or step <= 0:
@@ -337,7 +337,7 @@ def _smoothing(time_s: Array, position_m: Array, mean: float) -> int:
 
 
 def slip_onsets(stuck: Bools, slipping: Bools) -> list[int]:
-    """Return the first sample of each slip that follows a stick. Samples that are neither decide nothing."""
+    """Return the first sample of each slip after a stick. Other samples are ignored."""
     decided = np.flatnonzero(stuck | slipping)
     slips = slipping[decided]
     return decided[1:][slips[1:] & ~slips[:-1]].tolist()
@@ -346,8 +346,8 @@ def slip_onsets(stuck: Bools, slipping: Bools) -> list[int]:
 def stroke_slip(recording: Recording, stroke: motion.Stroke) -> tuple[StickSlip, StickSlip | None] | None:
     """Measure the sliding of axis and piston in the middle 80 % of a stroke; None with too few samples.
 
-    The axis may run evenly while the piston behind a soft force sensor does not. If the stiffness is known, the
-    piston's position is the axis position minus the deflection. If it is unknown, the piston has no result.
+    The axis may move evenly while the piston behind a soft force sensor does not. If the stiffness is known, the
+    piston's position is the axis position minus the deflection. Otherwise the result of the piston is None.
     """
     part = middle_of(stroke, recording.position_m)
     if part is None:
@@ -359,7 +359,7 @@ def stroke_slip(recording: Recording, stroke: motion.Stroke) -> tuple[StickSlip,
 
 
 def sliding_of(slips: Sequence[tuple[StickSlip, StickSlip | None]]) -> Row:
-    """Return the evenness of sliding of some strokes by the fields of `Side`: axis or piston, where more is found."""
+    """Return the evenness of sliding of strokes, by field of `Side`, from axis or piston, whichever is less even."""
     axis, piston = [axis for axis, _ in slips], [piston for _, piston in slips if piston is not None]
     seen = max((axis, piston), key=lambda some: sum(s.found for s in some))
     slipping = bool(seen) and sum(s.found for s in seen) > 0.5 * len(seen)
@@ -373,13 +373,13 @@ def sliding_of(slips: Sequence[tuple[StickSlip, StickSlip | None]]) -> Row:
 
 
 def swing_of(position_m: Array, balance_n: Array, strokes: Sequence[motion.Stroke]) -> float:
-    """Return the usual range of the balance in the middle of some strokes, without its lowest and highest 2 %."""
+    """Return the usual range of the balance in mid stroke, without its lowest and highest 2 %."""
     parts = [part for stroke in strokes if (part := middle_of(stroke, position_m)) is not None]
     return median([float(np.diff(motion.quantiles(balance_n[part], 0.02, 0.98))[0]) for part in parts])
 
 
 def _even(time_s: Array, *values: Array) -> tuple[Array, ...]:
-    """Return evenly spaced values of uneven samples: means over equal intervals."""
+    """Return evenly spaced values from uneven samples, as means over equal intervals."""
     steps = np.diff(time_s)
     if steps.max() <= 2.0 * steps.min() or steps.max() <= 2.0 * motion.middle(steps):  # the first one is quick
         return time_s, *values

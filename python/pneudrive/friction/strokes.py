@@ -1,9 +1,9 @@
-"""The table of strokes: a row for each stroke of a speed class or cycle, with its means over the settled samples.
+"""Table of strokes: a row for each stroke of a speed class or cycle, with means over its settled samples.
 
-`Strokes` holds the rows and the balance of each stroke over bins of position; `Side` combines one direction of it.
+`Strokes` holds the rows and the balance of each stroke in position bins. `Side` combines the strokes of one direction.
 
-`RecordedMotion` is the motion of a recording, made once: strokes, force balance, and the samples that count. A sample
-counts if its stroke has settled (`Settled`), or by the source paper's protocol (`SourcePaper`).
+`RecordedMotion` is the motion of a recording: strokes, force balance, and the selected samples. Samples are selected
+after settling of the stroke (`Settled`), or by the source paper's protocol (`SourcePaper`).
 """
 
 from __future__ import annotations
@@ -45,9 +45,9 @@ class MeasuredStroke:
         Numbered within the samples that were read together.
     means : dict
         `MEANS`, ``mean_n`` (balance of all chosen samples), ``samples`` and ``pressure_moves_n`` (usual range of the
-        pressure force). Empty for a stroke that does not count: it has not settled in a quarter of the window.
+        pressure force). Empty for an unused stroke, which has not settled in a quarter of the window.
     slip : (StickSlip, StickSlip or None) or None
-        Sliding of axis and piston; None for strokes that do not count or are short.
+        Sliding of axis and piston; None for unused or short strokes.
     peak : ReversalPeak or None
         Peak of friction after the preceding reversal.
     """
@@ -60,14 +60,14 @@ class MeasuredStroke:
 
 @dataclass(frozen=True, eq=False)
 class Strokes:
-    """The strokes of a speed class or of a cycle; their size grows with the bins, not with the samples.
+    """The strokes of a speed class or of a cycle. Their size depends on the number of bins, not of samples.
 
     Attributes
     ----------
     grid : Grid
     rows : tuple of MeasuredStroke
     balance_n : ndarray, shape (strokes, bins)
-        Mean balance of the settled samples in each bin; NaN without any.
+        Mean balance of the settled samples in each bin; NaN without settled samples.
     """
 
     grid: Grid
@@ -119,19 +119,19 @@ class Strokes:
         return {way: [i for i, it in enumerate(counting) if it == way] for way in (1, -1) if way in counting}
 
     def sides(self, *, uses_window: bool) -> tuple[dict[int, Side], Bools]:
-        """Combine the strokes of each direction. Return no side if none counts, or the directions share no bin.
+        """Combine the strokes of each direction. Return no side without usable strokes or common bins.
 
         Parameters
         ----------
         uses_window : bool
-            Whether means are over the bins of the window, not over all chosen samples.
+            Whether to average over the bins of the window, rather than over all chosen samples.
 
         Returns
         -------
         dict
             Direction -> its side.
         ndarray of bool, shape (bins,)
-            Bins of the window that all present directions have: means are over equal positions.
+            Bins of the window covered by all present directions, so that means are over equal positions.
         """
         ways, bins = self.directions, self.grid.is_in_window
         for rows in ways.values():
@@ -183,10 +183,11 @@ class Side:
     ripple, period_s, step_m : float
         Standard deviation of speed over its mean; period and travel in stick-slip (NaN without).
     piston_ripple : float
-        The same for the piston's speed behind the rig's spring. NaN if the stiffness of the spring is unknown.
+        `ripple` of the piston's speed behind the rig's spring. NaN if the stiffness of the spring is unknown.
     stick_slip : bool
     parallel_n, late_n : float
-        Errors of the parallel forces by their areas, and of the gas force by the time of its logger; one sigma.
+        Standard uncertainties of the parallel forces from their areas, and of the gas force from the time of its
+        logger.
     """
 
     force_n: float
@@ -213,7 +214,7 @@ class Side:
 
 
 def _means(motion: RecordedMotion, stroke: Stroke, window: Interval) -> dict[str, float]:
-    """Average the settled samples of a stroke between two positions; return nothing without any."""
+    """Average the settled samples of a stroke between two positions. Return an empty dict without settled samples."""
     recording, part = motion.recording, stroke.samples
     settled, position = motion.settled[part], motion.position_m[part]
     index = np.flatnonzero((position >= window[0]) & (position <= window[1]) & settled) + stroke.start
@@ -237,14 +238,14 @@ def _means(motion: RecordedMotion, stroke: Stroke, window: Interval) -> dict[str
 
 
 def _usual_range(values: Array) -> float:
-    """Return the range that holds all but the lowest and highest 5 % of the values."""
+    """Return the range of the values without the lowest and highest 5 %."""
     some = np.sort(thinned(values))
     margin = int(0.05 * some.size)
     return float(some[some.size - 1 - margin] - some[margin])
 
 
 def stroke_grid(position_m: Array, strokes: Sequence[Stroke], window: Interval, bins: int | None = None) -> Grid:
-    """Divide the travel of some strokes into bins: this number in the window, or about four samples in each."""
+    """Divide the travel of strokes into bins: `bins` in the window, or about four samples per bin."""
     low, high = window
     inside = [int(((x >= low) & (x <= high)).sum()) for x in (position_m[s.samples] for s in strokes)]
     ends = [value for s in strokes for value in (s.from_m, s.to_m)]
@@ -257,7 +258,7 @@ def stroke_grid(position_m: Array, strokes: Sequence[Stroke], window: Interval, 
 
 
 def stroke_rows(motion: RecordedMotion, strokes: Sequence[Stroke], grid: Grid) -> Array:
-    """Average the balance of the settled samples of each stroke in each bin; NaN in bins that do not count."""
+    """Average the balance of the settled samples of each stroke in each bin; NaN in unused bins."""
     edges, slack = grid.edges_m, CUT_SHARE * grid.width_m
     rows = np.empty((len(strokes), edges.size - 1))
     for row, stroke in zip(rows, strokes, strict=True):
@@ -304,7 +305,7 @@ def stroke_use(
     strokes : sequence of Stroke
         All strokes.
     used, counting : collection of int
-        Identities (``id``) of the strokes in a speed class with a result, and of those that count.
+        Identities (``id``) of strokes in a speed class with a result, and of usable strokes.
     window_m : tuple of float
         Positions between which friction is averaged.
     """
@@ -358,11 +359,11 @@ class RecordedMotion:
     raw_balance_n : ndarray, shape (n,)
         Force balance (see `Recording.balance_n`).
     balance_n : ndarray, shape (n,)
-        Force balance to average: smoothed if the choice of samples does so.
+        Force balance to average; smoothed if the sample selection requires it.
     settled : ndarray of bool, shape (n,)
-        Samples that count.
+        Mask of the selected samples.
     delay : PressureDelay or None
-        Delay of the pressures that closed chambers show. A clear one is removed from the recording.
+        Delay of the pressures, estimated from closed chambers. A significant delay is removed from the recording.
     """
 
     recording: Recording
@@ -410,7 +411,7 @@ class RecordedMotion:
 
     @property
     def late_s(self) -> float:
-        """Standard uncertainty of the times of the pressures: a delay that is not removed, or the rest of one."""
+        """Standard uncertainty of the times of the pressures: from the delay, or from the error of a removed delay."""
         clock = CLOCK_S if self.recording.parallel else 0.0
         if self.delay is None:
             return clock
@@ -435,17 +436,16 @@ def balance_of(recording: Recording, *, inertia: bool = True) -> Array:
 class Settled:
     """Selection of the samples after the transient of the reversal, for motions with or without a controlled speed.
 
-    A stroke has to settle in two ways, and the longer distance counts. First, its speed must reach ``speed_share`` of
-    its middle speed. ``speed_travels`` times the travel to that point is left out. Second, the balance must complete
-    the fraction ``force_share`` of its change from the level of the opposite direction. ``force_travels`` times that
-    travel is left out.
-    In presliding the force approaches its final value like 1 - 2 exp(-x/l). The distance 1.6 l gives 80 % of the
-    change; after three times this distance, 2 % are left.
-    A higher fraction would depend on friction that varies over position.
-    At the end, twice the distance in which the axis brakes below the speed fraction is dropped.
-    The whole change is the `Swing` of the stroke's speed class, because slow strokes never reach the friction of fast
-    ones. It is limited to the swing of all strokes, because the friction of fast strokes may still grow along the
-    stroke. Neither speed nor force needs to be constant. Means are over bins of equal position (``uses_window``).
+    A stroke has settled when both speed and force have settled. Speed: the travel until ``speed_share`` of the speed in
+    mid stroke is reached, times ``speed_travels``, is left out. Force: the travel until the balance has completed the
+    fraction ``force_share`` of its change from the level of the opposite direction, times ``force_travels``, is left
+    out. In presliding, the force approaches its final value like 1 - 2 exp(-x/l). The distance 1.6 l gives 80 % of the
+    change; after three times this distance, 2 % are left. A higher fraction would be sensitive to friction that varies
+    over position. At the end, twice the distance in which the axis brakes below the speed fraction is dropped. The
+    reference change of the force is the `Swing` of the stroke's speed class, because slow strokes never reach the
+    friction of fast strokes. It is limited to the swing of all strokes, because the friction of fast strokes may still
+    grow along the stroke. Neither speed nor force needs to be constant. Means are over bins of equal position
+    (``uses_window``).
     """
 
     speed_share: float = 0.8
@@ -514,7 +514,7 @@ def moving_average(values: Array, count: int) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class Swing:
-    """Mean balance of each direction over position, and the change from -x to +x as a line over position."""
+    """Mean balance of each direction over position, and its change from -x to +x as a linear function of position."""
 
     position_m: Array
     balance_n: dict[int, Array]
@@ -524,7 +524,7 @@ class Swing:
 
     @classmethod
     def of(cls, motion: RecordedMotion, strokes: Sequence[Stroke]) -> Swing | None:
-        """Return the swing of some strokes over the travel of all; None if a direction is missing, or no change."""
+        """Return the swing of strokes over the travel of all strokes; None if a direction or a change is missing."""
         ends = [value for stroke in motion.strokes for value in (stroke.from_m, stroke.to_m)]
         low, high = min(ends), max(ends)
         edges = np.linspace(low, high, SWING_BINS + 1)
@@ -548,9 +548,9 @@ class Swing:
 
 
 def _swings(motion: RecordedMotion) -> dict[int, Swing | None]:
-    """Return for each stroke the swing of its speed class, or that of all strokes if it is smaller.
+    """Return for each stroke the swing of its speed class, or of all strokes if that is smaller.
 
-    A direction without strokes in the class has those of all strokes.
+    For a direction without strokes in the class, all strokes of this direction are used.
     """
     strokes = motion.strokes
     whole, classes = Swing.of(motion, strokes), speed_levels(list(strokes))

@@ -1,1 +1,1 @@
-"""Results of a run as differentiable functions of numbers of the drive: for SciPy, JAX and PyTorch."""
+"""Results of a run as differentiable functions of drive parameters, for SciPy, JAX and PyTorch."""

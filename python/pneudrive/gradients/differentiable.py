@@ -1,4 +1,4 @@
-"""Results of a run as a function of numbers of the drive, with exact Jacobian, also for JAX and PyTorch."""
+"""Results of a run as a function of drive parameters, with exact Jacobian, for SciPy, JAX and PyTorch."""
 
 # pyright: reportMissingImports=false, reportFunctionMemberAccess=false
 # JAX and PyTorch are not installed with pneudrive.
@@ -24,15 +24,15 @@ if TYPE_CHECKING:
     from pneudrive.simulation.command import Commands
 
 WORDS = ("final", "max", "min", "mean", "integral", "time_when", "samples")
-#: Into how many parts the time between two samples is cut where a result lies between them.
+#: Number of parts of a sampling interval that contains a result between samples.
 _BETWEEN = 256
 
 
 class Differentiable:
-    """Results of a run as a function of numbers of the drive.
+    """Results of a run as a differentiable function of parameters of the drive.
 
-    It is a plain function of an array for `scipy.optimize`. `jax()` and `torch()` return forms that these libraries can
-    differentiate.
+    For `scipy.optimize`, the object is a function of an array. `jax()` and `torch()` return functions that these
+    libraries can differentiate.
 
     Parameters
     ----------
@@ -119,8 +119,8 @@ class Differentiable:
     def jax(self) -> Any:  # noqa: ANN401 - a function of JAX
         """Return a function of a JAX array, shape (p,), that returns the results, shape (k,).
 
-        It has a rule for forward differentiation, which JAX transposes for backward differentiation. The function can
-        be compiled and mapped over members, which are then simulated one after the other.
+        The function has a rule for forward differentiation, which JAX transposes for reverse mode. It can be compiled
+        and vectorised (``vmap``); members are simulated one after the other.
 
         Raises
         ------
@@ -175,7 +175,7 @@ class Differentiable:
         return TorchRun.apply
 
     def _run(self, values: ArrayLike, *, derivatives: bool) -> tuple[Array, Sensitivities]:
-        """Run the drive, with more samples near the crossing of a level and near extremes."""
+        """Run the drive, with more samples near level crossings and extremes."""
         searches = [one for one in self._reductions if one.word in SOUGHT]
         times, given = self._times, self._times
         if searches:
@@ -237,7 +237,7 @@ def _extreme(one: Reduction, times: Array, x: Array, by: Array) -> tuple[Array, 
     return np.array([weights @ x[k - 1 : k + 2]]), (weights @ by[k - 1 : k + 2])[None]
 
 
-#: Results that lie between samples.
+#: Results at times between samples.
 SOUGHT = {"time_when": _crossing, "max": _extreme, "min": _extreme}
 
 

@@ -59,10 +59,10 @@ class Undetermined:
 
 
 class Intervals(dict[str, tuple[float, float]]):
-    """95 % intervals by name, SI; values that the data do not determine have none.
+    """95 % intervals by name, SI. Undetermined values have no interval.
 
-    Every result of a fit uses this type, so that no code can print, write or apply an interval of a value that the data
-    do not determine.
+    Every result of a fit uses this type, so that no code can print, write or apply an interval of an undetermined
+    value.
     """
 
     def __missing__(self, name: str) -> Interval:
@@ -89,7 +89,7 @@ def whole_interval(value: float, interval: Interval, systematic: float) -> Inter
 
 
 Number = Annotated[float, Field(strict=True)]
-#: Kinds of pydantic's errors -> rule in words.
+#: pydantic's type of an error -> rule in words.
 _RULES = {
     "missing": "is missing",
     "string_type": "must be a text",
@@ -158,7 +158,7 @@ class FitFile(_Table):
 
     @classmethod
     def read(cls, content: Plain, title: str, groups: Sequence[str], where: str, text: str) -> FitFile:
-        """Check keys and types of a file; all groups of values but the first may be missing.
+        """Check keys and types of a file. All groups of values except the first are optional.
 
         Parameters
         ----------
@@ -167,7 +167,7 @@ class FitFile(_Table):
         title : str
             Name of this kind of fit in messages.
         groups : sequence of str
-            Names of its tables of values.
+            Names of the tables with values.
         where, text : str
             Path and text of the file, for the line of the first wrong key.
 
@@ -197,7 +197,7 @@ _MISSING = object()
 
 
 SCHEMA = 1
-#: Keys of a value -> their tables in older files, and statistics that these files have in percent.
+#: Key of a value -> its table in older files. Older files also have statistics in percent.
 OLDER = {
     "unit": "units",
     "interval": "intervals",
@@ -207,7 +207,7 @@ OLDER = {
     "run_to_run": "spread",
 }
 SHARES = ("rms", "held", "predicted")
-#: Digits of the hash of a fit: the first ones of `sha256sum fit.toml`.
+#: Number of digits of a fit's hash, taken from the start of `sha256sum fit.toml`.
 HASH_DIGITS = 16
 
 
@@ -226,7 +226,7 @@ class Fit(Viewed):
     covariance : ndarray, shape (p, p)
         Covariance of the free values, first order, without directions that the data do not determine.
     intervals : dict
-        Free value that the data determine -> (lower, upper), 95 %; other values have none.
+        Determined free value -> (lower, upper), 95 %. Other values have no interval.
     systematic : dict
         Free value -> standard uncertainty from errors shared by all rows (sensor gain, pressure, area).
     model_errors : dict
@@ -243,13 +243,13 @@ class Fit(Viewed):
     converged : bool
         False if the search ended early: the values are the best so far.
     details : dict
-        Name -> further entries of a value in the file, those in the words of its kind for instance.
+        Name -> further entries of a value in the file, specific to this kind of fit.
     profiler : callable or None
         Free value -> its interval by profile likelihood; None if the fit was read from a file.
     fitted : dict
-        Name -> measured values and those of the model; empty if the fit was read from a file.
+        Name -> measured and modelled values; empty if the fit was read from a file.
     file : str
-        File that it was read from, or written to.
+        File from which the fit was read, or to which it was written.
     """
 
     #: Name of this kind of fit in files and in messages, and its table in kinds.toml.
@@ -320,7 +320,7 @@ class Fit(Viewed):
 
     @property
     def reach(self) -> float:
-        """Half-width of a 95 % interval of first order, in standard errors: Student's t."""
+        """Half width of a first-order 95 % interval in standard errors: Student's t."""
         if "degrees_of_freedom" in self.statistics:
             return student(self.statistics["degrees_of_freedom"])
         name, (low, high) = next(iter(self.intervals.items()))
@@ -337,8 +337,8 @@ class Fit(Viewed):
     def expanded_uncertainty(self, name: str) -> float:
         """Return U = sqrt(statistical^2 + (2 systematic)^2) of one free value (k = 2).
 
-        The statistical part is twice the standard error, and at least the larger half of the 95 % interval. The
-        interval also contains the uncertainty of the shape of a curve.
+        The statistical part is the larger of twice the standard error and the larger half of the 95 % interval, which
+        includes the uncertainty of the curve's shape.
 
         Raises
         ------
@@ -357,12 +357,12 @@ class Fit(Viewed):
     def profile(self, names: Sequence[str] | None = None) -> dict[str, Interval]:
         """Return 95 % intervals by profile likelihood: one value is held while all others are fitted again.
 
-        Undetermined values also have an interval: its open ends are infinite, or at the bound of the value.
+        Undetermined values also have an interval here. Its open ends are infinite, or at the bound of the value.
 
         Parameters
         ----------
         names : sequence of str, optional
-            Free values; default: all, of a drive without its sensors.
+            Free values. Default: all; for the fit of a drive, without those of sensors.
 
         Returns
         -------
@@ -386,7 +386,7 @@ class Fit(Viewed):
 
     @property
     def profile_names(self) -> tuple[str, ...]:
-        """Values of a profile by default."""
+        """Default names of `profile`."""
         return self.free
 
     def findings(self) -> tuple[Finding, ...]:
@@ -465,7 +465,7 @@ class Fit(Viewed):
         return done
 
     def compared(self) -> dict[str, FittedData]:
-        """Return measured values and those of the model, by name. Empty if the fit was read from a file."""
+        """Return measured and modelled values, by name. Empty if the fit was read from a file."""
         return self.fitted
 
     def report(self, folder: str | Path = "report") -> Path:
@@ -598,7 +598,7 @@ class Fit(Viewed):
 
     @classmethod
     def _present(cls, content: Plain) -> Plain:
-        """Return the tables of a file. Older ones of motions and regulators have one for each property of a value."""
+        """Return the tables of a file. Older files have one table for each property of a value."""
         if "provenance" in content or "intervals" not in content:
             return content
         content = {"units": cls.WORDS.get("older_units", {})} | content
@@ -651,7 +651,7 @@ class Fit(Viewed):
     # -- display ----------------------------------------------------------------------------------------
 
     def view(self) -> View:
-        """Return values with intervals, undetermined values, notes, and measured values with those of the model."""
+        """Return a view: values with intervals, undetermined values, notes, and measured with modelled values."""
         every = self.compared()
         caption = (
             f"Measured values, those of the model, and their difference, which should look like noise: {len(every)}."
@@ -684,7 +684,7 @@ class Fit(Viewed):
         return self.free_values()
 
     def _cells(self, name: str, value: float) -> Iterator[ShownValue]:
-        """Yield value, state, U (k = 2), model error and recordings of a value."""
+        """Yield the cells of a value: value, state, U (k = 2), model error and recordings."""
         size, ends = readable(self.units[name])[0], self.intervals.get(name)
         cells = {}
         if name in names_of(self.undetermined) or not np.isfinite(value):

@@ -46,7 +46,7 @@ CANDIDATES = {
 }
 #: Relative error of a straight line above which it is reported.
 MISSED = 0.2
-#: Error of a curve, as a share of that of the line, below which the line is blamed.
+#: Ratio of a curve's error to the line's error below which the curvature of the pressure effect is reported.
 CURVED = 0.75
 
 
@@ -64,7 +64,7 @@ class Compared(Shown):
     error_n, error : float
         Root mean square of predicted minus measured values of held-out conditions, N, and relative to the friction.
     coverage : float
-        Share of the held-out values within their prediction interval.
+        Fraction of the held-out values within their prediction interval.
     squares : ndarray, shape (folds,)
         Mean square of each held-out condition, N^2.
     worst : float
@@ -72,7 +72,7 @@ class Compared(Shown):
     worst_at : str
         That condition in words.
     viscous : bool
-        Whether a viscous part was fitted. It is not fitted if all speeds are within a factor of three.
+        Whether a viscous part was fitted. If all speeds are within a factor of three, it is not fitted.
     """
 
     name: str
@@ -161,12 +161,12 @@ def select_friction_law(
         ``coulomb``, ``stribeck`` or ``stribeck gaussian``, ``stribeck exponential``, ``stribeck lorentzian``,
         ``stribeck free``.
     pressure : sequence of str, optional
-        Dependences on pressure, each combined with each law. Empty: each law without pressure. By default both, if the
-        pressure was varied.
+        Dependences on pressure, each combined with each law. Empty: laws without pressure. Default: with and without
+        pressure, if pressure was varied.
     hold_out : str or sequence of str, optional
         Groups held out together: ``pressure``, ``speed``, ``recording``, a column of the map (``seal``, ``day``,
         ``mounting``), or a label for each row. The default is ``pressure`` if there are three or more, else ``speed``.
-        Single values at random are not held out, because neighbours of the same condition would predict them.
+        Holding out single values would be too optimistic, because values at the same condition predict them.
     direction, ambient_pressure_pa, exclude_flags, robust
         As for :func:`fit_friction`.
     probability : float
@@ -206,7 +206,7 @@ def select_friction_law(
 
 
 def _distinct(rows: list[Compared]) -> tuple[list[Compared], list[str]]:
-    """Remove laws that the values cannot distinguish from a simpler compared law; return notes on them."""
+    """Remove laws that the data cannot distinguish from a simpler compared law; return the others and notes."""
     asked = {(row.name, row.pressure) for row in rows}
     kept, plainer = [], {"curve": dict[str, None](), "line": dict[str, None]()}
     for row in rows:
@@ -240,7 +240,7 @@ def _forms(data: Observations, wanted: Sequence[str] | None) -> tuple[str | None
 
 
 def _folds(friction_map: xr.Dataset, data: Observations, wanted: str | Sequence[str] | None) -> tuple[str, Ints]:
-    """Return the kind of held-out conditions, and for each value the number of the group that is held out together."""
+    """Return the kind of held-out conditions, and for each value the index of its group."""
     if wanted is None:
         wanted = "pressure" if pressure_levels(data).max() >= 2 else "speed"
     name = wanted if isinstance(wanted, str) else "label"
@@ -309,7 +309,7 @@ def _compared(
 
 
 def _without(model: sliding.FrictionModel, form: str | None, rest: Observations, loss: str) -> FrictionFit:
-    """Fit some of the values by the part of the law that all values determine."""
+    """Fit a part of the values by the parameters of the law that all values together determine."""
     plain = replace(model, chambers=(), pressure="linear", knee_pa=None)
     chosen, lost = choose_model(plain, rest, pressure=form)
     found, scatter = estimated(with_knee(chosen, rest, loss), rest, loss)
@@ -356,13 +356,13 @@ def _sentence(key: str, row: Compared, **values: object) -> str:
 # --- Design of the next measurement: speeds and pressures that best determine a friction law, with expected
 # intervals.
 
-#: Number of draws of the prior over which a criterion is averaged.
+#: Number of prior samples over which a criterion is averaged.
 DRAWS = 32
 #: Number of candidate speeds, in logarithmic steps, and digits of proposed speeds.
 SPEEDS, DIGITS = 120, 3
-#: Number of candidate speeds for a budget of time: each is chosen once, so close neighbours would be repeats.
+#: Number of candidate speeds for a given time. Each is chosen at most once, so closer speeds would act as repeats.
 SPEEDS_IN_TIME = 30
-#: Largest standard deviation of ln vs (and ln n) in the prior from a fit: a factor of 2.7 either way.
+#: Largest standard deviation of ln vs (and ln n) in the prior from a fit; 1 is a factor of 2.7.
 WIDEST = 1.0
 
 
@@ -376,7 +376,7 @@ class Prior(Shown):
     draws : ndarray, shape (d, p)
         Draws of the internal coordinates.
     known : ndarray, shape (d, p, p)
-        Information on them from measurements; zero without any.
+        Information on the coordinates from measurements; zero without measurements.
     values : int
         Number of measured values.
     """
@@ -506,7 +506,7 @@ class Design(Viewed):
     def protocol(self, name: str = "Next points") -> str:
         """Return a protocol for ``pneudrive campaign plan``: every proposed speed at every proposed pressure.
 
-        All points have the same number of repeats, the mean of those of the design.
+        All points have the same number of repeats: the mean number in the design.
         """
         speeds = sorted({p.speed_m_s for p in self.points})
         gauges = sorted({(p.gauge_a_pa, p.gauge_b_pa) for p in self.points})
@@ -535,13 +535,13 @@ def next_measurements(
     Parameters
     ----------
     source : FrictionFit or Prior
-        Prior knowledge; the values of a fit count as measured.
+        Prior knowledge. The data of a fit count as earlier measurements.
     limits : Limits
     points : int, optional
         Number of points, including repeats. The default, without `seconds`, is twice the number of free parameters.
     seconds : float, optional
-        Time on the rig instead of a number of points: each next point has the largest gain for its time. All are
-        repeated equally, as in a protocol.
+        Time on the rig instead of a number of points. Points are added in the order of their gain per time. All have
+        the same number of repeats, as in a protocol.
     criterion : str
         ``D`` (all parameters) or ``I`` (the prediction over the range `over`).
     over : Limits, optional
@@ -623,7 +623,7 @@ def _gradients(prior: Prior, at: Observations) -> Array:
 def _half_widths(prior: Prior, matrix: Array, values: int) -> dict[str, float]:
     """Return half-widths in natural units: the median over the prior samples.
 
-    Student's t is taken for the number of values after the measurement.
+    Student's t refers to the number of values after the measurement.
     """
     free = values - len(prior.model.names)
     found = []

@@ -1,4 +1,4 @@
-"""Files of fits of every kind, sources of an export, and differences between the curves of two fits."""
+"""Reading of fits of any kind and of sources of an export, and differences between the curves of two fits."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ def read_source(path: str | Path) -> AnyFit | Drive:
     Raises
     ------
     FitError, DescriptionError
-        The file is neither of them, or not valid.
+        The file is neither a fit nor a drive file, or not valid.
     """
     if str(path).startswith("catalogue:"):
         return Drive.load(path)
@@ -62,12 +62,12 @@ def curve_differences(
 ) -> list[Estimate]:
     """Return the difference between the laws of two fits, with 95 % intervals, N.
 
-    The two fits are taken as independent. The intervals do not contain common errors of the sensors.
+    The two fits are assumed to be independent. The intervals do not contain common errors of the sensors.
 
     Parameters
     ----------
     before, after : FrictionFit
-        The difference is `after` less `before`.
+        The difference is `after` minus `before`.
     speed_m_s : ndarray, shape (n,)
     gauge_a_pa, gauge_b_pa : float
         Gauge pressures of the chambers.

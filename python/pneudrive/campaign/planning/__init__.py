@@ -1,1 +1,1 @@
-"""From a protocol to a plan of cycles, checked against a rig."""
+"""Convert a protocol to a plan of cycles, and check the plan against a rig."""

@@ -1,4 +1,4 @@
-"""Next measurements for a fit, at speeds and pressures that the rig can hold."""
+"""Limits of a rig for the proposal of next measurements."""
 
 from __future__ import annotations
 
@@ -15,17 +15,17 @@ if TYPE_CHECKING:
 SLOWEST_M_S = 1e-3
 #: Highest proposed gauge pressure by default, Pa, within the range of the rig; and number of levels.
 HIGHEST_PA, LEVELS = 6e5, 4
-#: Share of the force range for the difference of the pressure forces; the rest is for friction and inertia.
+#: Fraction of the force range for the difference of the pressure forces. The rest is for friction and inertia.
 FORCE_SHARE = 0.5
 
 
 def limits_of(fit: FrictionFit, identity: Identity, envelope: Envelope, strokes: int = 1) -> Limits:
-    """Return the speeds that a rig can hold, and its pressures on a grid, for `pn.next_measurements`.
+    """Return the feasible speeds of a rig and a grid of feasible pressures, for `pn.next_measurements`.
 
     Parameters
     ----------
     fit : FrictionFit
-        Fit whose law determines which pressures have an effect.
+        Its law determines which pressures have an effect.
     identity, envelope : Identity, Envelope
         Limits of the rig.
     strokes : int

@@ -1,6 +1,6 @@
-"""The plan of a campaign on a rig: cells (combinations of levels) in running order, every cycle, and its text.
+"""The plan of a campaign on a rig: design points (combinations of levels) in running order, cycles, and a summary.
 
-The text has blocks with content, time and data, and the verdict of the pre-flight check.
+The summary lists the blocks with their time and amount of data, and the result of the pre-flight check.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ T = TypeVar("T")
 
 
 def _sweep_levels(protocol: Protocol) -> list[tuple[str, float]]:
-    """Return turn and speed of each point of the sweep at one pressure, in the requested order."""
+    """Return the branch (up or down) and speed of each sweep point at one pressure, in the requested order."""
     if protocol.speed is None:
         return []
     up, order = protocol.speed.levels_m_s, protocol.speed.order
@@ -44,7 +44,7 @@ def _sweep_levels(protocol: Protocol) -> list[tuple[str, float]]:
 
 
 def _stop_levels(protocol: Protocol) -> tuple[Sequence[Any], ...]:
-    """Return the levels of the stops at one pressure, from slowest: position, release, speed, direction, duration."""
+    """Return the stop levels at one pressure: position (varies slowest), release, speed, direction, duration."""
     stop = protocol.stop
     if stop is None:
         return ((),)
@@ -53,7 +53,7 @@ def _stop_levels(protocol: Protocol) -> tuple[Sequence[Any], ...]:
 
 
 def cells_of(protocol: Protocol) -> tuple[list[Cell], list[Cell]]:
-    """Return the cells of the sweep and of the stops. The pressure varies slowest."""
+    """Return the design points of the sweep and of the stops. The pressure varies slowest."""
     pairs, levels = protocol.pressure.levels, list(product(*_stop_levels(protocol)))
     turns = _sweep_levels(protocol)
     sweep = [Cell("sweep", pair, speed, protocol.directions, turn) for pair in pairs for turn, speed in turns]
@@ -66,7 +66,7 @@ def cells_of(protocol: Protocol) -> tuple[list[Cell], list[Cell]]:
 
 
 def cycle_count(protocol: Protocol) -> int:
-    """Return the number of points of all blocks without building them."""
+    """Return the number of points in all blocks, without building the blocks."""
     points = len(_sweep_levels(protocol)) + math.prod(map(len, _stop_levels(protocol)))
     blocks = math.prod(len(factor.levels) for factor in protocol.hard.values()) * protocol.order.replicates
     return points * len(protocol.pressure.levels) * protocol.repeats * blocks
@@ -83,7 +83,7 @@ def _time_and_samples(step: Step, distance_m: float, limits: Limits, sampling: S
 
 
 def axis_use(steps: Sequence[Step], way: Way, sampling: Sampling) -> tuple[float, int]:
-    """Return the time that the axis needs for the moves and holds of a cycle, s, and the number of samples."""
+    """Return the duration of the moves and holds of a cycle, s, and the number of samples."""
     at, time_s, samples = way.low_m, 0.0, int(bool(steps))
     for step in steps:
         distance = 0.0
@@ -97,7 +97,7 @@ def axis_use(steps: Sequence[Step], way: Way, sampling: Sampling) -> tuple[float
 def ordered_blocks(protocol: Protocol) -> list[dict[str, str]]:
     """Return the levels of the hard-to-change factors block by block, one replicate after the other.
 
-    Equal levels of the factor that is hardest to change follow each other, even if levels are shuffled.
+    Even if levels are shuffled, equal levels of the hardest-to-change factor stay together.
     """
     blocks: list[dict[str, str]] = []
     for replicate in range(1, protocol.order.replicates + 1):
@@ -112,7 +112,7 @@ def ordered_blocks(protocol: Protocol) -> list[dict[str, str]]:
 
 
 def ordered_cells(protocol: Protocol, block: int) -> list[tuple[Cell, int]]:
-    """Return the cells of a block with their repeat (from 1) in running order."""
+    """Return the design points of a block in running order, each with its repeat number from 1."""
     repeats = range(1, protocol.repeats + 1)
     families, kind = cells_of(protocol), protocol.order.kind
     if kind == "as-given":  # a change of pressure is slow: the list is repeated at each pressure
@@ -130,15 +130,15 @@ def ordered_cells(protocol: Protocol, block: int) -> list[tuple[Cell, int]]:
 
 
 def shuffle(items: Sequence[T], name: Callable[[T], str], seed: str) -> list[T]:
-    """Shuffle by the hash of seed and name.
+    """Shuffle items by the hash of the seed and the name of each item.
 
-    The order is equal on every machine and version, and independent of other items.
+    The relative order of two items is the same on every machine and does not depend on other items.
     """
     return sorted(items, key=lambda item: hashlib.sha256(f"{seed}\0{name(item)}".encode()).digest())
 
 
 def alternate(items: Sequence[T]) -> list[T]:
-    """Take items alternately from the first and the second half, which separates neighbouring levels in time.
+    """Take items alternately from both halves, so that neighbouring levels are apart in time.
 
     Examples
     --------
@@ -150,7 +150,7 @@ def alternate(items: Sequence[T]) -> list[T]:
 
 
 def _interleaved(cells: list[Cell]) -> list[Cell]:
-    """Order the levels of each pressure by `alternate`; pressures follow one after the other."""
+    """Order the levels of each pressure by `alternate`, and keep the order of the pressures."""
     by_pressure: dict[str, list[Cell]] = {}
     for cell in cells:
         by_pressure.setdefault(cell.pressures.name, []).append(cell)
@@ -160,9 +160,9 @@ def _interleaved(cells: list[Cell]) -> list[Cell]:
 
 # --- Layout of a protocol, and its text.
 
-#: Samples per stroke of a cycle that only prepares: enough to show a fault (assumed).
+#: Sampling of preparatory cycles: enough samples per stroke to show a fault (assumed).
 PREPARING = Sampling(samples_per_stroke=500, burst_rate_hz=0.0)
-#: Rate of samples at rest while a sensor is checked (assumed).
+#: Sampling rate at rest while a sensor is checked (assumed).
 CHECKING = Sampling(hold_rate_hz=1000.0, burst_rate_hz=0.0)
 
 
@@ -175,7 +175,7 @@ def lay_out(protocol: Protocol, identity: Identity, envelope: Envelope) -> Plan:
     ----------
     protocol : Protocol
     identity : Identity
-        Ambient pressure, areas and masses of the rig; for a resumed campaign, from its folder.
+        Ambient pressure, areas and masses of the rig. A resumed campaign reads them from its folder.
     envelope : Envelope
 
     Returns
@@ -196,7 +196,7 @@ def lay_out(protocol: Protocol, identity: Identity, envelope: Envelope) -> Plan:
 
 
 def check_range(protocol: Protocol, envelope: Envelope) -> None:
-    """Reject a range of positions that is empty or leaves the rig's range."""
+    """Reject a range of positions that is empty or exceeds the rig's range."""
     way = Way.on(protocol, envelope)
     low, high = envelope.position_m
     if way.length_m <= 0.0 or way.low_m < low - ROUNDING or way.high_m > high + ROUNDING:
@@ -224,7 +224,7 @@ def draft(protocol: Protocol, identity: Identity, envelope: Envelope) -> Plan:
 
 
 class _Layout:
-    """Cycles of one protocol on one rig, block by block, in the order in which they run."""
+    """Builder of the cycles of a plan, block by block in running order."""
 
     def __init__(self, protocol: Protocol, identity: Identity, envelope: Envelope) -> None:
         self.protocol, self.ambient_pa = protocol, identity.ambient_pressure_pa
@@ -263,7 +263,7 @@ class _Layout:
             self._add("blank-after", "blank", self._out_and_back(blank_m_s), speed_m_s=blank_m_s)
 
     def _prepare(self, *, new: bool) -> None:
-        """Run in new parts, warm up, then check the sensors, so that their zero is measured on the warm rig."""
+        """Add run-in, warm-up and sensor checks, in this order, so that zeros are measured on the warm rig."""
         p, warm_up, checks = self.protocol, self.protocol.warm_up, self.protocol.before_block
         if warm_up is not None:
             for word, times in (("run-in", warm_up.run_in_cycles if new else 0), ("warm-up", warm_up.cycles)):
@@ -299,7 +299,7 @@ class _Layout:
         self._add(f"sentinel/n{number}", "sentinel", steps, pair, speed_m_s=sentinel.speed_m_s)
 
     def _point(self, cell: Cell, repeat: int) -> None:
-        """Add the cycle that measures a cell."""
+        """Add the cycle that measures a design point."""
         factors = {name: getattr(cell, name) for name in ("speed_m_s", "stop_s", "released")}
         steps = () if cell.name in self._uses else self._sweep(cell) if cell.position is None else self._stop(cell)
         self._add(f"{cell.name}/r{repeat}", cell.kind, steps, cell.pressures, cell=cell, repeat=repeat, **factors)
@@ -316,7 +316,7 @@ class _Layout:
         sampling: Sampling | None = None,
         **rest: Any,  # noqa: ANN401 - the optional fields of Cycle
     ) -> None:
-        """Add a cycle to the plan; all cycles of a cell have the steps of the first one."""
+        """Add a cycle to the plan. Repeats of a design point reuse the steps of its first cycle."""
         key, sampling = f"b{self.block}/{key}", sampling or self.protocol.sampling
         name = cell.name if cell is not None else key
         if name not in self._uses:
@@ -335,7 +335,7 @@ class _Layout:
         return (Move(self.way.high_m, speed_m_s), Move(self.way.low_m, speed_m_s)) * times
 
     def _sweep(self, cell: Cell) -> tuple[Step, ...]:
-        """Return as many strokes of a sweep as the requested time at constant speed needs."""
+        """Return the strokes of a sweep; their number gives the requested time at constant speed."""
         speeds, speed = self.protocol.speed, cell.speed_m_s
         assert speeds is not None
         cruise = self.way.cruise_s(speed)
@@ -371,7 +371,7 @@ class _Layout:
 
 
 def show(plan: Plan) -> str:
-    """Return the whole text: blocks with their content and time, and the verdict."""
+    """Return the summary: blocks with their content and time, and the result of the pre-flight check."""
     rig = f'on "{plan.identity.name}"{" (simulated: its data are synthetic)" if plan.identity.synthetic else ""}'
     used = [f"{name} {value:.4g} of {limit:.4g} {unit}" for name, (value, limit, unit) in margins(plan).items()]
     lines = [f"{plan.protocol.name}, {rig}", "", _blocks(plan), "", *_contents(plan), ""]

@@ -1,4 +1,4 @@
-"""A plan as data: cells of levels, the range of the axis, and the cycles in their order."""
+"""A plan as data: design points, range of the axis, and cycles in running order."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ class Cell:
 
     @cached_property
     def name(self) -> str:
-        """Permanent name of the cell within its block: the middle part of a key."""
+        """Permanent name of the design point within its block: the middle part of a key."""
         speed = f"v{1e3 * self.speed_m_s:.6g}"
         if self.position is None:
             way = "" if self.direction == "both" else self.direction
@@ -60,7 +60,7 @@ class Cell:
 
 @dataclass(frozen=True)
 class Way:
-    """The part of the stroke that a campaign uses, and the axis that moves there.
+    """Used part of the stroke, and limits of the axis.
 
     Attributes
     ----------
@@ -86,14 +86,13 @@ class Way:
         return self.high_m - self.low_m
 
     def cruise_s(self, speed_m_s: float) -> float:
-        """Return the time at constant speed in a stroke, s; 0 if the ramps do not fit."""
+        """Return the time at constant speed in a stroke, s; 0 if the stroke is too short for its ramps."""
         return max(self.length_m / speed_m_s - self.limits.ramp_time_s(speed_m_s), 0.0)
 
 
-#: Bytes per sample in a cycle's file: 15 (long stops) to 21 (fast sweeps) on simulated rigs, as `write_cycle`
-#: writes it; `test_plan_on_rig` holds the estimate against files.
+#: Bytes per sample in a file of `write_cycle`: 15 (long stops) to 21 (fast sweeps) on simulated rigs.
 BYTES_PER_SAMPLE = 20.0
-#: Bytes of a cycle's file beside its samples, measured likewise: Parquet's metadata and the header.
+#: Bytes of the header and the Parquet metadata of a cycle's file (measured).
 BYTES_PER_CYCLE = 5000.0
 
 
@@ -105,12 +104,12 @@ class Planned:
     ----------
     cycle : Cycle
     axis_s : float
-        Time of its moves and holds, exact if the axis reaches its limits.
+        Time of the moves and holds, s. Exact if the axis reaches its limits.
     wait_s : float
-        Assumed time before the cycle, from the protocol: settling after a change of pressure, or work of the operator.
+        Assumed time before the cycle, s, from the protocol: pressure settling, or work of the operator.
     samples : int
     cell : Cell or None
-        Condition that the cycle measures. None for a cycle that prepares or checks.
+        Measured design point. None for a cycle that prepares or checks.
     """
 
     cycle: Cycle
@@ -165,7 +164,7 @@ class Plan(Shown):
         return sum(one.time_s for one in self.planned)
 
     def remaining_s(self, done: set[str]) -> float:
-        """Return the time of the cycles whose keys are not given, s."""
+        """Return the time of the cycles whose keys are not in `done`, s."""
         return sum(one.time_s for one in self.planned if one.cycle.key not in done)
 
 

@@ -1,4 +1,4 @@
-"""The pre-flight check: every cycle of a plan against the limits of the rig, and cautions."""
+"""The pre-flight check: compare every cycle of a plan with the limits of the rig, and collect cautions."""
 
 from __future__ import annotations
 
@@ -24,17 +24,17 @@ if TYPE_CHECKING:
 
 #: Relative tolerance of a limit, for rounding.
 ROUNDING = 1e-9
-#: Chambers on a common manifold have equal pressure, within the resolution of the cycles' keys.
+#: Largest difference of two pressures that count as equal, for chambers on a common manifold: resolution of the keys.
 SAME_PRESSURE_PA = 0.1
-#: Number of violations that are shown; all are counted.
+#: Largest number of violations in a message.
 SHOWN = 5
-#: Remedy for the largest contribution to a force.
+#: Remedy for each contribution to an excessive force.
 LESS_FORCE = {
     "inertia": "Lower the speed.",
     "known weight": "Take a smaller weight.",
 }
-#: A limit that a cycle breaks, its violation in words (value and limit), and a remedy. The limits are
-#: ``speed``, ``ramp``, ``acceleration``, ``stroke``, ``force``, ``release``, ``pressure`` and ``manifold``.
+#: Name of the violated limit, value and limit as text, and remedy. The names are ``speed``, ``ramp``, ``acceleration``,
+#: ``stroke``, ``force``, ``release``, ``pressure`` and ``manifold``.
 Violation = tuple[str, str, str]
 
 
@@ -44,7 +44,8 @@ def check(plan: Plan) -> tuple[str, ...]:
     Raises
     ------
     ProtocolError
-        If a cycle breaks a limit. The message has the first such cycle, its value, limit and remedy, and their number.
+        If a cycle violates a limit. The message names the first such cycle, its value, limit and remedy, and the number
+        of violating cycles.
     """
     asked, (low, high) = plan.protocol.conditions.temperature_k, plan.envelope.temperature_k
     if asked is not None and not max(asked[0], low) < min(asked[1], high):
@@ -72,7 +73,7 @@ def _alike(plan: Plan) -> list[list[Cycle]]:
 
 @dataclass(frozen=True)
 class Allowed:
-    """Limits of the rig, tightened by the protocol of a plan, and the loads of a cycle on the rig."""
+    """Limits of the rig, tightened by the protocol, and the loads of a cycle on the rig."""
 
     plan: Plan
 
@@ -95,7 +96,7 @@ class Allowed:
         return replace(rig, pressure_pa=(low, high), **upper)
 
     def peak_acceleration_m_s2(self, distance_m: float, speed_m_s: float) -> float:
-        """Return the largest acceleration of a move, which the limits of acceleration and jerk allow."""
+        """Return the largest acceleration of a move within the limits of acceleration and jerk, m/s2."""
         speed = min(speed_m_s, self.axis.top_speed_m_s(distance_m))
         return min(self.axis.acceleration_m_s2, math.sqrt(speed * self.axis.jerk_m_s3))
 
@@ -122,7 +123,7 @@ class Allowed:
 
     @property
     def balance(self) -> str:
-        """Remedy for a difference of the pressure forces. Equal pressures balance only equal areas."""
+        """Return the remedy for an excessive pressure force. Equal pressures balance only equal areas."""
         ratio = self.plan.identity.area_b_m2 / self.plan.identity.area_a_m2
         if math.isclose(ratio, 1.0):
             return "Bring the pressures of the chambers closer together"
@@ -130,13 +131,13 @@ class Allowed:
 
     @property
     def weight_n(self) -> float:
-        """Weight of the moving parts along -x."""
+        """Component of the moving parts' weight along -x, N."""
         rig = self.plan.identity
         return rig.mass_beyond_sensor_kg * STANDARD_GRAVITY_M_S2 * math.sin(rig.incline_rad)
 
 
 def margins(plan: Plan) -> dict[str, tuple[float, float, str]]:
-    """Return (largest value of the plan, limit, unit) for each limit that concerns the plan."""
+    """Return (largest value of the plan, limit, unit) for each limit that applies to the plan."""
     allowed, cycles = Allowed(plan), [alike[0] for alike in _alike(plan)]
     speed = max(step.speed_m_s for cycle in cycles for _, step in _moves(cycle))
     pressure = max(max(cycle.pressure_a_pa, cycle.pressure_b_pa) for cycle in cycles)
@@ -149,7 +150,7 @@ def margins(plan: Plan) -> dict[str, tuple[float, float, str]]:
 
 
 def check_levels(protocol: Protocol, rig: Rig) -> None:
-    """Reject a level of mounting, seal or drive that the rig lacks. Only simulated rigs can be checked."""
+    """Reject a level of mounting, seal or drive that the rig does not have. Only simulated rigs can be checked."""
     if not isinstance(rig, Changeable):
         return
     known = rig.levels()
@@ -233,7 +234,7 @@ def _force(cycle: Cycle, allowed: Allowed) -> Iterator[Violation]:
 
 
 def _refusal(plan: Plan, broken: list[tuple[list[Cycle], list[Violation]]]) -> ProtocolError:
-    """Return the error with the first cycle that breaks each limit, and their number."""
+    """Return an error that gives, for each limit, the first violating cycle and the number of violations."""
     first: dict[str, tuple[str, str, str]] = {}
     counts: Counter[str] = Counter()
     for cycles, found in broken:
@@ -283,9 +284,9 @@ def _celsius(span_k: Interval) -> str:
     return f"{span_k[0] - ZERO_CELSIUS_K:.4g} to {span_k[1] - ZERO_CELSIUS_K:.4g} degC"
 
 
-#: A breakaway peak lasts a few milliseconds: below this rate its height is lost (assumed).
+#: Rate around reversals below which the height of a breakaway peak is lost, Hz. A peak lasts a few ms (assumed).
 BURST_RATE_HZ = 5000.0
-#: Below this rate between the bursts, stick-slip and short events are invisible (assumed).
+#: Rate between bursts below which stick-slip and short events are invisible, Hz (assumed).
 BASE_RATE_HZ = 100.0
 
 
@@ -294,7 +295,7 @@ Caution = tuple[str, dict[str, Any]]
 
 
 def cautions(plan: Plan) -> tuple[str, ...]:
-    """Return the effects that a plan cannot show, or can show only poorly, and notes on its rig, time and tables."""
+    """Return warnings: effects that a plan shows poorly or not at all, and notes on its rig, time and tables."""
     texts = package_table(__file__, "cautions.toml")
     return tuple(texts[key].format(**values) for key, values in (*_of_samples(plan), *_of_design(plan)))
 

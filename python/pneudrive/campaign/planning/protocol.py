@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from pneudrive.arrays import Keyed, Plain
 
 
-#: Significant digits of the levels between the ends of a range, so that its name states a level exactly.
+#: Significant digits of the levels between the ends of a range. Four digits let the name of a level state it exactly.
 DIGITS = 4
 SPACINGS = ("log", "linear")
 AMBIENT = units.Pressure(0.0, gauge=True)
@@ -37,7 +37,7 @@ class Pair(NamedTuple):
 
     @property
     def name(self) -> str:
-        """Part of a key: ``a0.5/b0.5``, bar gauge; ``a1.5abs`` if stated absolute."""
+        """Part of a key: ``a0.5/b0.5`` in bar gauge, or ``a1.5abs`` if the pressure is stated as absolute."""
         a, b = (f"{p.value_pa / 1e5:.6g}{'' if p.gauge else 'abs'}" for p in self)
         return f"a{a}/b{b}"
 
@@ -76,7 +76,7 @@ class MovingAverage(Quantity):
 
 @dataclass(frozen=True, order=True)
 class AxisPosition:
-    """A position: absolute, m, or as a fraction of the range that the campaign uses."""
+    """A position: absolute in m, or as a fraction of the used range."""
 
     value: float
     relative: bool
@@ -167,14 +167,14 @@ class PressurePair(StatedPressure):
 
 @dataclass(frozen=True)
 class ListOf(Mark):
-    """Annotation of a field that takes one value, a list, or a range with a count; stores them all.
+    """Annotation of a field that takes one value, a list, or a range with a count. The field stores all values.
 
     Parameters
     ----------
     mark : Mark
         Annotation of each value.
     spacing : str
-        Default of a range, ``log`` or ``linear``; empty: no ranges.
+        Default spacing of a range, ``log`` or ``linear``. Empty: ranges are not allowed.
     sorts : bool
         Whether to store the values in ascending order, otherwise in the given order.
     only_list : bool
@@ -249,7 +249,7 @@ class ListOf(Mark):
 
 
 def spaced(low: float, high: float, count: int, spacing: str, mark: Quantity) -> tuple[float, ...]:
-    """Return `count` levels from end to end; the ends are exact, levels between have `DIGITS` significant digits.
+    """Return `count` levels from `low` to `high`. The ends are exact; the levels between have `DIGITS` digits.
 
     Examples
     --------
@@ -294,7 +294,7 @@ MaybePressures = Annotated[tuple[units.Pressure, ...] | None, ListOf(StatedPress
 
 
 class ProtocolTable(Described):
-    """Base of the tables of a protocol. The text below a key is its description in the schema."""
+    """Base of the tables of a protocol. The docstring of a field is its description in the schema."""
 
     model_config = ConfigDict(use_attribute_docstrings=True)
 
@@ -312,13 +312,13 @@ class Speeds(ProtocolTable):
     count: Annotated[int | None, Whole(at_least=2)] = None
     """number of speeds, both ends included"""
     spacing: Literal["log", "linear"] = "log"
-    """speeds between the ends, rounded to 4 significant digits"""
+    """spacing of the speeds; those between the ends are rounded to 4 significant digits"""
     order: Literal["ascending", "descending", "up-and-down"] = "ascending"
     """order of the speeds; up-and-down measures each speed twice"""
     settled_time_s: DurationOrZero = 1.0
-    """least time at constant speed in each direction, reached by repeated strokes; 0 s: one stroke each"""
+    """minimum total time at constant speed in each direction; strokes are repeated to reach it; 0 s: one stroke each"""
     most_strokes: Count = 20
-    """highest number of these repetitions"""
+    """highest number of these strokes"""
     return_speed_m_s: Speed = 0.1
     """speed of the return stroke if only one direction is measured"""
 
@@ -407,7 +407,7 @@ class Stops(ProtocolTable):
 
     table_name: ClassVar[str] = "stop"
     durations_s: Annotated[tuple[float, ...], ListOf(Quantity("s", "s", MAY_LAST), "log")]
-    """duration, a list or { from, to, count, spacing }; 0 s: not interrupted"""
+    """duration of the stop, a list or { from, to, count, spacing }; 0 s: no stop"""
     axis: Literal["held", "released", "both"] = "held"
     """held (the axis keeps its position), released (it moves until the force is zero), or both as a factor"""
     restart_speed_m_s: Annotated[tuple[float, ...], ListOf(SPEED, "log")] = (0.01,)
@@ -481,7 +481,7 @@ class Order(ProtocolTable):
         "interleaved: levels taken alternately from the lower and the upper half",
     )
     replicates: Count = 1
-    """runs of all blocks, each set up again; 2 or more separate the effects of level and block"""
+    """number of times that all blocks are run, each set up again; 2 or more separate the effects of level and block"""
 
 
 class WarmUp(ProtocolTable):
@@ -501,7 +501,7 @@ class SamplingTable(ProtocolTable):
 
     table_name: ClassVar[str] = "sampling"
     samples_per_stroke: Annotated[int, Whole(at_least=2, bound="samples")] = 5000
-    """evenly spaced in time over each stroke; the paper has about 5000 a cycle [bracha]"""
+    """number of samples, evenly spaced in time over each stroke; the paper has about 5000 a cycle [bracha]"""
     burst_rate_hz: Rate = 5000.0
     """lowest sampling rate around each reversal and restart; 0 Hz: no bursts"""
     burst_before_s: DurationOrZero = 0.05
@@ -513,7 +513,7 @@ class SamplingTable(ProtocolTable):
 
 
 class KnownWeight(ProtocolTable):
-    """A weight that the operator hangs on the force sensor, without the drive, to check the gain of the sensor."""
+    """A weight that the operator hangs on the force sensor, with the drive removed, to check the gain of the sensor."""
 
     table_name: ClassVar[str] = "before_block.known_weight"
     mass_kg: Annotated[float, Quantity("kg", "kg", POSITIVE)]
@@ -539,7 +539,7 @@ class BeforeBlock(ProtocolTable):
 
 
 class Sentinel(ProtocolTable):
-    """Control runs: a reference speed that is repeated at both ends of a block, and in between, to show drift."""
+    """Control runs: strokes at a reference speed, repeated during a block and at both of its ends, to show drift."""
 
     table_name: ClassVar[str] = "sentinel"
     speed_m_s: Speed
@@ -587,7 +587,7 @@ class Tightened(ProtocolTable):
     pressure: MaybePressure = None
     """highest pressure in either chamber"""
     time_s: Duration = 28800.0
-    """time of the campaign above which the plan has a note"""
+    """duration of the campaign above which the plan has a note"""
 
 
 class Range(ProtocolTable):

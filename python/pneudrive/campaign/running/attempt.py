@@ -1,6 +1,6 @@
-"""One attempt at a cycle, from the present position of the axis to the samples, on the rig's thread.
+"""One attempt at a cycle on the rig's thread: move to the start, run the steps, return the samples.
 
-The module also checks the conditions for measuring, and counts faults in new samples. It never repairs samples.
+The module also checks the measuring conditions and counts faults in new samples.
 
 The samples stay as recorded, and the counts go into the header of the cycle (``flags``). The analysis drops unusable
 samples.
@@ -49,9 +49,9 @@ def _call_within(seconds: float, call: Callable[[], None]) -> str:
     return ""
 
 
-#: Distance from the start of a cycle within which the axis stays: a shorter move would disturb the seal.
+#: Distance to the start of a cycle below which the axis is not moved, m: a short move would disturb the seal.
 AT_START_M = 1e-4
-#: Highest speed to the start of a cycle, m/s; lower on a slower rig.
+#: Speed of the move to the start of a cycle, m/s; lower on a slower rig.
 TO_START_M_S = 0.05
 
 
@@ -128,9 +128,9 @@ class Attempts:
         self._thread.close()
 
     def run(self, rig: Rig, cycle: Cycle, settling_s: float) -> tuple[Head, Samples]:
-        """Bring the rig to the start of a cycle, run its steps and return head and samples.
+        """Bring the rig to the start of a cycle, run its steps and return header and samples.
 
-        For an operator's step, inform the rig about the change. Index and flags of the head are filled in later.
+        For an operator's step, inform the rig of the changed levels. Index and flags of the header are filled in later.
 
         Raises
         ------
@@ -191,7 +191,7 @@ class Attempts:
             raise GivenUpError("the axis was stopped")
 
     def finished(self, head: Head) -> None:
-        """Record a cycle as done, now or in an earlier run; the next cycle starts from its end."""
+        """Note that a cycle is finished, now or in an earlier run: the next cycle starts from its end state."""
         self._memory = dict(head.memory)
         self._pressures_after = (head.cycle.pressure_a_pa, head.cycle.pressure_b_pa)
 
@@ -226,9 +226,9 @@ def as_own_error(error: BaseException) -> PneudriveError:
 
 # --- Conditions for measuring, and faults in the samples of a cycle on arrival.
 
-#: Samples in a row with a force near its limit after which a cycle is given up: a single one is a disturbance.
+#: Number of consecutive samples near the force limit that abandons a cycle. A single sample may be a disturbance.
 IN_A_ROW = 3
-#: Share of the largest force below which an attempt begins.
+#: Fraction of the largest force below which an attempt may begin.
 RESUME_SHARE = 0.9
 #: Messages for a fault and for a rig that does not answer.
 FAULT, NO_ANSWER = "fault of the rig", "the rig does not answer"
@@ -253,7 +253,7 @@ class MeasuringBounds:
 
     @classmethod
     def of(cls, protocol: Protocol, envelope: Envelope, ambient_pa: float) -> MeasuringBounds:
-        """Return the tighter bounds of protocol and rig."""
+        """Return the bounds, each from protocol or rig, whichever is tighter."""
         asked = protocol.conditions
         supply = asked.supply_pressure.absolute_pa(ambient_pa) if asked.supply_pressure is not None else 0.0
         low, high = envelope.temperature_k
@@ -303,7 +303,7 @@ class MeasuringBounds:
 
 
 def look(rig: Rig, bounds: MeasuringBounds) -> str:
-    """Query the state of the rig, and return the reason why measuring cannot continue, in words."""
+    """Query the state of the rig. Return the reason why measuring cannot continue, empty if it can."""
     try:
         return bounds.broken_by(rig.state())
     except Exception as error:  # a laboratory's code may raise anything if the connection is lost
@@ -314,9 +314,9 @@ def _celsius(kelvin: float) -> str:
     return f"{kelvin - ZERO_CELSIUS_K:.4g} degC"
 
 
-#: Flags and what they count.
+#: Meaning of each flag.
 FLAGS = WORDS["flags"]
-#: Serious flags: they make a cycle unusable, and a campaign stops after some such cycles in a row.
+#: Serious flags: they make a cycle unusable, and several such cycles in a row end the campaign.
 SERIOUS = frozenset(FLAGS) - {"duplicated", "dropped", "repeated_time"}
 
 NEIGHBOURS = 8  # intervals on each side from which the usual one is found
@@ -358,7 +358,7 @@ def arrival_flags(samples: Samples, cycle: Cycle, identity: Identity) -> dict[st
 
 
 def _measured(samples: Samples) -> Bools:
-    """Mark the samples with numbers in all channels but the temperature, which not every rig measures."""
+    """Mark the samples that are finite in all channels except temperature, which not every rig measures."""
     return np.all([np.isfinite(getattr(samples, name)) for name in CHANNELS[:-1]], axis=0)
 
 
@@ -373,7 +373,7 @@ def _repetitions(samples: Samples) -> Bools:
 
 
 def _dropped(time: Array, step: Ints, cycle: Cycle) -> int:
-    """Count missing samples within steps, from intervals longer than usual in the step and than planned."""
+    """Count missing samples within steps, from intervals that exceed both the usual and the planned interval."""
     intervals = np.maximum(np.diff(time), 0.0)  # undefined if the clock jumps back
     if intervals.size < 2 * NEIGHBOURS:
         return 0

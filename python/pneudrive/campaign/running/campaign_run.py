@@ -50,7 +50,7 @@ class Terminal:
 
     @property
     def there(self) -> bool:
-        """Whether a user can answer, that is, standard input is a terminal."""
+        """Whether a user can answer, i.e. standard input is a terminal."""
         try:
             return self._open and sys.stdin.isatty() and sys.stdout.isatty()
         except (AttributeError, ValueError):  # closed or missing
@@ -128,16 +128,16 @@ class Documents:
         self._publish("stop", content)
 
 
-#: Bytes on the disk per sample while a cycle is written, and per cycle beside its samples.
+#: Bytes on disk per sample, and per cycle without its samples, while a cycle is written.
 SAMPLE_BYTES, CYCLE_BYTES = 60, 100_000
-#: Errors of a connection that is lost or does not answer; three types up to Python 3.10.
+#: Errors of a lost or unresponsive connection. Up to Python 3.10, the three timeouts are different types.
 LOST = (ConnectionError, TimeoutError, asyncio.TimeoutError, concurrent.futures.TimeoutError)
-#: Ends of a run without an error.
+#: Results of a run without an error.
 DONE, ENDED = "done", "ended"
 
 
 class EndedError(Exception):
-    """Error: a person ended the campaign. The message has the person's name."""
+    """Error: a person ended the campaign. The message names the person."""
 
 
 @dataclass(frozen=True)
@@ -242,7 +242,7 @@ class CampaignRun:
         Returns
         -------
         str
-            `DONE`, or `ENDED` by a person; the campaign can be resumed then.
+            `DONE`, or `ENDED` if a person ended the campaign, which can then be resumed.
         """
         begins = "resumed" if self.finished else "began"
         self._journal.write(f"{begins} after {self.now}; rig {self.campaign.identity.name}")
@@ -338,7 +338,7 @@ class CampaignRun:
             raise EndedError(request.by)
 
     def _checkpoint(self) -> None:
-        """Handle requests, and pause on request."""
+        """Serve the requests, and pause if one asks for it."""
         self._serve()
         if self._pausing:
             self._pause()

@@ -34,7 +34,7 @@ LINES = 6  # of the latest messages
 
 
 class Display:
-    """Base class of displays of a running campaign. It holds the state, and its subclasses show it.
+    """Base class of displays of a running campaign. It holds the state; subclasses show the state.
 
     Attributes
     ----------
@@ -102,7 +102,7 @@ class Display:
 
 
 def guarded(journal: Journal, *displays: Display) -> Display:
-    """Return several displays as one. Their errors are logged in the journal and do not end the campaign."""
+    """Combine several displays. Their errors go to the journal and do not end the campaign."""
 
     class Guarded:
         def __getattr__(self, name: str) -> Any:  # noqa: ANN401 - whatever a display has
@@ -202,7 +202,7 @@ class TerminalDisplay(Display):
 COLUMNS = ("time_s", "position_m", "force_n", "pressure_a_pa", "pressure_b_pa")
 _FORCE = COLUMNS.index("force_n")
 EVERY_S = 0.2
-#: Points of the current cycle that are kept for its curve.
+#: Largest number of points of the current cycle that are kept for its curve.
 SHOWN = 4000
 
 
@@ -266,7 +266,7 @@ class LiveFiles(Display):
 
 
 def thinned(points: Points, most: int) -> Points:
-    """Return at most `most` rows, in order: the rows of lowest and highest force in each of several equal intervals.
+    """Return at most `most` rows in order: from each of equal intervals, those with the lowest and highest force.
 
     Parameters
     ----------
@@ -289,7 +289,7 @@ class LiveCycle(NamedTuple):
     Attributes
     ----------
     cycle, left : str
-        Key of the cycle; time left by the computer's clock, in words.
+        Key of the cycle; remaining wall-clock time in words.
     samples : int
         Samples of this cycle so far.
     points : dict of ndarray, shape (n,)
@@ -303,7 +303,7 @@ class LiveCycle(NamedTuple):
 
 
 def read_live(folder: Path) -> LiveCycle | None:
-    """Return the files of the present cycle of a campaign, or None if they are missing or just being replaced."""
+    """Read the files of the running cycle of a campaign. Return None if they are missing or being replaced."""
     try:
         about = read_json(folder / FOLDER / LIVE, CampaignError)
         data = read_bytes(folder / FOLDER / LIVE_POINTS, CampaignError)

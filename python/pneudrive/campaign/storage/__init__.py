@@ -1,1 +1,1 @@
-"""Folder of a campaign: results of each cycle, which every later step reads."""
+"""Folder of a campaign: the stored results of its cycles."""

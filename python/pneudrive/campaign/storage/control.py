@@ -1,8 +1,7 @@
 """Requests to pause, resume and abort: from the keyboard, by a signal, or from another process by files in the folder.
 
-A request is a complete file in ``control/`` of the campaign folder. The process that runs the campaign looks for a
-request five times a second, takes it and removes it. This works on any file system, also over the network, and costs
-one system call each time.
+A request is a file in ``control/`` of the campaign folder. The process that runs the campaign checks for requests five
+times a second, and removes each one. Files work on every file system, even over the network.
 """
 
 from __future__ import annotations
@@ -37,9 +36,9 @@ if TYPE_CHECKING:
 
 # --- Whole files, the lock and the log of a campaign folder.
 
-#: Ending of a file while it is written. A process that is killed leaves at most one; nobody reads it.
+#: Ending of a file while it is written. A killed process leaves at most one such file, which is ignored.
 PART = ".part"
-#: Errors of file systems that cannot flush a folder; they store names by themselves.
+#: Errors of file systems that do not support flushing a folder.
 NO_SUCH_THING = (errno.EINVAL, errno.ENOTSUP, errno.EBADF)
 
 REMEDIES = {getattr(errno, name): text for name, text in WORDS["remedies"].items()}
@@ -76,7 +75,7 @@ def write_whole(path: Path, data: bytes, *, flush: bool = True) -> None:
     Raises
     ------
     CampaignError
-        The file cannot be written: disk full, read-only, no permission. No new file is then left.
+        If the file cannot be written: disk full, read-only, no permission. No partial file is left.
     """
     temporary = path.with_name(path.name + PART)
     with clear_errors("a file of the campaign cannot be written", path):
@@ -157,7 +156,7 @@ def now() -> str:
 
 @dataclass(frozen=True)
 class Holder:
-    """Process that works in a folder, and its present action.
+    """Process that works in a folder, and its current activity.
 
     Attributes
     ----------
@@ -187,7 +186,7 @@ class Holder:
 
 
 class FolderLock:
-    """The lock of a campaign folder: a lock of the kernel (`flock`), which ends with the process.
+    """The lock of a campaign folder: a kernel lock (`flock`), released when the process ends.
 
     Parameters
     ----------
@@ -197,7 +196,7 @@ class FolderLock:
     Raises
     ------
     CampaignError
-        If another process holds it, or the folder holds links.
+        If another process holds the lock, or the folder contains links.
     """
 
     def __init__(self, folder: Path) -> None:
@@ -243,7 +242,7 @@ class FolderLock:
 
 
 def holder(folder: Path) -> Holder | None:
-    """Return the process that works in a folder, or None. The lock does not change."""
+    """Return the process that works in a folder, or None. The lock is not touched."""
     path = folder / NAME
     return (_read(path) or Holder(0, "?", "?", "?")) if is_held(path) else None
 
@@ -290,9 +289,9 @@ class Journal:
 # one system call each time.
 
 FOLDER = "control"
-#: Files there that are no requests: what the campaign does now, written by itself.
+#: Files in ``control/`` with the progress of the campaign; they are not requests.
 LIVE, LIVE_POINTS = "live.json", "live.f4"
-#: Requests: pause after the cycle, stop the axis now and pause, go on, end.
+#: Requests: pause after the cycle, stop the axis now and pause, resume, end.
 PAUSE, STOP, RESUME, ABORT = "pause", "stop", "resume", "abort"
 REQUESTS = (PAUSE, STOP, RESUME, ABORT)
 LOOK_S = 0.2

@@ -44,11 +44,11 @@ if TYPE_CHECKING:
     from pneudrive.campaign.planning.planned import Plan
 
 
-#: A piston slower than this share of the usual speed rests.
+#: Fraction of the usual speed below which the piston counts as at rest.
 RESTS = 0.1
-#: Multiple of the noise of position within which two rests are one.
+#: Two rests closer than this multiple of the position noise count as one.
 SAME_PLACE = 10.0
-#: Least and largest time over which speed is taken.
+#: Shortest and longest time over which the speed is averaged, s.
 SPEED_WINDOW_S = (0.005, 2.0)
 LEAST_SAMPLES = 20
 
@@ -103,7 +103,7 @@ def steps_from_motion(time_s: Array, position_m: Array, speed_m_s: float | None 
 
 
 def _runs(mask: Bools, value: bool) -> list[tuple[int, int]]:
-    """Return the runs of a value, without the first and the last run."""
+    """Return the runs of consecutive samples with a value, without the first and the last run."""
     edges = (np.flatnonzero(np.diff(mask)) + 1).tolist()
     return [(begin, end) for begin, end in pairwise(edges) if mask[begin] == value]
 
@@ -148,7 +148,7 @@ class Problem:
 
 @dataclass(frozen=True, repr=False)
 class CycleFile(Shown):
-    """A finished cycle on disk; ``sealed`` means that its checksum is right."""
+    """A finished cycle on disk. ``sealed`` means that its checksum is correct."""
 
     path: Path
     head: Head
@@ -271,8 +271,7 @@ def recording_of(file: CycleFile, identity: Identity, samples: Samples) -> tuple
 def _forwards(samples: Samples) -> tuple[Bools, int]:
     """Mark the samples with increasing time, and count the others.
 
-    Repeated samples are dropped. After a clock jumped back, times are wrong. Only the longest stretch
-    without a jump is therefore kept.
+    Repeated samples are dropped. If the clock jumped back, only the longest stretch without a jump is kept.
     """
     finite = np.isfinite(samples.time_s)
     time = np.where(finite, samples.time_s, -np.inf)
@@ -427,7 +426,7 @@ class Campaign(Shown):
         return cls(folder, identity, about, tuple(notes))
 
     def _card(self) -> Card:
-        """Return rig and progress for a notebook."""
+        """Return the notebook view: rig and progress."""
         title = f"{self.about.get('name', self.path.name)} ({'simulated' if self.synthetic else 'measured'})"
         rows = [("folder", str(self.path)), ("rig", self.identity.name), ("cycles on disk", str(len(self.files())))]
         return Card(title, rows=rows, notes=self.notes)
@@ -514,7 +513,7 @@ def create(folder: Path, protocol: str, identity: Identity, about: Plain) -> Cam
     Raises
     ------
     CampaignError
-        If the folder holds something else, or cannot be written.
+        If the folder has other content, or cannot be written.
     """
     make_folder(folder)
 

@@ -41,11 +41,11 @@ if TYPE_CHECKING:
 
 # --- Legs of a platform as axes: circuit and controller of each, its reference and its preview, and checks of a path.
 
-#: Distance of the knots of a leg's reference, and how far it goes beyond the run, for the horizon of a controller, s.
+#: Knot spacing of a leg's reference, and its extension beyond the run for the prediction horizon of a controller, s.
 KNOT_S, BEYOND_S = 5e-3, 0.1
-#: Half step of the differences that give jerk and rate of the load, s. Their relative error is 1e-6 at 2 Hz.
+#: Half step of the finite differences for jerk and load rate, s. Their relative error is 1e-6 at 2 Hz.
 STEP_S = 1e-4
-#: Part of the force of one leg that acts on another, above which single controllers of the legs may swing (measured).
+#: Fraction of a leg's force acting on another leg, above which independent controllers may oscillate (measured).
 MOST_COUPLED = 0.4
 
 
@@ -59,9 +59,9 @@ class Demands(NamedTuple):
         Motion, force without friction, and moving mass of each leg.
     jerks_m_s3 : ndarray
     loads_n, load_rates_n_s : ndarray
-        m_i a_i - F_i: force in +x that comes neither from air nor from friction, and its rate.
+        m_i a_i - F_i: external force in +x, without air and friction, and its rate.
     couplings : ndarray, shape (m, n, n)
-        Part of the force of leg j that acts on leg i as a load; zero for i = j.
+        Fraction of the force of leg j that acts on leg i as a load; zero for i = j.
     singular_values : ndarray, shape (m,)
         Smallest singular value at each pose.
     """
@@ -104,7 +104,7 @@ def demands(platform: Platform, path: PosePath, duration_s: float) -> Demands:
 def check_path(
     platform: Platform, tunings: list[Tuning], needs: Demands, least: float = LEAST_SINGULAR_VALUE
 ) -> dict[str, float]:
-    """Reject a path that a leg cannot follow; for any other path, return the smallest margins.
+    """Return the smallest margins of a path, and reject a path that a leg cannot follow.
 
     Returns
     -------
@@ -160,14 +160,14 @@ def _viscous(tuning: Tuning) -> float:
 
 
 def _forces(platform: Platform, leg: int, tuning: Tuning) -> Interval:
-    """Return the force that the supply gives against +x and in +x, N."""
+    """Return the largest force that the supply can produce against +x and in +x, N."""
     gauge = supply_of(tuning.belief.core_json())[0] - platform.ambient_pa
     area_a, area_b = platform.legs[leg].areas_m2
     return -gauge * area_b, gauge * area_a
 
 
 def leg_reference(needs: Demands, leg: int, text: str) -> tuple[Reference, Plain]:
-    """Return the reference of a leg, polynomials of degree 7 between its knots, and its preview in the core's form."""
+    """Return the reference of a leg (polynomials of degree 7 between knots), and the preview in the core's form."""
     h = float(needs.times_s[1] - needs.times_s[0])
     own = needs.legs
     ends = np.stack([own.positions_m, own.velocities_m_s, own.accelerations_m_s2, needs.jerks_m_s3])[:, :, leg]
@@ -273,7 +273,7 @@ def leg_tunings(
 
 # --- A platform under control along a path of its pose: one controller for each leg, one run, one score.
 
-#: Columns of each leg that are kept, and their names behind that of the leg.
+#: Stored columns of each leg, and their names after the name of the leg.
 KEPT = ("position_m", "velocity_m_s", "reference_m", "disturbance_n", "holds")
 
 
@@ -389,7 +389,7 @@ class _Legs:
     def run(
         self, payload: str | None, mismatch: Mismatch | str | Path | None, seed: int, rtol: float, watch: Watch
     ) -> tuple[dict[str, Array], float, list[Plain]]:
-        """Return columns, mass of the drawn air, kg, and events of one run with a payload."""
+        """Return columns, consumed air, kg, and events of one run with a payload."""
         core_json = self._loaded(payload)
         ambient_pa, axes = self.circuit.ambient.pressure_pa, []
         start: dict[str, float] = {}

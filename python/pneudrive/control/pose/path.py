@@ -1,4 +1,4 @@
-"""Paths of a pose: one line for each coordinate, as sine, circle, square or moves."""
+"""Path of a platform's pose: a sine, circle, square or moves for each coordinate."""
 
 from __future__ import annotations
 
@@ -101,7 +101,7 @@ class PosePath(Shown):
     Attributes
     ----------
     text : str
-        Name of the file, or the lines.
+        Name of the file, or the texts of the coordinates.
     coordinates : tuple of str
     lines : tuple of CoordinatePath
     """
@@ -118,7 +118,7 @@ class PosePath(Shown):
 
     @property
     def duration_s(self) -> float:
-        """Default duration of a run: 16 s or four periods, or 2 s after the last move."""
+        """Default duration of a run: the longer of 16 s and four periods, or until 2 s after the last move."""
         if self.period_s is not None:
             return max(SINE_S, SINE_PERIODS * self.period_s)
         return max((line.moves[-1].end_s for line in self.lines if line.moves), default=0.0) + REST_S

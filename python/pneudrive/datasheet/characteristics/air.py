@@ -35,7 +35,7 @@ _BOUNDARY = ("mass over the boundary [kg]", "enthalpy over the boundary [J]", "e
 
 
 def accounts_of(plant: HeldDrive, command: float, half_s: float) -> dict[str, float]:
-    """Return the accounts of one cycle by name: those of REPEATS + 1 cycles minus those of REPEATS."""
+    """Return the energy accounts of one cycle by name, as the difference between REPEATS + 1 and REPEATS cycles."""
     many, few = (
         cycle(plant, command, half_s, repeats=count, ledger=True, rtol=RTOL).attrs["ledger"]["accounts"]
         for count in (REPEATS + 1, REPEATS)
@@ -106,7 +106,7 @@ def _sum(accounts: dict[str, float], ending: str) -> float:
 
 
 def losses(accounts: dict[str, float], ambient_k: float) -> dict[str, float]:
-    """Return the exergy that each component loses, J: ambient temperature times its production of entropy."""
+    """Return the exergy lost in each component, J: ambient temperature times entropy produced."""
     out: dict[str, float] = {}
     for name, value in accounts.items():
         component, _, what = name.partition(": ")

@@ -1,4 +1,4 @@
-"""Frequency response of the linear model and of the nonlinear drive, sensitivities, and the study of the tubes."""
+"""Frequency response of the linear model and of the nonlinear drive, sensitivities, and the tube study."""
 
 from __future__ import annotations
 
@@ -360,12 +360,12 @@ def lines(
 ) -> xr.Dataset:
     """Simulate full strokes of a drive with tubes of several lengths and bores at both chambers.
 
-    Every tube has ``kind = "tube"`` (steady, an empirical formula). Flow controls of the drive stay.
+    Every tube has ``kind = "tube"`` (steady flow by an empirical formula). Flow controls of the drive are kept.
 
     Parameters
     ----------
     drive : Drive
-        The tubes of this study replace its `[tubing]`, if it has any.
+        The tubes of this study replace the table `[tubing]` of the drive, if it has one.
     lengths, diameters : sequence of str or float
         Quantities, or numbers in m.
     progress, cancel : optional

@@ -38,7 +38,7 @@ REPEATS = 3  # cycles after which a fast cycle repeats itself
 
 
 class StrokeRun(NamedTuple):
-    """Columns of a run, by the names of a drive, and its strokes, one for each command."""
+    """Columns of a run under the names of a drive file, and the numbers of its strokes."""
 
     columns: dict[str, Array]
     strokes: tuple[StrokeNumbers, ...]
@@ -51,20 +51,20 @@ class StrokeRun(NamedTuple):
 
 
 def simulate_plant(plant: HeldDrive, plans: Commands, duration: float, rate: float, **more: Any) -> xr.Dataset:  # noqa: ANN401
-    """Simulate the circuit of a drive without warnings, which concern only runs that the user requests."""
+    """Simulate the circuit of a drive without warnings. They are meant for runs that the user requests."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", PneudriveWarning)
         return simulate(plant.circuit, plans, duration, sample_rate=rate, **more)
 
 
 def short_columns(plant: HeldDrive, run: xr.Dataset) -> dict[str, Array]:
-    """Return the columns of a circuit's run by a drive's names."""
+    """Return the columns of a circuit's run under the names of a drive file."""
     return {short_name(name, plant.piston): values for name, values in columns_of(run).items()}
 
 
 @lru_cache(maxsize=64)
 def expected_time(plant: HeldDrive, command: float) -> float:
-    """Return a time in which a stroke should end, s."""
+    """Return a sufficient time for one stroke, s."""
     try:
         speed = min(
             abs(under_load(plant.static, side * command, 0.5 * plant.stroke_m, 0.0).velocity_m_s) for side in (1, -1)
@@ -82,7 +82,7 @@ def one_stroke(
     expected_s: float | None = None,
     **more: Any,  # noqa: ANN401
 ) -> StrokeRun:
-    """Run one stroke from rest until the piston arrives, or rests elsewhere."""
+    """Run one stroke from rest until the piston arrives or comes to rest before the end."""
     expected, start = expected_s or expected_time(plant, abs(command)), start_of(plant, position, pressures)
     times = 1.0
     while True:
@@ -95,7 +95,7 @@ def one_stroke(
 
 
 def start_of(plant: HeldDrive, position: float, pressures: Pair) -> dict[str, str]:
-    """Return a start state at ambient temperature; lines have the pressure of their chamber."""
+    """Return a start state at ambient temperature. Lines start at the pressure of their chamber."""
     own = plant.piston
     start = {f"{own}.position": f"{position!r} m"}
     sides = [(side, p) for side, p in zip("ab", pressures, strict=True) if f"{own}.{side}" in plant.nodes]
@@ -377,7 +377,7 @@ def _with(plant: HeldDrive, mass: float | None = None, needle: tuple[str, float]
 
 
 def _end(plant: HeldDrive, side: str, speed: float) -> Pair:
-    """Return end speed and peak pressure of a piston that enters a cushion at a given speed."""
+    """Return end speed, m/s, and peak pressure, Pa, of a piston that enters a cushion at a given speed."""
     toward = 1.0 if side == "b" else -1.0
     length = float(getattr(plant.circuit.components[plant.piston], f"cushion_{side}_length_m"))
     x = plant.stroke_m - length - BEFORE_M if side == "b" else length + BEFORE_M

@@ -1,4 +1,4 @@
-"""Static curves: steady speed over force, stiffness of enclosed air, and conditions for the start of a motion."""
+"""Static curves: steady speed over force, stiffness of enclosed air, and the start of motion."""
 
 from __future__ import annotations
 
@@ -260,9 +260,9 @@ def _at(plant: HeldDrive, position: float, pressures: Any) -> Linear:  # noqa: A
 
 
 def adiabatic_stiffness(plant: HeldDrive, position: float, pressures: Any, times: float = 1.0) -> float:  # noqa: ANN401
-    """Return the stiffness of the gas without heat exchange, N/m, at the natural frequency of a multiple of the mass.
+    """Return the gas stiffness without heat exchange, N/m, at the natural frequency of `times` the moving mass.
 
-    Gas in the lines contributes only as far as it can flow through them at this frequency.
+    Gas in the lines contributes only as far as it can flow at this frequency.
     """
     found = dynamic_stiffness(_at(plant, position, pressures), plant.piston, 1j * FAST).real
     if len(plant.nodes) == CHAMBERS:

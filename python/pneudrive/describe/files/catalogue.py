@@ -3,7 +3,7 @@
 A file contains a drive, a part, or several parts as ``[[part]]``. Each value is a table with ``value`` and
 ``source``, a key of references.bib or of ``[sources]`` in the same file. Without a source it has ``assumed``, the
 reason. A part has the keys of its kind of component, a drive those of the drive file. A drive names its parts and
-adds missing values. The kinds of components are loaded only when a part is used: drives do not need them.
+adds missing values. Kinds of components are loaded only when a part is used, because drives do not need them.
 """
 
 from __future__ import annotations
@@ -250,7 +250,7 @@ def _values(given: object) -> tuple[Value, ...]:
 
 
 class SourceTable(Described):
-    """Source that a catalogue file describes, because references.bib lacks it."""
+    """Source described in a catalogue file, because references.bib does not contain it."""
 
     model_config = ConfigDict(extra="ignore")
     title: str
@@ -325,16 +325,16 @@ def _source(key: str | None, sources: Mapping[str, SourceTable], where: str) -> 
 # --- Parts of the catalogue by kind and size: bore, stroke, flow.
 
 CONDUCTANCE, NOMINAL_FLOW = "m^3/(s Pa)", "m^3/s ANR"
-#: Critical pressure ratio where a part states none (assumed: of a fitting), and the usual subsonic index.
+#: Default critical pressure ratio of a part (assumed: that of a fitting), and usual subsonic index.
 ASSUMED_B, USUAL_INDEX = 0.3, 0.5
-#: Values count as equal within this share.
+#: Relative difference below which two values count as equal.
 NEAR = 1e-3
 
 
 def find_parts(
     kind: str | None = None, bore: str | None = None, stroke: str | None = None, flow: str | None = None
 ) -> list[Entry]:
-    """Return the parts that fit, by name.
+    """Return the matching parts, sorted by name.
 
     Parameters
     ----------

@@ -44,7 +44,7 @@ def described_in(text: str, path: Path, allow: Callable[[Plain], object] = lambd
     path : Path
         Name of the file in messages. Custom friction laws are relative to its folder.
     allow : callable
-        Gets the tables before anything that they name is read, and may refuse them.
+        Called with the tables before any other file is read. May reject them with an error.
 
     Raises
     ------

@@ -81,7 +81,7 @@ class GivenNumber(NamedTuple):
 
 
 def values(table: Described) -> dict[str, GivenNumber]:
-    """Return every number that is given for a drive or in a table, by its dotted name in the file.
+    """Return every given number of a drive or a table, by its dotted key in the file.
 
     Examples
     --------
@@ -114,7 +114,7 @@ def marks(drive: Described) -> dict[str, Quantity | StatedPressure | None]:
 
 
 def check(drive: Described, origins: Mapping[str, Origin]) -> None:
-    """Raise an error for the origin of an unknown value, or of a value that is outside its interval (changed by hand).
+    """Reject the origin of an unknown value, or of a value outside its interval (changed by hand).
 
     Raises
     ------

@@ -109,7 +109,7 @@ def _plain(given: Any) -> Any:  # noqa: ANN401 - any kind of value
 
 
 def put_back(table: Plain, origins: Mapping[str, Value]) -> Plain:
-    """Add origins to the values of a table; origins of values that the table lacks are dropped."""
+    """Add origins to the values of a table. Origins without a value in the table are dropped."""
     for dotted, value in origins.items():
         *path, last = dotted.split(".")
         at: Any = table

@@ -194,7 +194,7 @@ def _located(error: DescriptionError, path: str | Path, text: str) -> tuple[int,
 
 
 def line_of(text: str, key: str) -> int | None:
-    r"""Return the line (from 1) on which a dotted key is given, or that of its nearest table.
+    r"""Return the line (from 1) of a dotted key, or of its nearest table.
 
     For an entry of a list of texts, the key ends with the number of the entry, from 0.
 
@@ -325,7 +325,7 @@ def _depth(value: object) -> int:
 
 
 def value_text(value: object) -> str:
-    """Write one value: a truth value, a number (of NumPy too), a text, a list or an inline table."""
+    """Write one value: a boolean, a number (including NumPy's), a text, a list or an inline table."""
     if isinstance(value, bool):
         return "true" if value else "false"
     if isinstance(value, Integral):
@@ -367,7 +367,7 @@ def _syntax(message: str, text: str) -> tuple[str, int]:
 
 
 def beside(path: Path) -> str:
-    """Return a remedy for a missing file, usually a typing error: the TOML files in its folder."""
+    """Return a remedy for a missing file: the TOML files in its folder."""
     folder = path.parent
     if not exists(folder) or not folder.is_dir():
         return f"The folder {folder} does not exist either."

@@ -86,7 +86,7 @@ class ComponentFormula(written.Written):
 
 
 def formula_of(given: object, folder: Path | None = None, *, entry: Keyed) -> ComponentFormula:
-    """Return the formula of a component from a formula, its tables, or ``file:NAME.toml``.
+    """Return the formula of a component, given as a formula, its tables, or ``file:NAME.toml``.
 
     Raises
     ------

@@ -24,7 +24,7 @@ OUTPUTS = ("force", "energy", "slip", "steady")
 GUIDE = "own-law.md"
 # unit of a state -> suffix of its name in a trajectory, and a usual scale
 _STATE_UNITS = {"m": ("_m", "1e-3 m"), "m/s": ("_m_s", None), "N": ("_n", None), "s": ("_s", None), "": ("", None)}
-#: Keys of the friction table that cannot be names of parameters.
+#: Keys of the friction table that are not allowed as names of parameters.
 _TAKEN = ("law", "stribeck_shape", "elements", "evolution", *DEPENDENCES)
 
 
@@ -48,8 +48,8 @@ class WrittenState(written.WrittenParameter):
 class FrictionLaw(written.Written):
     """Friction law written as formulas.
 
-    Frozen. Formulas are text in SI. Names in them are parameters, states, names of `let`, and ``v`` (velocity), ``x``
-    (position), ``pressure_a``, ``pressure_b`` (gauge), ``pi``. `docs/guide/own-law.md` has the whole grammar.
+    Frozen. Formulas are texts in SI. They may contain parameters, states, names of `let`, ``v`` (velocity), ``x``
+    (position), ``pressure_a``, ``pressure_b`` (gauge) and ``pi``. `docs/guide/own-law.md` has the whole grammar.
 
     Parameters
     ----------
@@ -61,23 +61,23 @@ class FrictionLaw(written.Written):
         Name -> ``{"unit": "N", "above": 0, "default": ..., "meaning": "..."}``. Bounds are ``above``, ``at_least``,
         ``below`` and ``at_most``. Bounds and default are numbers in that SI unit, or quantities with a unit.
     states : dict
-        Name -> ``{"unit": "m", "scale": "1 mm", "rate": "v - ..."}``; they start at 0.
+        Name -> ``{"unit": "m", "scale": "1 mm", "rate": "v - ..."}``. States start at 0.
     let : dict
         Name -> formula, evaluated in this order.
     levels : dict
-        Names of the parameters that are ``coulomb``, ``breakaway`` and ``viscous``, on which modifiers act. The default
-        is the parameters of these names.
+        Names of the parameters with the roles ``coulomb``, ``breakaway`` and ``viscous``, on which modifiers act. By
+        default, the parameters have these names.
     energy, slip, steady : str, optional
         Energy stored in the states, J. Rate of irreversible slip, m/s. Force in steady sliding, N.
     odd : bool
-        Whether the force changes its sign with v and all states. The claim is checked.
+        Whether the force is an odd function of v and all states. This is checked.
     title, source : str
         Title, and source: a key of references.bib or free text.
 
     Raises
     ------
     DescriptionError
-        Wrong syntax, unknown names, wrong units or a possible division by zero; the message gives the place.
+        Wrong syntax, unknown names, wrong units or a possible division by zero. The message gives formula and column.
 
     Examples
     --------
@@ -123,7 +123,7 @@ class FrictionLaw(written.Written):
         return cls.model_validate(cls.from_tables(tables, OUTPUTS, "N"))
 
     def check_names(self) -> None:
-        """Check that parameters and levels are possible in a friction table."""
+        """Check that the names of parameters and levels are allowed in a friction table."""
         for key in _TAKEN:
             if key in self.parameters:
                 raise invalid(f"parameters.{key}", "describe.key-of-friction", key=key)

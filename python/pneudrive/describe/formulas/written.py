@@ -38,7 +38,7 @@ def _unit(given: object) -> str:
 
 
 class WrittenParameter(Described):
-    """Parameter of formulas: unit, bounds and default, in that unit or as quantities."""
+    """Parameter of formulas: unit, bounds and default. Numbers are in that unit."""
 
     unit: Annotated[str, Reads(_unit)] = Field(examples=["N"])
     above: Any = None
@@ -67,7 +67,7 @@ class WrittenParameter(Described):
 
 
 def core_of(table: str, key: str, about: object, kind: type[WrittenParameter] = WrittenParameter) -> Plain:
-    """Return a parameter or state, an entry of a table, in the core's form."""
+    """Return an entry of a table, a parameter or a state, in the core's form."""
     try:
         return {"key": key} | kind.model_validate(about).core()
     except DescriptionError as error:
@@ -96,7 +96,7 @@ class Written(Described):
         return self
 
     def check_names(self) -> None:
-        """Raise an error for names that are already used, before the core reads the formulas."""
+        """Reject names that are already used, before the core reads the formulas."""
 
     @classmethod
     def from_tables(cls, tables: Keyed, outputs: tuple[str, ...], unit: str) -> Plain:
@@ -175,7 +175,7 @@ def load(of: Callable[[Plain], Made], path: str | Path, guide: str) -> Made:
 def written_as(
     given: object, slot: str, of: Callable[[Plain], Made], guide: str, folder: Path | None = None
 ) -> Made | None:
-    """Return the formulas that the value of a key gives, as tables or ``file:NAME.toml``; None for other values.
+    """Return formulas given as tables or as ``file:NAME.toml``; None for other values.
 
     Raises
     ------
@@ -194,18 +194,18 @@ def written_as(
 
 
 def read_file(table: object, slot: str, key: str, make: Callable[[str, Path], Written | None], path: Path) -> None:
-    """Replace the name of a file by its formulas; the name is relative to the folder of the file that contains it.
+    """Replace the name of a formula file by its formulas. The name is relative to the folder of `path`.
 
     Parameters
     ----------
     table : object
         Table as read.
     slot : str
-        Key of the table that names the file.
+        Key of the entry that names the formula file.
     key : str
         Key of the table in its file.
     make : callable
-        Function of the name and the folder.
+        Returns the formulas from the name and the folder.
     path : Path
         File that contains the table.
 
@@ -225,7 +225,7 @@ def read_file(table: object, slot: str, key: str, make: Callable[[str, Path], Wr
 
 @lru_cache(maxsize=256)
 def core_entry(read: str, outputs: tuple[str, ...], *texts: str) -> Plain:
-    """Return the core's entry of some formulas. `read` names the function of the core, `outputs` are keys of [output].
+    """Return the core's entry of formulas. `read` is the name of the core's function, `outputs` are keys of [output].
 
     Raises
     ------
@@ -241,7 +241,7 @@ def core_entry(read: str, outputs: tuple[str, ...], *texts: str) -> Plain:
 
 
 def _refused(error: ValueError, outputs: tuple[str, ...]) -> DescriptionError:
-    """Return the core's error in formulas as an error with its key."""
+    """Convert an error of the core in formulas to an error with its key."""
     if len(error.args) != 8:
         return DescriptionError(str(error))
     what, key, formula, line, column, shown, caret, remedy = error.args

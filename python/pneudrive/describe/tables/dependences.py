@@ -38,7 +38,7 @@ class Acting(Described):
 
 
 class SealPressure(Acting):
-    """Seal lips: additional friction per gauge pressure in each chamber, with any law; stored in N/Pa."""
+    """Pressure dependence of friction: additional friction per gauge pressure of each chamber, N/Pa, with any law."""
 
     table_name: ClassVar[str] = "friction.pressure"
     coulomb_n_pa: Annotated[PerChamber, EachChamber("N/Pa", "N/bar")] = PerChamber(0.0, 0.0)
@@ -66,7 +66,7 @@ class Dwell(Acting):
 
 
 class Relaxation(Acting):
-    """Relaxation of the elastic force of bristles at rest, with bristle laws; sliding renews the bristles."""
+    """Relaxation of the elastic bristle force at rest, with bristle laws. Sliding renews the bristles."""
 
     table_name: ClassVar[str] = "friction.relaxation"
     share: marks.Fraction
@@ -137,7 +137,7 @@ class PositionDependence(Acting):
 
 
 class DirectionDependence(Acting):
-    """Friction that differs with the direction, with any law: factors on the amplitudes for v > 0 and v < 0."""
+    """Friction that depends on the direction, with any law: factors on the amplitudes for v > 0 and v < 0."""
 
     table_name: ClassVar[str] = "friction.direction"
     positive: _Factor = 1.0
@@ -145,7 +145,7 @@ class DirectionDependence(Acting):
 
 
 class SideLoad(Acting):
-    """Lateral force on a guide, which adds coefficient * |force| to the friction, with any law."""
+    """Lateral force on a guide, with any law. It adds coefficient * |force| to the friction."""
 
     table_name: ClassVar[str] = "friction.side_load"
     force_n: marks.Force

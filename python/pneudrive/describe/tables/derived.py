@@ -35,11 +35,11 @@ class Derived:
     path : str
         Path in the circuit of the drive.
     sources : tuple of str
-        Paths of its sources, which may be derived themselves.
+        Paths of the values on which it depends. These may be derived, too.
     value : callable
         Function of the sources' values, SI.
     digits : int or None
-        Digits to which a description rounds it.
+        Significant digits of the value in a description.
     """
 
     name: str

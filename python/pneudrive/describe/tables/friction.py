@@ -53,7 +53,7 @@ StribeckShape = Literal["gaussian", "exponential", "lorentzian", "free"]
 
 
 def has_stribeck_curve(law: str) -> bool:
-    """Return whether a law has a Stribeck curve, whose shape can be chosen."""
+    """Return whether a law has a Stribeck curve with a selectable shape."""
     return any(p["key"] == "stribeck_exponent" for p in friction_laws()[law]["parameters"])
 
 
@@ -62,10 +62,10 @@ Evolution = Literal["ageing", "slip"]
 
 #: largest number of elements of law gms
 MOST_ELEMENTS = 10
-#: tolerance of the sum of their shares: rounding to four digits
+#: tolerance of the sum of fractions of the elements: rounding to four digits
 SHARES_WITHIN = 1e-3
 
-#: Choices of a law, beside its parameters and modifiers.
+#: Options of a law, in addition to its parameters and modifiers.
 CHOICES = ("stribeck_shape", "elements", "evolution")
 
 
@@ -82,7 +82,7 @@ def _keys(law: str, entry: Mapping[str, Any]) -> list[str]:
 
 
 class SlipElement(Acting):
-    """Spring with slider of law ``gms``: its stiffness, and its fraction of the friction force."""
+    """Spring-slider element of law ``gms``: stiffness, and fraction of the friction force."""
 
     table_name: ClassVar[str] = "friction.elements"
     stiffness_n_m: Stiffness
@@ -91,8 +91,8 @@ class SlipElement(Acting):
 
 #: Law of a friction table without a law: presliding, breakaway and stick-slip without drift.
 DEFAULT_LAW = "elasto-plastic"
-#: Assumed for a table without a law: breakaway after 0.1 mm; a bristle damping of 1 ms times the stiffness, which
-#: fades at half of the velocity up to which the law is proven passive.
+#: Assumed for a table without a law: breakaway displacement 0.1 mm, and bristle damping of 1 ms times the stiffness.
+#: The damping fades at half of the velocity up to which the law is proven passive.
 _BREAKAWAY_DISPLACEMENT_M = 1e-4
 _DAMPING_TIME_S = 1e-3
 _STRIBECK_VELOCITY_M_S = 0.02
@@ -131,7 +131,7 @@ def _following(known: Mapping[str, float]) -> dict[str, float]:
 def assumed_from(friction: Friction) -> dict[str, tuple[tuple[str, ...], Callable[..., float]]]:
     """Return the parameters that have their assumed value, with sources and rule of each.
 
-    Only values are compared, so this also works for a file that contains the assumed values.
+    A parameter counts as assumed if it equals its rule. This also works for a file that contains the assumed values.
     """
     if friction.law != DEFAULT_LAW:
         return {}
@@ -157,7 +157,7 @@ def assumed_with(friction: Friction, changed: Mapping[str, float]) -> dict[str, 
 
 
 def by_default(data: dict[str, Any]) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Complete a friction table without a law: `DEFAULT_LAW`, and assumed values that datasheets do not give.
+    """Complete a friction table without a law by `DEFAULT_LAW` and assumed parameters.
 
     Parameters
     ----------
@@ -296,12 +296,12 @@ class Friction(Described):
 
     @cached_property
     def assumed(self) -> tuple[tuple[str, str], ...]:
-        """Assumed entries of a table without a law, as (key, value); they do not count in comparisons."""
+        """Assumed entries of a table without a law, as (key, value). Comparisons ignore them."""
         return ()
 
     @property
     def note(self) -> str:
-        """Warning on a table without a law, to be put after the table's name; empty for a table with a law."""
+        """Warning for a table without a law, to follow the table's name; empty for a table with a law."""
         listed = ", ".join(f"{key} = {value}" for key, value in self.assumed)
         return f"names no law; assumed: {listed}" if listed else ""
 

@@ -1,4 +1,4 @@
-"""Piston areas of the kinds of cylinder, and the tables that describe them."""
+"""Piston areas for each kind of cylinder, and chamber volumes."""
 
 from __future__ import annotations
 
@@ -82,7 +82,7 @@ def chamber_sizes(core_json: str) -> dict[str, ChamberSizes]:
 
 
 def check_rod(table: str, kind: str, bore_m: float, rod_diameter_m: float | None) -> None:
-    """Check that a rodless cylinder has no rod, and that any other has one smaller than the bore.
+    """Check that a rodless cylinder has no rod, and that the rod of any other cylinder is smaller than the bore.
 
     Raises
     ------
@@ -100,7 +100,7 @@ def check_rod(table: str, kind: str, bore_m: float, rod_diameter_m: float | None
 
 
 class PistonTable(Described):
-    """Table with the areas of a piston, given by its bore, or directly for a piston that is not round."""
+    """Table with the piston areas, given by the bore, or directly for a non-circular piston."""
 
     kind: Literal["rodless", "through-rod", "single-rod"] = "rodless"
     bore_m: MaybeLength = None

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
     from pneudrive.arrays import Plain
 
-#: -80 to 60 degC: the range of dryers and of the formula of the vapour pressure.
+#: Bounds of a dew point, -80 to 60 degC: range of dryers and of the vapour pressure formula.
 DEW_POINTS = Bounds(at_least=193.15, at_most=333.15)
 
 _TABLE = package_table(__file__, "gases.toml")
@@ -30,7 +30,7 @@ _GASES = {name: gas for name, gas in _TABLE.items() if name != "capacity_celsius
 #: Ratio of specific heats and specific gas constant, J/(kg K), of gases by name. Those of air are the core's.
 GASES: dict[str, tuple[float, float]] = {"air": (AIR_HEAT_CAPACITY_RATIO, AIR_GAS_CONSTANT_J_KG_K)}
 GASES |= {name: (gas["heat_capacity_ratio"], gas["gas_constant"]) for name, gas in _GASES.items() if name != "air"}
-#: Of the second virial coefficient, and of the heat capacity over temperature: see ``gases.toml``.
+#: Coefficients of the second virial coefficient and of the heat capacity over temperature, see ``gases.toml``.
 VIRIAL: dict[str, list[float]] = {name: gas["virial"] for name, gas in _GASES.items() if "virial" in gas}
 CAPACITY_EXCESS: dict[str, list[float]] = {
     name: gas["capacity_excess"] for name, gas in _GASES.items() if "capacity_excess" in gas
@@ -52,8 +52,9 @@ class Gas(Described):
 
     `model` is "ideal", or "virial" with the second virial coefficient.
 
-    `dew_point` is the pressure dew point of the supplied gas, below 0 degC its frost point, at `dew_point_pressure`, by
-    default the supply pressure. It does not change the simulation; a run warns where water may condense or freeze.
+    `dew_point` is the pressure dew point of the supplied gas; below 0 degC, it is the frost point. It refers to
+    `dew_point_pressure`, by default the supply pressure. It does not change the simulation: a run only warns if water
+    may condense or freeze.
     """
 
     table_name: ClassVar[str] = "gas"
@@ -172,8 +173,8 @@ class EndStop(Described):
     """Contact with the end cover.
 
     force = stiffness * depth + damping * min(depth / damping_depth, 1) * closing speed, never pulling.
-    Missing values follow from the drive (docs/theory/end_stops.md). They make the stop so stiff that a usual drive
-    never reaches a cover. `Drive.end_stop` has the values.
+    Missing values follow from the drive (docs/theory/end_stops.md), and `Drive.end_stop` shows them. The contact is
+    stiff enough that a usual drive does not penetrate a cover.
     """
 
     table_name: ClassVar[str] = "cylinder.end_stop"
@@ -211,12 +212,12 @@ def assumed_stops(prefix: str, given: Collection[str], stops: tuple[Sequence[flo
     return [f"{prefix}{key} = {line}".replace("e+0", "e") for key, line in lines.items() if key not in given]
 
 
-#: Keys that a circuit has and a drive has not: the remedy of each.
+#: Key that exists only in circuits -> remedy.
 _ELSEWHERE = package_table(__file__, "elsewhere.toml")
 
 
 def _elsewhere(table: str) -> dict[str, str]:
-    """Return the keys that belong to circuits, or have another name, with the correct notation."""
+    """Return keys that belong to circuits or have another name, each with a remedy."""
     return {key: text.format(opened=_ELSEWHERE["opened"]) for key, text in _ELSEWHERE[table].items()}
 
 
@@ -270,12 +271,12 @@ class Cylinder(Described):
 
     @property
     def area_a_m2(self) -> float:
-        """Piston area on chamber a's side, m2."""
+        """Piston area on the side of chamber a, m2."""
         return self._areas[0]
 
     @property
     def area_b_m2(self) -> float:
-        """Piston area on chamber b's side, m2."""
+        """Piston area on the side of chamber b, m2."""
         return self._areas[1]
 
     @property

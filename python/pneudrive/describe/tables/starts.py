@@ -1,4 +1,4 @@
-"""Start state: given values, and derived values for all others."""
+"""Start state of a circuit: given values, and derived values for the rest."""
 
 from __future__ import annotations
 
@@ -22,11 +22,11 @@ if TYPE_CHECKING:
 
 # --- Start poses of platforms: positions of their legs from heave, tilt and place.
 
-#: Ends of the names of coordinates in the core.
+#: Suffix of the names of coordinates in the core.
 _METRES = "_m"
-#: Largest residual of a start, m, as in the core. A start with a smaller singular value is rejected (assumed).
+#: Largest residual of a start pose, m, as in the core; smallest accepted singular value of a start pose (assumed).
 CLOSED, SINGULAR = 1e-9, 1e-6
-#: Distance from a given coordinate, m or rad, at which a pose is another one (assumed).
+#: Deviation from a given coordinate, m or rad, above which a pose counts as different (assumed).
 SAME = 1e-6
 REACHES = "the arm reaches from its carriage to the platform"
 NEARER = "Start nearer to half strokes."
@@ -39,7 +39,7 @@ def coordinate_keys(platform: Platform) -> list[str]:
 
 
 def coordinates(platform: Platform, pose: Array) -> Array:
-    """Return the coordinates of the core from places, m, and angles, rad. A tilt is the angle 2 asin(e).
+    """Convert displacements, m, and angles, rad, to coordinates of the core. A coordinate e means a tilt of 2 asin(e).
 
     Parameters
     ----------
@@ -53,7 +53,7 @@ def coordinates(platform: Platform, pose: Array) -> Array:
 
 
 def angles(platform: Platform, q: Array) -> Array:
-    """Return places, m, and angles, rad, from the coordinates of the core."""
+    """Convert coordinates of the core to displacements, m, and angles, rad."""
     import numpy as np
 
     lengths = [name.endswith(_METRES) for name in platform.coordinates]
@@ -61,7 +61,7 @@ def angles(platform: Platform, q: Array) -> Array:
 
 
 def start_place(initial: Mapping[str, object], name: str) -> dict[str, float]:
-    """Return the core's coordinates for the place of a platform in a start table, m; a wrong value is left out."""
+    """Read the coordinates of a platform from a start table, in the core's form. Invalid values are left out."""
     own = initial.get(name)
     nested = own if isinstance(own, dict) else {}
     found = {}
@@ -85,8 +85,7 @@ def pose_text(platform: Platform, pose: Array) -> str:
 def singular_values(platform: Platform, q: Array) -> Array:
     """Return the singular values of the pose Jacobian at each row of core coordinates, largest first.
 
-    The twist is the velocity of the origin of the platform, and its angular velocity times the mean radius of its
-    joints. The values therefore have no unit.
+    The angular velocity in the twist is multiplied by the mean radius of the joints. The values therefore have no unit.
     """
     import numpy as np
 
@@ -116,12 +115,12 @@ class Poses:
         self.given: dict[str, dict[int, float]] = {}
 
     def take(self, table: Mapping[str, object]) -> None:
-        """Read the poses of one table. A later table with poses or leg positions replaces those of an earlier one.
+        """Read the poses of one table. Poses or leg positions of a later table replace earlier ones.
 
         Raises
         ------
         DescriptionError
-            A value has another dimension, or a table has both a pose and positions of legs.
+            If a value has another dimension, or a table has both a pose and positions of legs.
         """
         own: dict[str, dict[int, float]] = {}
         for key, value in table.items():
@@ -184,7 +183,7 @@ class Poses:
         return out
 
     def check(self, positions: Callable[[str], float], given: Collection[str]) -> None:
-        """Check that the legs reach the start, and that they hold the platform there.
+        """Check that the legs reach the start pose, and that the pose is not singular.
 
         Parameters
         ----------
@@ -282,7 +281,7 @@ class Starts:
                 self._place(of)
 
     def _place(self, of: str) -> None:
-        """Find the joint of a start value of gas, and add the names of all its ports."""
+        """Find the joint to which a start value of gas applies, and add the names of all ports of the joint."""
         for port, joint in self.wiring.at.items():
             if of == port.id or (of == port.component and port.holds == "volume"):
                 self.places[of] = joint
@@ -298,7 +297,7 @@ class Starts:
         Parameters
         ----------
         *given : mapping
-            Tables as users write them, nested or with dotted keys; a later one overrides an earlier one.
+            Tables as users write them, nested or with dotted keys. Later tables override earlier ones.
 
         Raises
         ------
@@ -360,11 +359,11 @@ class Starts:
         return getattr(self.components.get(of), "stroke_m", None)
 
     def _stroke_of_leg(self, leg: str) -> float | None:
-        """Return the stroke of the cylinder at a leg, also if a coupling joins them."""
+        """Return the stroke of the cylinder at a leg, joined directly or by a coupling."""
         return next((stroke for name in self._moves_with(leg) if (stroke := self._stroke(name)) is not None), None)
 
     def _otherwise(self, of: str, last: str) -> float:
-        """Return the default: mid stroke, at rest, ambient temperature, a fresh contact."""
+        """Return the default of a start value: mid stroke, at rest, ambient temperature, or contact age zero."""
         if last == TEMPERATURE:
             return self.ambient.temperature_k
         return 0.5 * (self._stroke(of) or 0.0) if last == POSITION else 0.0
@@ -372,7 +371,7 @@ class Starts:
     def _moved(self, of: str, last: str, known: Mapping[str, float]) -> float:
         """Return position or velocity of a mass.
 
-        A mass without a stroke has those of the mass to which it is coupled.
+        A mass without a stroke moves like the mass to which it is coupled.
         """
         for name in self._moves_with(of):
             if f"{name}.{last}" in known:
@@ -393,10 +392,7 @@ class Starts:
                 found += [one.component for one in joint.ports if one.component not in found] if joint else []
 
     def _pressure(self, of: str, known: Mapping[str, float], notes: list[str]) -> float:
-        """Return the settled pressure of gas.
-
-        It is the nearest given or constant pressure along paths that are always open.
-        """
+        """Return the settled pressure of gas: the nearest known pressure along paths that are always open."""
         if of not in self.places:
             notes = []  # of a cell within a component: the note of the joint covers it
         starts = {joint: name for name, joint in self.places.items() if f"{name}.{PRESSURE}" in known}
@@ -574,7 +570,7 @@ def check_platforms(wiring: Wiring, components: Keyed, keys: Mapping[str, str], 
 
 
 def _movers(wiring: Wiring, port: Port, components: Keyed) -> list[str]:
-    """Return the components at a leg that have an axis."""
+    """Return the components with an axis at a leg."""
     names = [one.component for one in wiring.at[port].ports if one.component in components] if port in wiring.at else []
     return [name for name in names if any(one["name"] == "position_m" for one in components[name].entry["outputs"])]
 
@@ -601,5 +597,5 @@ def _inclined(wiring: Wiring, port: Port, components: Keyed, keys: Mapping[str, 
 
 
 def _table(key: str) -> str:
-    """Return the key of a component's table, also of a copy."""
+    """Return the key of the table of a component, or of the original of a copy."""
     return key.partition(".copies")[0]

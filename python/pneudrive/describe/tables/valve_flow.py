@@ -1,7 +1,7 @@
-"""Sonic conductance of a valve from the data of its datasheet.
+"""Sonic conductance of a valve from datasheet values.
 
-ISO 6358 describes a flow path by C and b; datasheets also give a nominal flow, Kv or Cv. The core has the flow
-law itself. Each function states its assumptions, and `docs/guide/valve-flow.md` their accuracy.
+ISO 6358 describes a flow path by C and b. Datasheets also state a nominal flow, Kv or Cv. Each function states its
+assumptions; `docs/guide/valve-flow.md` gives their accuracy.
 """
 
 from __future__ import annotations
@@ -54,8 +54,8 @@ def conductance_from_cv(cv: float) -> float:
     return conductance_from_kv(cv * KV_PER_CV)
 
 
-#: Critical pressure ratio of a valve whose data sheet states a flow but not b, and why (assumed): printed values of
-#: valves in the catalogue lie between 0.13 and 0.44.
+#: Critical pressure ratio of a valve whose datasheet states a flow but not b (assumed), and the reason. Published
+#: values of catalogue valves lie between 0.13 and 0.44.
 USUAL_RATIO, USUAL_RATIO_SAID = 0.3, "usual for valves: the size is given without critical_pressure_ratio"
 
 

@@ -107,11 +107,10 @@ def characterise(
     Parameters
     ----------
     recordings
-        Recordings, files or trajectories (what ``pn.simulate`` returns), or one of them; a folder with recordings and
+        One or several recordings, files or trajectories of ``pn.simulate``; a folder with recordings and
         ``layout.toml``; or the folder of a campaign.
     layout
-        Layout or its file for the reading of recordings. None: ``layout.toml`` next to each recording. Not used for a
-        campaign.
+        Layout of the recordings, or its file. None: ``layout.toml`` next to each recording. Not used for a campaign.
     protocol
         Selection of samples: ``Settled()`` (default) or ``SourcePaper()``.
 
@@ -137,7 +136,7 @@ def characterise(
 
 
 def recorded_characteristics(found: Characterisation) -> CampaignCharacteristics | None:
-    """Return curves, effects and statements of recordings, as of a campaign without a plan.
+    """Return curves, effects and statements from recordings, in the form of a campaign without a plan.
 
     Parameters
     ----------
@@ -147,7 +146,7 @@ def recorded_characteristics(found: Characterisation) -> CampaignCharacteristics
     Returns
     -------
     CampaignCharacteristics or None
-        With the friction map of the recordings; None if only some of the recordings were kept in memory.
+        Contains the friction map of the recordings. None if only some of the recordings were kept in memory.
     """
     if len(found.stroke_uses) > len(found.results):
         return None
@@ -197,7 +196,7 @@ def _characterise(reading: CampaignData, choice: SampleChoice) -> CampaignCharac
 
 
 def _loops(reading: CampaignData, points: CurvePoints, choice: SampleChoice) -> Iterator[Loop]:
-    """Return the loops, without offset, of the slowest, a middle and the fastest cycle of the first conditions."""
+    """Return friction loops without offset: of the slowest, a middle and the fastest cycle at the first conditions."""
     for index in range(SHOWN_CONDITIONS if reading.files else 0):
         rows = np.flatnonzero((points["curve"] == index) & (points["set_speed_m_s"] > 0))
         levels = np.unique(points["level"][rows])
@@ -222,7 +221,7 @@ def _with_stops(
     return replace(found, stops=stops, dwell=dwell, skipped=skipped, statements=statements_)
 
 
-#: Forces of a cycle in SUMMARY, and the values of a cycle without both directions: forces, and the reason.
+#: Columns of `SUMMARY` with forces, and their values and reason for a cycle without both directions.
 FORCES = ("friction_n", "offset_n", "stderr_n")
 NO_POINT = (np.nan, np.nan, np.nan, "")
 SUMMARY: dict[str, str] = TABLES["summary"]  # columns of the cycles of a campaign -> their types
@@ -277,11 +276,11 @@ def _ranges(reading: CampaignData) -> Ranges:
 # Friction laws are fitted to the map of a campaign with these effects: one fit for each set of mounting, seal and
 # drive.
 
-#: Largest share of the friction at the start of a hold that a drive's bristles may lose.
+#: Largest relaxed fraction of the friction at the start of a hold that bristles of a drive allow.
 MOST_RELAXED = 0.99
 
 Part = tuple[str, dict[str, object], dict[str, Estimate]]
-"""Key in [friction], its table, and the estimates in it by their names there."""
+"""Key in [friction], its table, and the estimates in the table by name."""
 
 
 def dependences_of(
@@ -293,14 +292,14 @@ def dependences_of(
     ----------
     found : CampaignCharacteristics
     viscous_n_s_m : float
-        Viscous coefficient of the fit that uses it.
+        Viscous coefficient of the fit that receives the modifiers.
     levels : tuple of str
-        Its mounting, seal and drive.
+        Mounting, seal and drive of the fitted rows.
 
     Returns
     -------
     Dependences
-        Only effects that exceed chance; notes on the others and on those that a drive file cannot describe.
+        Significant effects only. Notes list the other effects, and effects that a drive file cannot describe.
     """
     notes: list[str] = []
     held = [one for one in found.dwell if one.conditions and not one.released and _is_of(one.conditions[0], levels)]
@@ -412,7 +411,7 @@ def _position(found: CampaignCharacteristics, viscous_n_s_m: float, levels: tupl
 def _contact_age(
     series: dwell_law.DwellSeries | None, ambient_pa: float, notes: list[str]
 ) -> dwell_law.ContactAge | None:
-    """Fit the age of the contact with the growth of the best law of breakaway that a drive file supports."""
+    """Fit the ageing of the contact by the best law of breakaway growth that a drive file supports."""
     if series is None:
         return None
     if not series.laws or series.slope is None:
@@ -439,7 +438,7 @@ def _dwell(age: dwell_law.ContactAge, notes: list[str]) -> Iterator[Part]:
 
 
 def _relaxation(stops: pl.DataFrame, notes: list[str]) -> Iterator[Part]:
-    """Return the fraction and time of the fall of a held force, if it has one time constant."""
+    """Return relaxed fraction and time constant of a held force, if one time constant describes its decay."""
     import polars as pl
 
     known = stops.filter(pl.col("relaxation_n").is_not_nan())
@@ -466,7 +465,7 @@ def _relaxation(stops: pl.DataFrame, notes: list[str]) -> Iterator[Part]:
 
 
 def _temperature(found: CampaignCharacteristics, viscous_n_s_m: float) -> Iterator[Part]:
-    """Change of friction with temperature, over the mean level."""
+    """Return the change of friction with temperature, relative to the mean level."""
     import polars as pl
 
     per_kelvin = None if found.drift is None else found.drift.per_kelvin
@@ -482,11 +481,11 @@ def _temperature(found: CampaignCharacteristics, viscous_n_s_m: float) -> Iterat
 
 
 def _run_in(found: CampaignCharacteristics) -> Iterator[str]:
-    """Return the reason why a change of friction with the sliding distance is not applied.
+    """Return the reason why a drift of friction over the sliding distance is not applied.
 
-    The change is measured per decade of distance and does not converge. ``[friction.wear]`` falls exponentially to the
-    friction of a seal after run-in, to which the law's parameters belong. A logarithmic change determines neither this
-    friction nor the distance.
+    The drift is measured per decade of distance, without a limit. ``[friction.wear]`` decays exponentially to the
+    friction after run-in, to which the parameters of the law belong. A logarithmic drift determines neither this
+    friction nor the run-in distance.
     """
     per_decade = None if found.drift is None else found.drift.per_decade_of_travel
     if per_decade is not None and per_decade.differs:
@@ -498,7 +497,7 @@ def _run_in(found: CampaignCharacteristics) -> Iterator[str]:
 
 
 ALL = "all cycles"  # the group of a campaign without levels
-#: Note of a fit of rows that have no friction modifiers in common.
+#: Note on a fit to rows without common friction modifiers.
 AVERAGED = (
     "direction, position, stops and temperature: the fit averages over several mountings, seals or drives; not applied"
 )
@@ -519,7 +518,8 @@ def fit_campaign(
     -------
     dict of dict of FrictionFit, list of str
         Group -> law -> fit, and the failures. A group is a set of mounting, seal and drive, or
-        ``all cycles`` in a campaign without levels. Friction may depend on pressure if there were several.
+        ``all cycles`` in a campaign without levels. Friction may depend on pressure if the campaign has several
+        pressures.
     """
     with one_thread():
         table = found.friction_map
@@ -534,7 +534,7 @@ def fit_campaign(
 def with_dependences(fit: FrictionFit, found: CampaignCharacteristics, part: xr.Dataset) -> FrictionFit:
     """Return a fit of rows of a campaign's map with the friction modifiers that the campaign measured.
 
-    Rows of several sets of mounting, seal and drive do not have a common set. A note then reports this.
+    Rows of several sets of mounting, seal and drive have no common modifiers; a note then reports this.
     """
     sets = set(zip(*(part[name].to_numpy().tolist() for name in LEVELS), strict=True))
     if len(sets) > 1:

@@ -1,13 +1,13 @@
-"""Comparison of two campaigns: new and worn, one seal and another, before and after grease.
+"""Comparison of two campaigns, such as new and worn, two seals, before and after lubrication.
 
-A check of comparability comes first: common properties of rig and protocol (checks.toml). Friction over speed is then
+First, the properties of rig and protocol in checks.toml are checked for comparability. Friction over speed is then
 compared cycle by cycle in one model:
 
   log F = point + campaign (level + slope u + bend u^2 + pressures) + block + drift + cycle,   u = log10 speed
 
-A point is a speed at a pair of pressures that both campaigns have. The scatter of cycles may differ between campaigns.
-Each compared property is one statistical test. Holm's correction [holm1979] keeps the probability of a false difference
-at 5 % for all tests together.
+A point is a speed and a pair of pressures measured in both campaigns. The scatter of cycles may differ between
+campaigns. Each compared property is one statistical test. Holm's correction [holm1979] keeps the probability of a false
+difference at 5 % for all tests together.
 """
 
 from __future__ import annotations
@@ -125,11 +125,11 @@ class CommonPoints:
         ``point``, ``log_n`` (logarithm of friction), ``noise`` (its variance), ``count`` (cycles of the row), ``order``
         (place in the campaign, 0 to 1).
     block : ndarray, shape (rows, blocks)
-        Share of each block of both campaigns.
+        Fraction of the cycles of a row that belong to each block of both campaigns.
     points : polars.DataFrame
         A row for each point: `KEY`. The title names mounting, seal and drive.
     left_out : int
-        Further common points.
+        Number of further common points.
     """
 
     cycles: pl.DataFrame
@@ -163,7 +163,7 @@ class CurveComparison(CommonPoints):
     Attributes
     ----------
     difference : tuple of Estimate
-        At each common point, relative to friction.
+        Relative difference of friction at each common point.
     mean : Estimate
         Mean difference over the common points, relative.
     shape : FTest
@@ -312,7 +312,7 @@ def common_points(first: CampaignCharacteristics, second: CampaignCharacteristic
 
 
 def _usable(found: CampaignCharacteristics, campaign: int) -> pl.DataFrame:
-    """Return the cycles that are points of F(v): both directions, positive, not excluded from the curves."""
+    """Return the cycles for F(v): positive friction, both directions, not excluded from the curves."""
     import polars as pl
 
     reasons, ambient = {p.reason for c in found.curves for p in c.excluded}, found.identity.ambient_pressure_pa
@@ -337,7 +337,7 @@ class Test:
     ----------
     what : str
     difference : Estimate or None
-        Second less first; None if it has several parts.
+        Second minus first; None if the test has several parts.
     p : float
         Probability of such a large difference by chance. NaN without a test.
     adjusted_p : float
@@ -406,7 +406,7 @@ def compare_campaigns(first: CampaignCharacteristics, second: CampaignCharacteri
     Parameters
     ----------
     first, second : CampaignCharacteristics
-        Results of `characteristics`. Differences are second less first.
+        Results of `pneudrive.campaign_friction`. Differences are second minus first.
 
     Returns
     -------
@@ -461,7 +461,7 @@ def _curve_tests(curves: CurveComparison) -> Iterator[Test]:
 
 
 def _pairs(both: Both) -> Iterator[tuple[DwellSeries, DwellSeries]]:
-    """Return the series of stops with one restart speed and way of holding in each campaign."""
+    """Return the pairs of stop series with the same restart speed and kind of hold in both campaigns."""
     single = all(len({series.levels for series in found.dwell}) == 1 for found in both)
     for a, b in product(*(found.dwell for found in both)):
         same = a.released == b.released and abs(a.speed_m_s - b.speed_m_s) < 0.01 * a.speed_m_s

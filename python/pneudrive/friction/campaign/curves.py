@@ -1,10 +1,10 @@
-"""Curves of friction over speed from the cycles of a campaign, with a band for all observed and stated sources.
+"""Curves of friction over speed from the cycles of a campaign, with a band for all sources of uncertainty.
 
-Effects of air, direction and stick-slip on friction, the zero of the sensor, and the sources of the band.
+The module also finds effects of air, direction and stick-slip, the zero of the sensor, and the sources of the band.
 
-While the piston drags, it pumps air through ports, lines and regulators: pressure falls in the chamber that grows and
-rises in the other one. The force opposes the motion like friction and rises with speed. If pressures are measured in
-the chambers, the force of the air is known and subtracted. If they are measured at the regulator, it is unknown.
+A moving piston pumps air through ports, lines and regulators. The pressure falls in the growing chamber and rises in
+the other chamber. The resulting force opposes the motion like friction and rises with speed. If pressures are measured
+in the chambers, this force is known and subtracted. If they are measured at the regulator, it is unknown.
 """
 
 from __future__ import annotations
@@ -35,8 +35,8 @@ if TYPE_CHECKING:
 POSITIVE_SHARE = 0.2  # of the median friction: least friction for relative scatter
 FEWEST = 4  # cycles
 OF_SLIPS = ("period_s", "step_m")
-#: Least standard error at a speed, share of the scatter of its cycles, even if neighbouring speeds and
-#: other pressures seem to determine the curve better (assumed).
+#: Lower limit of the standard error at a speed, as a fraction of the standard error from its cycles alone. It applies
+#: even if neighbouring speeds and other pressures seem to determine the curve better (assumed).
 OWN_SHARE = 0.8
 
 
@@ -52,7 +52,7 @@ class Fits:
     offset : CurveFit
         Fit of half the sum, including the zero runs.
     drift_share : float
-        Share of a steady drift that the design cannot separate from the curves.
+        Fraction of a steady drift that the design cannot separate from the curves.
     block_kind : str
         block, day, or "" without groups.
     doubtful : tuple of int
@@ -94,7 +94,7 @@ class Fits:
 
     @property
     def scale_n(self) -> float:
-        """Friction, N, at mean friction for one unit of the friction model's response."""
+        """Change of friction, N, per unit of the model's response, at mean friction."""
         return self.level_n if self.friction.logarithmic else 1.0
 
     @property
@@ -104,7 +104,7 @@ class Fits:
 
 
 def fitted(points: CurvePoints | None, tares: CycleTable) -> tuple[CurvePoints | None, Fits | None]:
-    """Return the points with their outliers, and the models; no models with too few points of F(v).
+    """Return the points with outliers marked, and the models; None instead of models with too few points of F(v).
 
     In a large campaign, neighbouring repeats are merged into one point of the models, and outliers are not sought.
     """
@@ -154,7 +154,7 @@ def _fit_points(points: CurvePoints, tares: CycleTable) -> Fits | None:
 
 
 def fit_response(fits: Fits, y: Array, stderr: Array, *, drift: bool) -> smooth.CurveFit:
-    """Fit curves to another result of the same cycles, shape (n,), with chance in N.
+    """Fit curves to another result of the same cycles, shape (n,), with scatter in N.
 
     Parameters
     ----------
@@ -185,7 +185,7 @@ def _better(data: smooth.CurveData) -> smooth.CurveFit:
 
 
 def _with_tares(tares: CycleTable, data: smooth.CurveData) -> smooth.CurveData:
-    """Add the zero runs: observations of only the zero, without a curve."""
+    """Add the zero runs: observations of the zero alone, without a curve."""
     ones = np.ones(len(tares))
     columns = (tares["standing_n"], tares["standing_stderr_n"] ** 2, np.nan * ones, np.full(len(tares), -1))
     added = smooth.CurveData(*columns, tares["order"], ones, ones)
@@ -194,9 +194,9 @@ def _with_tares(tares: CycleTable, data: smooth.CurveData) -> smooth.CurveData:
 
 
 def systematic(fits: Fits, friction_n: Array, half_sum_n: Array, condition: int) -> SharedTerms:
-    """Return the uncertainties that all points share, for these frictions and half sums.
+    """Return the uncertainties that all points share, for given friction and half sums.
 
-    Without the zero if it is known.
+    The zero is left out if it is known.
     """
     points, pattern = fits.points, fits.points.pattern
     here = points.at(points.use & (points["curve"] == condition))
@@ -220,12 +220,12 @@ class CurveBand:
     Attributes
     ----------
     number, index : int
-        Index of the curve in the models, and of its condition among those of the points.
+        Index of the curve in the models, and index of its condition in the points.
     condition : Condition
     speed_m_s, measured, cycles : ndarray
         See `CurvePoints.speeds_of`.
     value_n, low_n, high_n, cycle_n : ndarray
-        Curve, its 95 % interval by chance, and the standard deviation of a single cycle.
+        Curve, its statistical 95 % interval, and the standard deviation of a single cycle.
     offset : Predicted
         Half the sum of both directions.
     shared : SharedTerms
@@ -276,7 +276,7 @@ def cycle_terms(points: CurvePoints, fits: Fits | None) -> tuple[Array, Array, A
     stderr_n : ndarray
         Noise within the cycle, and scatter from cycle to cycle.
     u_systematic_n : ndarray
-        A cycle has its own state, and a curve the mean state of the campaign.
+        Systematic uncertainty, with the deviation of the cycle from the mean state of the campaign.
     one_sided_n2 : ndarray
         Further variance of a single direction: half the sum of both directions, and the zero of the sensor.
     """
@@ -295,7 +295,7 @@ def cycle_terms(points: CurvePoints, fits: Fits | None) -> tuple[Array, Array, A
 
 
 def in_newton(fit: smooth.CurveFit, found: Predicted) -> tuple[Array, Array, Array]:
-    """Return the value, low and high of the statistical 95 % interval, N."""
+    """Return the value and the bounds of the statistical 95 % interval, N."""
     half = found.half_width()
     if fit.logarithmic:
         return np.exp(found.mean), np.exp(found.mean - half), np.exp(found.mean + half)
@@ -305,13 +305,10 @@ def in_newton(fit: smooth.CurveFit, found: Predicted) -> tuple[Array, Array, Arr
 def by_chance(
     fits: Fits, fit: smooth.CurveFit, number: int, speed_m_s: Array, cycles: Ints
 ) -> tuple[Array, Array, Array]:
-    """Return value, low and high end of the 95 % interval from chance, N.
+    """Return the value and the bounds of the statistical 95 % interval, N.
 
-    The scatter at the point gives a lower limit of its width.
-
-    Neighbouring speeds and other pressures contribute. The model may therefore be more certain of a point than the
-    cycles at this point alone. This is accepted down to `OWN_SHARE`. Between the measured speeds the number of cycles
-    is interpolated.
+    Neighbouring speeds and other pressures contribute, so the interval may be narrower than from the cycles at this
+    point alone. `OWN_SHARE` limits this. Between the measured speeds, the number of cycles is interpolated.
     """
     value, low, high = in_newton(fit, fit.at(number, speed_m_s))
     known, u = cycles > 0, np.log(speed_m_s)
@@ -321,7 +318,7 @@ def by_chance(
 
 
 def deviation_n(fits: Fits, source: str, friction_n: Array) -> Array:
-    """Return the standard deviation that a random source adds to a single cycle, at these frictions, N."""
+    """Return the standard deviation that a random source adds to a single cycle, N, at given friction."""
     fit = fits.friction
     sd = fit.sd[source] * fits.scale_n
     relative = fit.relative if source == "cycle" else float(fit.logarithmic)
@@ -329,7 +326,7 @@ def deviation_n(fits: Fits, source: str, friction_n: Array) -> Array:
 
 
 def air_shares(fits: Fits, *, separated: bool) -> tuple[result.AirShare, ...]:
-    """Divide the total drag at each condition; ``separated`` says whether pressures were measured in the chambers."""
+    """Divide the total drag at each condition into air and seal, if chamber pressures were measured (``separated``)."""
     points = fits.points
     whole: list[tuple[Array, Array, Array]] = []
     total = fit_response(fits, points.total_n, points["total_stderr_n"], drift=True)
@@ -360,7 +357,7 @@ CONSTANT = ("force: linearity", "force: hysteresis")  # sources of the force sen
 
 
 def sources(fits: Fits, gain: Gain, known: ForceCalibration | None) -> tuple[result.UncertaintySource, ...]:
-    """List the sources: root mean square over the measured points of all curves, N."""
+    """List the sources of uncertainty, each as root mean square over the measured points of all curves, N."""
 
     def size_of(part: Callable[[CurveBand], Array], removed: Sequence[str] = ()) -> float:
         size = rms(np.concatenate([part(band)[band.measured] for band in fits.bands]))
@@ -403,7 +400,7 @@ def _cells(points: CurvePoints) -> Iterator[tuple[Condition, float, CurvePoints]
 
 
 def stick_slip_points(points: CurvePoints) -> tuple[result.StickSlipPoint, ...]:
-    """Return the conditions and speeds at which sliding was not steady."""
+    """Return the conditions and speeds with unsteady sliding."""
     found = []
     for condition, speed, here in _cells(points):
         share = float(np.isin(here["reason"].tolist(), NAMES).mean())

@@ -1,10 +1,10 @@
-"""Cycles as one table: plan, means and bins of position of both directions, uncertainties, values at rest.
+"""Cycles as one table: plan, means and position bins of both directions, uncertainties, values at rest.
 
-A cycle is a recording with a plan: one speed, set pressures. A speed level of a recording is a cycle without a plan.
-Samples may be unevenly spaced: bins have equal weight, so a burst around a reversal has only the weight of its travel.
-The selection of strokes, their means, scatter and breakaway are computed by ``strokes.py``, as for a speed level.
+A cycle is a recording with a plan: one speed, set pressures. A speed level of a recording is treated as a cycle without
+a plan. Position bins have equal weight, so unevenly spaced samples, such as bursts around a reversal, do not distort
+the means. ``strokes.py`` selects the strokes and computes their means, scatter and breakaway.
 
-A loop is friction around a reversal over position, with presliding and frictional memory.
+A loop is friction over position around a reversal, with presliding and frictional memory.
 
 Cycles at rest give the gain of the force sensor (known weights) and the zeros of the pressures (zero runs). In an open
 zero run, both chambers should show ambient pressure.
@@ -43,8 +43,8 @@ SAME_SPEED = 0.1  # largest difference of the speeds of strokes in one cycle
 WAYS = np.array([1, -1])  # directions, in the order of the columns of both
 #: Columns of both directions, shape (n, 2): those of `Side`, then those of `_side_row`.
 OF_SIDES: list[str] = TABLES["lists"]["sides"]
-#: Columns over bins of position, shape (n, 2, bins): force balance (see `Recording.balance_n`), NaN without settled
-#: samples, and its part from the chamber pressures, p_a A_a - p_b A_b - p_ambient (A_a - A_b).
+#: Columns over position bins, shape (n, 2, bins): force balance (see `Recording.balance_n`), and the part from the
+#: chamber pressures, p_a A_a - p_b A_b - p_ambient (A_a - A_b). NaN without settled samples.
 OF_BINS = ("balance_n", "air_n")
 
 
@@ -56,7 +56,7 @@ class CycleTable:
 
     @classmethod
     def of(cls, rows: Sequence[Row], bins: int) -> CycleTable:
-        """Make the table of some rows, with this number of bins of position."""
+        """Make the table from rows, with `bins` position bins."""
         columns: dict[str, NDArray] = {}
         for name, default in {**CYCLE_COLUMNS, "condition": None, "flags": None}.items():
             kind = type(default) if isinstance(default, int | float) else object
@@ -78,16 +78,16 @@ class CycleTable:
         return self.columns["index"].size
 
     def at(self, rows: NDArray) -> Self:
-        """Return some rows, by a mask or their numbers."""
+        """Return some rows, by a mask or their indices."""
         return self.having(**{name: values[rows] for name, values in self.columns.items()})
 
     def having(self, **columns: NDArray) -> Self:
-        """Return the table with other values of some columns."""
+        """Return the table with some columns replaced."""
         return replace(self, columns=self.columns | columns)
 
     @property
     def moves(self) -> Bools:
-        """Mark the directions that a cycle has, shape (n, 2)."""
+        """Mark the directions in which each cycle moves, shape (n, 2)."""
         return np.isfinite(self["velocity_m_s"])
 
     def over_sides(self, name: str) -> Array:
@@ -96,20 +96,20 @@ class CycleTable:
 
 
 def reduce_cycle(motion: RecordedMotion, edges_m: Array, *, uses_window: bool = True) -> Row:
-    """Reduce the strokes of one speed to bins of position.
+    """Reduce the strokes of one speed to position bins.
 
     Parameters
     ----------
     motion : RecordedMotion
     edges_m : ndarray, shape (bins + 1,)
-        Edges of the bins of position that all cycles share.
+        Edges of the position bins common to all cycles.
     uses_window : bool
-        Whether the means of strokes are over equal positions.
+        Whether to average all strokes over equal positions.
 
     Raises
     ------
     RecordingError
-        If the strokes have different speeds, or none has settled in a quarter of the middle of the way.
+        If the strokes have different speeds, or no stroke has settled in a quarter of the middle of the travel.
     """
     name, speeds = motion.recording.name, np.abs([stroke.speed_m_s for stroke in motion.strokes])
     if speeds.max() - speeds.min() > SAME_SPEED * speeds.max():
@@ -129,7 +129,7 @@ def cycle_row(motion: RecordedMotion, grid: Grid, sides: Mapping[int, Side], row
     ----------
     motion : RecordedMotion
     grid : Grid
-        Bins of position that all cycles share.
+        Position bins common to all cycles.
     sides : mapping
         Direction -> its strokes.
     rows : mapping
@@ -144,7 +144,7 @@ def cycle_row(motion: RecordedMotion, grid: Grid, sides: Mapping[int, Side], row
 
 
 def _side_row(motion: RecordedMotion, side: Side, grid: Grid, rows: Array) -> Row:
-    """Add to the strokes of one direction: bins of position, scatter within them, range in the middle of a stroke."""
+    """Return the columns of one direction: its strokes, position bins, scatter within bins, range in mid stroke."""
     recording, parts = motion.recording, [s.samples for s in side.used]
 
     def binned(values: Array) -> Array:
@@ -174,7 +174,7 @@ PRESLIDINGS = 5.0  # least travel after the reversal: before it, the difference 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Loop(Shown):
-    """Friction around one reversal, raw samples (thinned).
+    """Friction around one reversal, from thinned raw samples.
 
     Attributes
     ----------
@@ -183,9 +183,9 @@ class Loop(Shown):
     condition : Condition
     speed_m_s : float
     position_m, friction_n : ndarray, shape (m,)
-        friction_n has the sign of the balance, positive if it opposes +x, without the offset.
+        `friction_n` is positive if it opposes motion in +x, and does not contain the offset.
     presliding_m : float
-        Travel in which it goes from 10 % to 90 % of its swing.
+        Travel in which friction goes from 10 % to 90 % of its change at the reversal.
     width_n : float
         Mean difference between deceleration and acceleration at equal speeds: frictional memory. NaN if the ramps have
         too few samples.
@@ -244,7 +244,7 @@ def _presliding(recording: Recording, friction: Array, before: Stroke, after: St
 
 
 def _width(motion: RecordedMotion, friction: Array, stroke: Stroke, presliding: float) -> float:
-    """Return the mean difference of friction between slowing down and speeding up, at equal speeds of one stroke."""
+    """Return the mean difference of friction between deceleration and acceleration, at equal speeds of one stroke."""
     part = stroke.samples
     speed = np.abs(motion.velocity_m_s[part]) / abs(stroke.speed_m_s)
     travel = np.abs(motion.position_m[part] - stroke.from_m)
@@ -286,8 +286,8 @@ class Gain:
         Gain from the weights only. NaN without weights.
     cycles : int
     sentence : str
-        Name of the sentence on the error. An error that is too large for a sensor is wrong, and nothing is corrected.
-        One that exceeds stated accuracy and scatter is surprising: then only the weights count.
+        Key of the statement on the error. An implausibly large error is reported, and nothing is corrected. If the
+        error exceeds stated accuracy and scatter, the stated accuracy is ignored.
     """
 
     error: float = 0.0
@@ -301,7 +301,7 @@ class Gain:
 def sensor_gain(identity: Identity, weights: CycleTable, tares: CycleTable) -> Gain:
     """Compare the readings of the sensor under known weights with its readings when released.
 
-    If a weight pulls the piston in +x, the rig holds it back, and the sensor shows less by this force.
+    If a weight pulls the piston in +x, the rig holds the piston, and the reading is lower by the weight.
     """
     weights = weights.at(weights["weight_n"] != 0.0)
     count = len(weights)
@@ -326,7 +326,7 @@ def sensor_gain(identity: Identity, weights: CycleTable, tares: CycleTable) -> G
 
 
 def stated_gain(identity: Identity) -> float | None:
-    """Return the relative gain error that calibration or stated accuracy allow; None if nothing is stated."""
+    """Return the relative gain error allowed by calibration or stated accuracy; None if neither is stated."""
     if identity.force_calibration is not None:
         return identity.force_calibration.u_gain
     if "force_n" not in identity.accuracy or "force_n" not in identity.limits:
@@ -335,7 +335,7 @@ def stated_gain(identity: Identity) -> float | None:
 
 
 def corrected(cycles: CycleTable, gain: Gain) -> CycleTable:
-    """Correct the gain of cycles, and replace the stated uncertainty by the remaining one."""
+    """Correct the gain of cycles, and replace the stated uncertainty by that after the correction."""
     if not np.isfinite(gain.stderr):
         return cycles
     force, factor, air = cycles["force_n"], 1.0 + gain.error, cycles["air_n"]
@@ -366,7 +366,7 @@ class PressureZero:
     tares : int
         Number of usable zero runs.
     unusable : dict
-        Sentence on a fault -> key of a zero run with it -> its deviation from ambient, and its change, Pa.
+        Key of a statement -> key of the zero run with this fault -> deviation from ambient and change, Pa.
     """
 
     blocks: dict[int, float] = field(default_factory=dict)
@@ -377,7 +377,7 @@ class PressureZero:
 
 
 def pressure_zeros(identity: Identity, tares: CycleTable) -> dict[str, PressureZero]:
-    """Find the zero of each transducer whose accuracy is stated, by chamber ("a", "b")."""
+    """Find the zero of each transducer with stated accuracy, by chamber ("a", "b")."""
     found = {}
     for side in "ab":
         accuracy = identity.accuracy.get(f"pressure_{side}_pa", 0.0)
@@ -407,12 +407,12 @@ def _zero(seen: CycleTable, side: str, ambient_pa: float, accuracy_pa: float) ->
 
 
 def without_zeros(cycles: CycleTable, zeros: dict[str, PressureZero], identity: Identity) -> CycleTable:
-    """Subtract the zeros from cycles and zero runs: those of the block, otherwise the mean of all.
+    """Subtract the pressure zeros of the block, or otherwise their mean, from cycles and zero runs.
 
     After this correction, a zero run shows only the zero of the force sensor.
 
-    The accuracy of a transducer is then that of its gain, which grows with the reading. If the range is not stated, the
-    smallest usual range that contains the highest pressure of the campaign is assumed.
+    The accuracy of a transducer then only contains its gain error, which grows with the reading. If the range is not
+    stated, it is assumed to be the smallest usual range that contains the highest pressure of the campaign.
     """
     known = {side: zero for side, zero in zeros.items() if zero.tares}
     if not known or not len(cycles):

@@ -71,7 +71,7 @@ def friction_map(reading: CampaignData, points: CurvePoints | None, fits: Fits |
 
 
 def _paired(points: CurvePoints, fits: Fits | None, width_m: float) -> dict[str, np.ndarray]:
-    """Return the columns of the cycles with both directions, shape (n, 1) or (n, 2), for bins of this width."""
+    """Return the columns of cycles with both directions, shape (n, 1) or (n, 2), for bins of width `width_m`."""
     friction, offset = points["friction_n"][:, None], points["offset_n"][:, None]
     own = friction + WAYS * (np.full(len(points), np.nan) if fits is None else _offsets(points, fits))[:, None]
     stderr, systematic, one_sided = (values[:, None] for values in cycle_terms(points, fits))
@@ -135,7 +135,7 @@ def write_curves_and_effects(found: CampaignCharacteristics, folder: Path) -> li
 
 
 def write_curves(found: CampaignCharacteristics, path: str | Path) -> Path:
-    """Write all curves as one table: condition, direction, the columns of `Curve`, and the excluded points."""
+    """Write all curves as one table with condition, direction, columns of `Curve`, and excluded points."""
     import polars as pl
 
     path, frames, names = check_target(path, (".parquet", ".csv")), [], TABLES["lists"]["curve"]
@@ -199,7 +199,7 @@ def _plain(value: Any) -> Any:  # noqa: ANN401 - any of the results' dataclasses
 
 
 def by_chamber(effects: PressureEffects | DwellPressure) -> Row:
-    """Return effects of pressures as plain data: a table of a chamber has its name in its key, ``slope_a``."""
+    """Return pressure effects as plain data. The chamber is part of a key, ``slope_a``."""
     names = {"slopes": "slope", "means": "mean", "increments": "increment"}
     found: Row = {}
     for name, value in vars(effects).items():

@@ -1,8 +1,8 @@
 """Cycles as points of curves over speed: common positions, conditions, speed levels, excluded cycles, repeats.
 
-Cycles at high speed need a longer path to settle than slow ones. Friction varies over the path, so means over different
-parts differ. The pattern over position is found from all cycles together. Each cycle's mean is then its value over the
-common range.
+Fast cycles need a longer path to settle than slow cycles. Because friction varies over position, means over different
+parts of the stroke are not comparable. The pattern over position is therefore estimated from all cycles together, and
+the mean of each cycle is converted to the common range.
 """
 
 from __future__ import annotations
@@ -40,12 +40,12 @@ NAMES = (*STICK_SLIP, UNNAMED)
 
 
 def unsteady(cycles: CycleTable, tares: CycleTable, stiffness_n_m: float | None, mass_kg: float) -> NDArray:
-    """Return for each cycle the reason why sliding on the rig's spring was not steady; "" if it was steady.
+    """Return for each cycle the reason why sliding was not steady; "" for steady sliding.
 
-    There are three signs. (1) The axis itself runs unevenly. (2) The piston's position, which is the axis
-    position minus the deflection of the force sensor, is uneven. (3) If samples are too far apart for both, the force
-    oscillates by much more than the sensor's noise. An oscillation of this size at the natural frequency of the rig
-    would change the speed of the piston by 40 %.
+    There are three signs. (1) The axis moves unevenly. (2) The piston moves unevenly. Its position is the axis position
+    minus the deflection of the force sensor. (3) If samples are too far apart for (1) and (2): the force oscillates by
+    much more than the sensor's noise. At the natural frequency of the rig, such an oscillation would change the speed
+    of the piston by 40 %.
     """
     scatter, speed = np.nan_to_num(cycles["scatter_n"]).max(axis=1), cycles.over_sides("velocity_m_s")
     # Without zero runs: slow noise is visible within a bin of a slow cycle, but not within a bin of a fast cycle.
@@ -70,10 +70,7 @@ FAR = 10.0  # factor of friction to neighbouring speeds: an error of sensor, uni
 
 
 def implausible_friction(condition: Ints, speed_m_s: Array, friction_n: Array, stderr_n: Array) -> NDArray:
-    """Return for each cycle of a campaign, shape (n,), the reason why its friction is impossible.
-
-    "" if it is possible.
-    """
+    """Return for each cycle, shape (n,), the reason why its friction is implausible, or an empty text."""
     pace = np.log(np.maximum(speed_m_s, 1e-12))
     found = np.full(friction_n.size, "", dtype=object)
     for here in (np.flatnonzero(condition == k) for k in np.unique(condition)):
@@ -91,16 +88,16 @@ def implausible_friction(condition: Ints, speed_m_s: Array, friction_n: Array, s
 
 
 OTHER_SPEED = 1.5  # ratio of measured speed to that in the header, either way
-#: A measured pressure that differs from the set one by more than this, or than this share of the gauge pressure,
-#: or so many standard uncertainties of the sensor, whichever is most, is not an error of the regulator (assumed).
+#: Deviation from the set pressure that a regulator error cannot explain: the largest of an absolute value, Pa, a
+#: fraction of the gauge pressure, and a number of standard uncertainties of the sensor (assumed).
 SET_PA, SET_SHARE, PRESSURE_ACCURACIES = 1e4, 0.1, 4.0
 
 
 def suspicions(cycles: CycleTable, accuracy: Mapping[str, float], ambient_pa: float) -> Iterator[Statement]:
-    """Return sentences on cycles whose speeds or pressures differ from those of their plan.
+    """Return statements on cycles whose speed or pressures deviate from the plan.
 
-    The moving air raises the pressure in one direction and lowers it in the other. Their mean is therefore compared
-    with the set pressures in the headers.
+    Air flow raises the pressure in one direction and lowers it in the other. The mean of both directions is therefore
+    compared with the set pressures in the headers.
 
     Parameters
     ----------
@@ -152,7 +149,7 @@ class Pattern:
     position_m : ndarray, shape (bins,)
     common : ndarray of bool, shape (bins,)
     friction : ndarray, shape (bins,)
-        Friction over its mean in the common range less one; NaN in bins without data.
+        Friction divided by its mean in the common range, minus 1; NaN in bins without data.
     offset_n : ndarray, shape (bins,)
     """
 
@@ -173,12 +170,12 @@ class Pattern:
 
 
 def reduce(cycles: CycleTable, edges_m: Array, steady: Bools) -> tuple[Pattern, dict[str, Array]]:
-    """Bring cycles with both directions to the common range of position.
+    """Convert the means of cycles with both directions to the common range of position.
 
     Parameters
     ----------
     cycles : CycleTable
-        With both sides.
+        Cycles with both directions.
     edges_m : ndarray, shape (bins + 1,)
     steady : ndarray of bool, shape (n,)
         Cycles used for the pattern: those without stick-slip.
@@ -220,7 +217,7 @@ def reduce(cycles: CycleTable, edges_m: Array, steady: Bools) -> tuple[Pattern, 
 
 
 def _pattern(values: Array, common: Bools, *, relative: bool = False) -> Array:
-    """Return the deviation from the mean of each row, mean over rows; zero with too few rows.
+    """Return the deviation from each row's mean, averaged over rows; zero with too few rows.
 
     A relative pattern is zero if a row has little friction.
     """
@@ -243,13 +240,13 @@ def _means(values: Array, pattern: Array, common: Bools, *, relative: bool = Fal
 
 
 def _used(values: Array, common: Bools) -> Bools:
-    """Mark the common bins; all bins in a row without them."""
+    """Mark the common bins of each row. Rows without common bins use all bins."""
     has = np.asarray((np.isfinite(values) & common).any(axis=1))
     return np.where(has[:, None], common[None, :], True)
 
 
 def _by_chance(scatter: Array, rest: Array, common: Bools, speed: Array) -> Array:
-    """Return `chance_n` of each row's mean, shrunk towards its trend over speed."""
+    """Return the type A uncertainty (`chance_n`) of each row's mean, shrunk towards its trend over speed."""
     used = _used(rest, common) & np.isfinite(rest)
     count, own = used.sum(axis=1), np.zeros(rest.shape[0])
     for number in np.unique(count[count > 0]).tolist():
@@ -280,11 +277,11 @@ class CurvePoints(CycleTable):
     - ``speed_m_s``: mean of both directions.
     - ``friction_n``, ``offset_n``: half the difference and half the sum of the balances of both directions.
     - ``air_n``: half the difference of the chambers' force, positive against the motion.
-    - ``friction_stderr_n``, ``offset_stderr_n``, ``air_stderr_n``, ``total_stderr_n``: scatter of the strokes
-      of the cycle, at least the noise within them.
-    - ``relative_n``: friction of each cycle over its mean in the bins. NaN if nothing has settled.
+    - ``friction_stderr_n``, ``offset_stderr_n``, ``air_stderr_n``, ``total_stderr_n``: standard errors from the
+      scatter of the strokes, at least the noise within strokes.
+    - ``relative_n``: friction in each bin divided by its mean over the bins. NaN without settled samples.
     - ``curve``, ``level``: numbers of the condition and of the speed level. Levels ascend.
-    - ``reason``: cause that excludes a cycle from F(v). Empty for a point of F(v).
+    - ``reason``: reason for exclusion from F(v). Empty for a point of F(v).
 
     Attributes
     ----------
@@ -295,7 +292,7 @@ class CurvePoints(CycleTable):
     whole : CycleTable
         All cycles with both directions.
     members : tuple of ndarray of int, length n
-        Rows of `whole` of each point: more than one if a large campaign was condensed.
+        Rows of `whole` that form each point: several if a large campaign was condensed.
     """
 
     pattern: Pattern
@@ -326,7 +323,7 @@ class CurvePoints(CycleTable):
 
     @property
     def cell(self) -> Ints:
-        """Number of the condition and speed level of each cycle, shape (n,)."""
+        """Index of the combination of condition and speed level of each cycle, shape (n,)."""
         return cells(self["curve"], self["level"])
 
     def labels(self, name: str, rows: NDArray[np.intp]) -> list[list]:
@@ -356,12 +353,12 @@ class CurvePoints(CycleTable):
         )
 
     def block_shares(self) -> tuple[Array | None, str]:
-        """Find blocks whose deviation can be separated from the levels: some levels have several blocks or days.
+        """Find blocks or days whose deviations can be separated from the levels, because levels were run in several.
 
         Returns
         -------
         ndarray or None, shape (used, blocks)
-            Share of each in the cycles of a point.
+            Fraction of the cycles of a point in each block.
         str
             block, day, or "" without groups.
         """
@@ -374,7 +371,7 @@ class CurvePoints(CycleTable):
         return None, ""
 
     def speeds_of(self, index: int) -> tuple[Array, Bools, Ints]:
-        """Return the speeds of the curve of one condition: the measured ones and some in between.
+        """Return the speeds for the curve of one condition: measured speeds and intermediate values.
 
         Returns
         -------
@@ -395,7 +392,7 @@ class CurvePoints(CycleTable):
         return every[order], order < speeds.size, cycles[order]
 
     def excluded_from(self, index: int) -> tuple[ExcludedPoint, ...]:
-        """Return the cycles of one condition that are not points of its curve, slowest first."""
+        """Return the cycles of one condition that are excluded from its curve, slowest first."""
         out = self.at(np.flatnonzero((self["curve"] == index) & ~self.use))
         ripple = np.nan_to_num(np.hstack([out["ripple"], out["piston_ripple"]])).max(axis=1, initial=0.0)
         columns = (out["speed_m_s"].tolist(), out["friction_n"].tolist(), out["reason"].tolist(), ripple.tolist())
@@ -422,9 +419,9 @@ def points_of(reading: CampaignData) -> CurvePoints | None:
 
 
 def _reasons(cycles: CycleTable, unsteady: NDArray, cell: Ints) -> NDArray:
-    """Return the reason why each cycle is not a point of F(v).
+    """Return the reason why each cycle is excluded from F(v); "" for a point of F(v).
 
-    Stick-slip concerns a condition and speed, not a single cycle.
+    Stick-slip in some cycles excludes all cycles at their condition and speed.
     """
     first = {int(c): reason for c, reason in zip(cell[::-1], unsteady[::-1], strict=True) if reason}
     share = np.bincount(cell, unsteady != "") / np.bincount(cell)
@@ -435,7 +432,7 @@ def _reasons(cycles: CycleTable, unsteady: NDArray, cell: Ints) -> NDArray:
 
 
 def _stretches(points: CurvePoints) -> Ints:
-    """Return the number of each cycle's block, counted from 0 for each combination of mounting, seal and drive."""
+    """Return the block index of each cycle, from 0 for each combination of mounting, seal and drive."""
     ranks: dict[tuple[str, ...], dict[int, int]] = {}
     found = []
     for condition, block in zip(points["condition"], points["block"].tolist(), strict=True):
@@ -445,7 +442,7 @@ def _stretches(points: CurvePoints) -> Ints:
 
 
 def grouped(place: Ints, stretch: Ints, level: Ints, rows: int, most: int) -> tuple[list[list[int]], int]:
-    """Group successive cycles with the same place and level in the same part of the campaign.
+    """Group successive cycles with the same condition and level in the same part of the campaign.
 
     If there are very many groups, neighbouring parts of the campaign with the same levels are merged, then neighbouring
     levels.
@@ -453,18 +450,18 @@ def grouped(place: Ints, stretch: Ints, level: Ints, rows: int, most: int) -> tu
     Parameters
     ----------
     place, stretch, level : ndarray of int, shape (n,)
-        Place, part of the campaign and level of each cycle, in the order of execution, from 0.
+        Index of condition, part of the campaign and level of each cycle, in the order of execution.
     rows : int
         Approximate number of groups.
     most : int
-        Most combinations that stay separate.
+        Largest number of combinations that are kept separate.
 
     Returns
     -------
     list of list of int
         Members of each group, in the order of their middle cycles. Together they contain every cycle once.
     int
-        Number of neighbouring levels that count as one.
+        Number of neighbouring levels that are merged.
     """
     stretches = levels = 1
     while (cell := cells(place, stretch // stretches, level // levels)).max() >= most:
@@ -484,7 +481,7 @@ def grouped(place: Ints, stretch: Ints, level: Ints, rows: int, most: int) -> tu
 
 
 def shares_of(labels: Sequence[Sequence[int]]) -> Array:
-    """Return the fraction of each label in each row of the group, shape (rows, labels)."""
+    """Return the fraction of each label in each group of labels, shape (groups, labels)."""
     column = {label: k for k, label in enumerate(sorted({label for row in labels for label in row}))}
     shares = np.zeros((len(labels), len(column)))
     for i, row in enumerate(labels):

@@ -1,11 +1,11 @@
 """Cycles of a campaign folder, or speed levels of recordings, reduced to one form.
 
-A file of a cycle is a recording with a plan. Damaged samples are left out and counted. Unreadable cycles are named and
-left out. Several processes read the cycles.
+A file of a cycle is a recording with a plan. Damaged samples are left out and counted. Unreadable cycles are left out
+and listed. Several processes read the cycles.
 
-Recordings are a campaign without a plan: each speed level of each recording is a cycle. Set speeds and pressures are
-the measured ones: pressures that differ by less than 0.1 bar are one condition. Labels give seal, mounting and drive;
-each label of a run is a block. The order of the recordings in time is not known.
+Recordings are treated as a campaign without a plan: each speed level of each recording is a cycle. Measured speeds and
+pressures replace the set values. Pressures that differ by less than 0.1 bar form one condition. Labels define seal,
+mounting and drive, and each run label is a block. The order of the recordings in time is unknown.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ if TYPE_CHECKING:
     from pneudrive.friction.level import Level, RecordingResult
 
     Read = tuple[float, Row | Skipped | None]
-    """Path length of a cycle's moves, and its row or the reason for a missing one."""
+    """Path length of a cycle's moves, and its row or the reason why it has none."""
 
 T = TypeVar("T")
 PRESSURE_STEP_PA = 100.0  # difference at which a pressure is a separate level: 1 mbar
@@ -61,7 +61,7 @@ def read_or_skip(
     Parameters
     ----------
     read : callable
-        Makes a result of file and samples.
+        Function that makes a result from file and samples.
     file : CycleFile
     samples : Samples or CampaignError
         Its raw samples, or the error of reading them.
@@ -79,20 +79,20 @@ def read_or_skip(
 
 
 def read_each(read: Callable[[CycleFile, Samples], T], files: Sequence[CycleFile]) -> list[T | Skipped]:
-    """Read some cycles one after the other, as `read_or_skip`."""
+    """Read cycles one after the other by `read_or_skip`."""
     return [read_or_skip(read, file, samples) for file, samples in zip(files, read_samples(files), strict=True)]
 
 
 def standing_row(file: CycleFile, recording: Recording, samples: Samples, ambient_pa: float) -> Row:
     """Read a zero run or a known weight: mean force while the axis is released at rest, and its uncertainty.
 
-    Open chambers that a transducer measures have the mean of its reading, its standard error, and the change between
-    the halves.
+    For open chambers with a transducer, the row has the mean reading, its standard error, and the change between the
+    halves of the run.
 
     Raises
     ------
     RecordingError
-        If it has too few samples.
+        If the cycle has too few samples.
     """
     cycle, steps = file.head.cycle, steps_of(recording, samples)
     holds = [(i, step) for i, step in enumerate(cycle.steps) if isinstance(step, Hold)]
@@ -137,10 +137,10 @@ class CampaignData:
     files : tuple of CycleFile
         All usable files in running order; empty for recordings.
     sliding, tares : CycleTable
-        They use the corrected gain of the force sensor (known weights) and zeros of the pressures (zero runs).
+        Cycles after correction of the force sensor's gain (known weights) and the pressure zeros (zero runs).
     gain : Gain
     pressure_zeros : dict
-        Chamber -> zero of its transducer, if zero runs show it.
+        Chamber -> zero of its transducer, if known from zero runs.
     skipped : tuple of Skipped
     notes : tuple of str
     edges_m : ndarray, shape (bins + 1,)
@@ -178,9 +178,9 @@ def read_campaign(campaign: Campaign, choice: SampleChoice, processes: int | Non
     ----------
     campaign : Campaign
     choice : SampleChoice
-        Selection of the samples that count.
+        Selection of samples.
     processes : int, optional
-        None: one for each processor, for 100 cycles or more.
+        None: one for each processor if there are 100 cycles or more.
 
     Raises
     ------
@@ -225,10 +225,10 @@ def read_campaign(campaign: Campaign, choice: SampleChoice, processes: int | Non
 
 
 def _plans(files: Sequence[CycleFile], found: dict[str, Read]) -> dict[str, Row]:
-    """Return the columns of each cycle that headers, and the cycles before it, determine, by its key.
+    """Return, by key, the columns of each cycle that follow from headers and earlier cycles.
 
-    The rest before a cycle is its stop, or the time since the end of the previous cycle. Its travel is that up to its
-    middle, from the plan, or without a plan from the samples.
+    The rest before a cycle is its stop, or the time since the end of the previous cycle. The travel is the total travel
+    up to the middle of the cycle, from the plan if known, otherwise from the samples.
     """
     heads = [file.head for file in files]
     first, last = (end(head.index for head in heads) for end in (min, max))
@@ -267,9 +267,9 @@ def _plans(files: Sequence[CycleFile], found: dict[str, Read]) -> dict[str, Row]
 
 @many_objects()
 def read_part(files: Sequence[CycleFile], identity: Identity, choice: SampleChoice, edges_m: Array) -> list[Read]:
-    """Read some cycles one after the other; an unusable cycle gives its reason.
+    """Read cycles one after the other. An unusable cycle gives the reason instead.
 
-    The path length is zero if the samples cannot be read. A cycle that is not a point of a characteristic has no row.
+    The path length is zero if the samples cannot be read. Cycles that only prepare have no row.
     """
 
     def read(file: CycleFile, samples: Samples) -> Row:
@@ -292,8 +292,8 @@ def read_part(files: Sequence[CycleFile], identity: Identity, choice: SampleChoi
 def _motion(recording: Recording, choice: SampleChoice) -> RecordedMotion:
     """Return the motion of a cycle.
 
-    In the settled part the piston accelerates only by ripple, whose mean is zero: acceleration from positions would
-    only add their noise. The settled part of the source paper's protocol includes the ramp at its end.
+    In the settled part, the mean acceleration is zero, and acceleration computed from positions would only add noise.
+    In the source paper's protocol, the settled part includes the ramp at the end of the stroke.
     """
     return RecordedMotion.of(recording, choice, inertia=not choice.uses_window)
 
@@ -310,13 +310,13 @@ def loop_of(reading: CampaignData, key: str, choice: SampleChoice) -> cycles.Loo
 
 
 def _way(samples: Samples) -> float:
-    """Return the path length of a cycle from few of its samples, so that their noise is negligible."""
+    """Return the path length of a cycle from widely spaced samples, so that noise does not add to the length."""
     position = samples.position_m[np.isfinite(samples.position_m)]
     return float(np.abs(np.diff(position[:: max(position.size // SAMPLES_OF_WAY, 1)])).sum())
 
 
 def _edges(files: Sequence[CycleFile]) -> Array:
-    """Return the bins over the travel of sliding cycles, from the positions of some of them."""
+    """Return the bins over the travel of sliding cycles, from the positions of a few cycles."""
     positions: list[Array] = []
     for i in evenly(len(files), LOOKED_AT) if files else ():
         with suppress(PneudriveError):
@@ -327,7 +327,7 @@ def _edges(files: Sequence[CycleFile]) -> Array:
 def common_edges(positions: Sequence[Array]) -> Array:
     """Return the bins over the travel of several motions, shape (bins + 1,).
 
-    A motion far from the others (millimetres for metres) does not affect the bins.
+    A motion far from the others (for example in wrong units) does not affect the bins.
     """
     finite = [position[np.isfinite(position)] for position in positions]
     ends = [np.quantile(position, ENDS) for position in finite if position.size]
@@ -367,7 +367,7 @@ def reading_of(found: Characterisation) -> CampaignData:
 
 
 def _level_rows(members: list[tuple[RecordingResult, Level]], edges_m: Array) -> list[Row]:
-    """Return the row of each level, with its strokes in the bins of position that all levels share."""
+    """Return the row of each level, with its strokes in position bins common to all levels."""
     pressures = {side: _joined(np.array([level.gauge_pa[side] for _, level in members])) for side in "ab"}
     runs, grid, rows = list(dict.fromkeys(level.run for _, level in members)), grid_of(edges_m), []
     for i, (result, level) in enumerate(members):
@@ -389,7 +389,7 @@ def _level_rows(members: list[tuple[RecordingResult, Level]], edges_m: Array) ->
 
 
 def _joined(gauge_pa: np.ndarray) -> np.ndarray:
-    """Return for each pressure the rounded mean of those that differ by less than `SAME_PA`."""
+    """Return for each pressure the rounded mean of all pressures within `SAME_PA`."""
     level = levels(gauge_pa, SAME_PA)
     means = np.bincount(level, gauge_pa) / np.bincount(level)
     return STEP_PA * np.round(means / STEP_PA)[level]

@@ -1,4 +1,4 @@
-"""Results of a campaign on friction: cycles, curves, effects and sentences."""
+"""Results of a campaign: cycles, curves, effects and statements on friction."""
 
 from __future__ import annotations
 
@@ -50,8 +50,8 @@ class PressureEffects:
     gauge_pa : tuple of (float, float)
         Pressure pairs used, gauge.
     hidden_n : float
-        Change of friction over the campaign that the plan does not separate from the change with pressure, N. Its
-        standard uncertainty is in the intervals. 0 if the plan separates them.
+        Possible change of friction over the campaign that the plan does not separate from the effect of pressure, N.
+        The intervals include it as a standard uncertainty. 0 if the plan separates them.
     statement : str
     """
 
@@ -69,13 +69,13 @@ class PressureEffects:
 
 @dataclass(frozen=True, eq=False)
 class AirShare:
-    """The reading of the force sensor, divided into air and seal, at one condition; half the difference of directions.
+    """Half the difference of the force readings of both directions, divided into air and seal, at one condition.
 
     Attributes
     ----------
     condition : Condition
     separated : bool
-        Pressures were measured in the chambers.
+        Whether pressures were measured in the chambers.
     speed_m_s : ndarray, shape (m,)
     total_n, total_low_n, total_high_n : ndarray, shape (m,)
         Reading of the force sensor without inertia and weight.
@@ -84,8 +84,8 @@ class AirShare:
     seal_n, seal_low_n, seal_high_n : ndarray, shape (m,)
         NaN if not separated.
     air_bound_n : ndarray, shape (m,)
-        Largest force of the air that the total allows if the seal's friction does not fall below its least value
-        as speed rises; NaN where separated.
+        Upper bound of the force of the air, if the friction of the seal does not fall with speed below its minimum; NaN
+        if separated.
     """
 
     condition: Condition
@@ -105,7 +105,7 @@ class AirShare:
 
 @dataclass(frozen=True)
 class PositionWave:
-    """A wave of friction over position. The range contains `order` periods, rarely a whole number.
+    """A wave of friction over position. The range contains `order` periods, not necessarily a whole number.
 
     Cosine, sine (about the middle of the range) and amplitude are relative to the mean friction.
     """
@@ -128,11 +128,11 @@ class PositionPattern:
     position_m : ndarray, shape (m,)
         Centres of the bins.
     relative, low, high : ndarray, shape (m,)
-        Friction over its mean, 95 % interval.
+        Friction divided by its mean, and its 95 % interval.
     trend_per_m : Estimate
         Relative change along x.
     harmonics : tuple of PositionWave
-        Waves that the pattern has beyond chance, the strongest first.
+        Significant waves of the pattern, the strongest first.
     cycles : int
     levels : str
         Mounting, seal, drive.
@@ -159,9 +159,9 @@ class Asymmetry:
     speed_m_s, half_difference_n, low_n, high_n : ndarray, shape (m,)
         (F(+x) - F(-x)) / 2, without the zero of the sensor if there are zero runs.
     mean : Estimate
-        Over all speeds; its p tests symmetry.
+        Mean over all speeds. Its p-value tests symmetry.
     basis : str
-        "tare", or "not separable": without zero runs it includes the zero of the sensor.
+        "tare", or "not separable": without zero runs the difference includes the zero of the sensor.
     """
 
     condition: Condition
@@ -177,7 +177,7 @@ class Asymmetry:
 class StickSlipPoint:
     """Stick-slip at one condition and speed: medians over strokes.
 
-    ``share`` of the strokes show it. ``amplitude_n`` is the range of the force over a period.
+    ``share`` is the fraction of strokes with stick-slip. ``amplitude_n`` is the range of the force over a period.
     """
 
     condition: Condition
@@ -192,7 +192,7 @@ class StickSlipPoint:
 
 @dataclass(frozen=True)
 class StickSlipThreshold:
-    """Speed below which stick-slip starts: between the highest speed with and the lowest speed without it."""
+    """Speed below which stick-slip starts: between the highest speed with and the lowest speed without stick-slip."""
 
     condition: Condition
     low_m_s: float
@@ -202,23 +202,23 @@ class StickSlipThreshold:
 
 @dataclass(frozen=True, eq=False)
 class Drift:
-    """Change of friction over the campaign that is not the effect of speed, pressure or levels.
+    """Change of friction over the campaign that speed, pressure and levels do not explain.
 
     Attributes
     ----------
     time_s, drift_n, low_n, high_n : ndarray, shape (m,)
-        At the cycles, relative to the mean of the campaign.
+        Drift at each cycle, relative to the mean of the campaign.
     sentinel_time_s, sentinel_n : ndarray, shape (k,)
-        Friction of each sentinel.
+        Time and friction of each control run.
     per_hour, per_decade_of_travel, per_kelvin : Estimate or None
         Linear in time, in the logarithm of the travel, in temperature; None if the design does not determine it.
     interrupted : Estimate or None
-        Friction after an interruption less that of continuous operation.
+        Friction after an interruption minus friction in continuous operation.
     basis : str
         sentinels, repeats, smooth curve, not determined.
     spread_n : float
-        Standard deviation of the drift over the cycles. It shows how friction in other states of this campaign differs
-        from the curves, which belong to its mean state. The bands of the curves do not cover it.
+        Standard deviation of the drift over the cycles: typical difference between friction at some time in the
+        campaign and the curves, which belong to the mean state. The bands of the curves do not cover it.
     """
 
     time_s: Array
@@ -237,12 +237,11 @@ class Drift:
 
 @dataclass(frozen=True)
 class Repeatability:
-    """Standard deviations of the friction of one cycle, as ISO 5725 divides them, N.
+    """Standard deviations of the friction of one cycle, N, divided as in ISO 5725.
 
     ``within`` a block at equal conditions, ``between`` blocks and days, and ``total`` of both, at the mean friction of
     the repeated cycles. ``relative`` states whether they are proportional to friction. ``basis`` is the source:
-    repeats,
-    sentinels, or both. ``basis`` is "smooth curve" (residuals of the curves) if no cycle was repeated.
+    repeats, sentinels (control runs), or both; or "smooth curve" (residuals of the curves) if no cycle was repeated.
     """
 
     within: Estimate | None
@@ -274,7 +273,7 @@ class SensorZero:
 
 @dataclass(frozen=True)
 class ExcludedPoint:
-    """An excluded point: shown, but not used for F(v)."""
+    """An excluded point, which is shown but not used for F(v)."""
 
     speed_m_s: float
     friction_n: float
@@ -295,7 +294,7 @@ class Curve(Shown):
     direction : int
         +1, -1, or 0 for half the difference of both directions.
     speed_m_s, friction_n, low_n, high_n : ndarray, shape (m,)
-        Ascending speeds: those measured, and some between them.
+        Curve at ascending speeds: measured and intermediate ones.
     stderr_n : ndarray, shape (m,)
         Statistical standard error (noise, cycle to cycle, block, day) of friction in the mean state of the campaign.
     u_systematic_n : ndarray, shape (m,)
@@ -303,12 +302,13 @@ class Curve(Shown):
     measured : ndarray of bool, shape (m,)
         False between the measured speeds.
     cycles : ndarray of int, shape (m,)
-        Cycles at that speed; 0 between.
+        Number of cycles at each speed; 0 between the measured speeds.
     excluded : tuple of ExcludedPoint
     contains_air : bool
-        Pressures were not measured in the chambers: the curve may include the force of the air.
+        Whether the curve may include the force of the air, because pressures were not measured in the chambers.
     complete : bool
-        False if speed changed with time: the band does not cover a drift (run-in, zero of the force sensor).
+        False if speed changed steadily over time, so that the band does not cover a drift (run-in, zero of the force
+        sensor).
     """
 
     condition: Condition
@@ -327,16 +327,16 @@ class Curve(Shown):
 
     @property
     def statistical_low_n(self) -> Array:
-        """Lower end of the part of the band from chance alone, N."""
+        """Lower bound of the statistical part of the band, N."""
         return self.friction_n - NORMAL_95 * self.stderr_n
 
     @property
     def statistical_high_n(self) -> Array:
-        """Upper end of the part of the band from chance alone, N."""
+        """Upper bound of the statistical part of the band, N."""
         return self.friction_n + NORMAL_95 * self.stderr_n
 
     def shown(self, ambient_pressure_pa: float) -> ShownCurve:
-        """Return the curve for display; each mounting, seal and drive is a group."""
+        """Return the curve for display. Each combination of mounting, seal and drive is a group."""
         excluded = np.array([(point.speed_m_s, point.friction_n) for point in self.excluded]).reshape(-1, 2)
         return ShownCurve(
             key=str(self.condition),
@@ -366,7 +366,7 @@ class UncertaintySource:
     kind : str
         "A" (from the scatter of these data) or "B" (stated or assumed).
     basis : str
-        Its basis: data, stated, assumed, not determined.
+        Origin of the value: data, stated, assumed, not determined.
     note : str
     """
 
@@ -379,7 +379,7 @@ class UncertaintySource:
 
 @dataclass(frozen=True)
 class Ranges:
-    """Lowest and highest measured values; results outside are extrapolation. Pressures are gauge."""
+    """Lowest and highest measured values. Results outside are extrapolated. Pressures are gauge."""
 
     speed_m_s: Interval
     gauge_a_pa: Interval
@@ -396,7 +396,7 @@ class CampaignCharacteristics(Viewed):
     name : str
     folder : pathlib.Path
     identity : Identity
-        Values of the rig.
+        Identity and calibration of the rig.
     protocol : str
         Selection of samples: settled or source-paper.
     cycles : polars.DataFrame
@@ -414,10 +414,10 @@ class CampaignCharacteristics(Viewed):
     stops : polars.DataFrame
         One row for each stop, see `pneudrive.friction.campaign.stops.stop.find_stops`; empty without stops.
     dwell : tuple of DwellSeries
-        Breakaway against stop duration, one for each set of levels, restart speed and way of holding.
+        Breakaway over stop duration, one for each set of levels, restart speed and axis state (held, released).
     ranges : Ranges
     statements : tuple of Statement
-        Determined effects, undetermined effects, and the cycles that would determine them.
+        Statements on determined and undetermined effects, and on the cycles that would determine them.
     """
 
     name: str
@@ -447,7 +447,7 @@ class CampaignCharacteristics(Viewed):
 
     @property
     def synthetic(self) -> bool:
-        """Whether a simulated rig made the data."""
+        """Whether the data come from a simulated rig."""
         return self.identity.synthetic
 
     def view(self) -> View:

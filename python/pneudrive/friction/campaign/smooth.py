@@ -2,16 +2,15 @@
 
 A curve is a line and a deviation from it whose smoothness follows from the data. The deviation is an integrated Wiener
 process. Its estimate is the cubic smoothing spline, and its posterior gives the band [wahba1983]. Curves of one
-campaign share their shape as far as the data support this. Smoothness refers to a stretched speed. The stretched speed
-is logarithmic at low and proportional at high speed, so both the Stribeck part and the viscous part are smooth curves
-over it.
+campaign share their shape as far as the data support this. Smoothness refers to a stretched speed, which is logarithmic
+at low and proportional at high speed. Both the Stribeck part and the viscous part are smooth over the stretched speed.
 
-Outliers are cycles that do not fit any curve. Two outliers inflate the scatter against which each is judged, and an
-outlier makes a good repeat look like an outlier. Each cycle is therefore compared with its prediction from all others
-[cook1982]: neighbours in speed, other pressures, repeats. The cycle with the largest deviation relative to the robust
-scatter is removed, and the model is fitted again. This repeats. The number of outliers follows from probability
-[box1968]: an outlier may show any friction, but is rare. Finally each removed cycle is compared with the prediction
-from the good cycles, and is used again if it agrees with this prediction. A cycle is suspect if the data do not decide.
+Outliers are cycles that do not fit any curve. Two outliers can mask each other, because both increase the scatter, and
+an outlier can make a good repeat look like an outlier. Each cycle is therefore compared with its prediction from all
+others [cook1982]: neighbours in speed, other pressures, repeats. The cycle with the largest deviation relative to the
+robust scatter is removed, and the model is fitted again, repeatedly. The number of outliers is the most probable one
+[box1968]: an outlier may show any friction, but is rare. Finally, each removed cycle is used again if it agrees with
+the prediction from the good cycles. A cycle is suspect if the data do not decide.
 """
 
 from __future__ import annotations
@@ -33,14 +32,14 @@ if TYPE_CHECKING:
     from pneudrive.arrays import Array, Ints
 
 
-#: Speed above which stretched speed is proportional to speed; below, to its logarithm (assumed).
+#: Speed above which the stretched speed is proportional to speed; below, it is logarithmic (assumed).
 PROPORTIONAL_FROM_M_S = 0.1
 CYCLE_SCALE = 0.02  # usual standard deviations, shares of the response: cycle to cycle, block to block, drift
-#: Stretched speed over which a curve may leave the common shape by itself: a factor of 7 at low speed, about the width
-#: of a Stribeck fall (assumed).
+#: Correlation length, in stretched speed, of a curve's own deviation from the common shape: a factor of 7 at low speed,
+#: about the width of the Stribeck region (assumed).
 LOCAL_REACH = 2.0
-#: Power with which the prior of a standard deviation falls towards zero: a few sentinels that agree by chance do not
-#: prove a perfectly repeatable rig, especially if a curve may follow each of its points (assumed).
+#: Exponent with which the prior of a standard deviation falls towards zero (assumed). A few control runs that agree by
+#: chance do not prove a perfectly repeatable rig.
 FEW_AGREE = 4.0
 LEAST_FRICTION = 0.1  # share of the mean friction below which proportional scatter falls no further (assumed)
 CARRIED = 0.98  # share of a drift that curves could absorb, above which the design does not determine it
@@ -61,7 +60,7 @@ def stretched(speed_m_s: Array, lowest_m_s: float) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class CurveData:
-    """Observations of curves, shape (n,) each, with other possible effects on them.
+    """Observations of curves, shape (n,) each, and further possible effects.
 
     Attributes
     ----------
@@ -72,18 +71,19 @@ class CurveData:
     curve : ndarray of int
         Index of the curve; -1: none.
     order : ndarray
-        Place of the cycle in the campaign, 0 to 1.
+        Relative position of the cycle in the campaign, 0 to 1.
     count : ndarray
-        Number of cycles in an observation.
+        Number of cycles averaged in an observation.
     chance : ndarray
-        Standard deviation of a cycle over that at the mean friction: 1 everywhere if it is equal, in the unit of
-        the response, at all frictions.
+        Standard deviation of a cycle relative to that at mean friction; 1 everywhere if it does not depend on friction
+        in the unit of the response.
     blocks : ndarray, shape (n, blocks), or None
-        Share of each block (or day) in each observation, if the design determines their deviations.
+        Fraction of each block (or day) in each observation, if the design determines their deviations.
     drift : bool
         Whether the design determines a drift (see `carried_drift`).
     logarithmic : bool
-        The response is the logarithm: curves share their shape, and blocks and drift are proportional to friction.
+        Whether the response is log friction: curves then share their shape, and blocks and drift are proportional to
+        friction.
     """
 
     y: Array
@@ -102,7 +102,7 @@ class CurveData:
 
     @property
     def level(self) -> float:
-        """Median size of the response, 1 for a logarithm: the reference of friction fractions."""
+        """Reference size of the response: its median absolute value, or 1 for a logarithm."""
         return 1.0 if self.logarithmic else float(np.median(np.abs(self.y)))
 
     def part(self, rows: NDArray[np.intp]) -> CurveData:
@@ -124,7 +124,7 @@ class CurveFit:
     data : CurveData
     fit : MixedFit
     relative : float
-        Probability that the scatter of a cycle is proportional to friction, not equal in newton at all frictions.
+        Probability that the scatter of a cycle is proportional to friction, rather than constant in newton.
     drift : ndarray, shape (n,)
         Best estimate of the drift at each observation, mean zero.
     drift_half : ndarray, shape (n,)
@@ -167,7 +167,7 @@ class CurveFit:
         return mixed.Functionals(self.fit, fixed, basis.with_data(speed_m_s, number), own)
 
     def steady(self) -> Array:
-        """Return the curves at the observations, in the unit of the response, shape (n,); NaN for those on no curve."""
+        """Return the curves at the observations, in the unit of the response, shape (n,); NaN without a curve."""
         found = np.full(len(self.data), np.nan)
         for number in range(int(self.data.curve.max()) + 1):
             members = self.data.curve == number
@@ -205,7 +205,7 @@ class _Basis:
         return np.column_stack([zero, levels, slope])
 
     def with_data(self, speed_m_s: Array, curve: Ints) -> dict[str, Array]:
-        """Return the covariance of the smooth deviations with the observations'."""
+        """Return the covariance of the smooth deviations at given speeds with those at the observations."""
         return self.kernels((speed_m_s, curve), (self.data.speed_m_s, self.data.curve))
 
     def kernels(self, first: tuple[Array, Ints], second: tuple[Array, Ints]) -> dict[str, Array]:
@@ -254,15 +254,15 @@ def _described(data: CurveData, fit: mixed.MixedFit, relative: float) -> CurveFi
 
 
 def either_chance(fitted: CurveFit) -> CurveFit:
-    """Average over both forms of a cycle's scatter, in newton and in proportion to friction.
+    """Average over both forms of a cycle's scatter: constant in newton, and proportional to friction.
 
-    The better response (friction or its logarithm) and the form of the scatter are separate questions. A few cycles do
-    not determine the form of the scatter, so the band covers both forms.
+    A few cycles do not determine the form of the scatter, so the band covers both forms. The choice of the response
+    (friction or its logarithm) is independent of this form.
 
     Parameters
     ----------
     fitted : CurveFit
-        With a scatter that is equal at all frictions in the unit of its response. Only for positive friction.
+        Fit with constant scatter in the unit of its response. Friction must be positive.
     """
     steady = np.exp(fitted.steady()) if fitted.logarithmic else fitted.steady()
     share = np.maximum(steady / steady.mean(), LEAST_FRICTION)
@@ -277,9 +277,9 @@ def with_doubt(fitted: CurveFit, readings: Sequence[NDArray[np.intp]], spread: f
     Parameters
     ----------
     fitted : CurveFit
-        Fit with all of them as good cycles.
+        Fit that treats all suspect cycles as good.
     readings : sequence of ndarray of int
-        Rows of its data that are outliers, for each other hypothesis.
+        Rows of the data that are outliers, for each other hypothesis.
     spread : float
         Standard deviation of an outlier, in the unit of the response.
     odds : float
@@ -328,7 +328,7 @@ MOST_SHARE = 0.1  # share of the cycles (and at least two): more are not outlier
 
 @dataclass(frozen=True, eq=False)
 class _Taken:
-    """Removed cycles, the standard deviations of the rest, and their improbability."""
+    """Removed cycles, standard deviations of the rest, and negative log probability."""
 
     rows: list[int]
     sd: Array
@@ -343,8 +343,7 @@ def wild_cycles(data: CurveData) -> tuple[list[int], list[list[int]]]:
     list of int
         Outliers.
     list of list of int
-        Further cycles that may be outliers, for each hypothesis other than no outlier. Each list contains the list
-        before it.
+        Rows of further possible outliers, one list for each hypothesis. Each list contains the previous one.
     """
     if len(data) < ENOUGH:
         return [], []
@@ -364,7 +363,7 @@ def wild_cycles(data: CurveData) -> tuple[list[int], list[list[int]]]:
 
 
 def _path(data: CurveData) -> list[_Taken]:
-    """Remove cycles one by one, each time the cycle whose removal makes the others most likely.
+    """Remove cycles one by one, each time the one whose removal makes the others most probable.
 
     Return all steps, beginning with no removal.
     """

@@ -1,4 +1,4 @@
-"""Conditions of the sentences on determined and undetermined effects of a campaign (sentences.toml)."""
+"""Conditions of the statements on determined and undetermined effects of a campaign (sentences.toml)."""
 
 from __future__ import annotations
 
@@ -121,7 +121,7 @@ def _scatter(found: CampaignCharacteristics, reading: CampaignData, fits: Fits) 
 
 
 def _once(found: CampaignCharacteristics, repeat: Repeatability, fits: Fits) -> Iterator[Statement]:
-    """Return a statement on unrepeated points whose band is narrow because neighbours contribute."""
+    """Return a statement on points without repeats, whose narrow band comes from neighbouring points."""
     if repeat.basis == "smooth curve":
         yield say("repeatability.nothing_repeated")
     elif repeat.basis == "sentinels":
@@ -272,7 +272,7 @@ def _stick_slip(found: CampaignCharacteristics) -> Iterator[Statement]:
 
 
 def _excluded(found: CampaignCharacteristics) -> Iterator[Statement]:
-    """Return statements on cycles that are not points of F(v)."""
+    """Return statements on cycles that are excluded from F(v)."""
     points = [p for c in found.curves if c.direction == BOTH for p in c.excluded]
     off = [p for p in points if p.reason == OUTLIER]
     if off:

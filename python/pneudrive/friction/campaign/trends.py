@@ -1,4 +1,4 @@
-"""Trends of friction: over time, travel and temperature, over position, over the pressures of both chambers.
+"""Trends of friction over time, travel, temperature, position, and the pressures of both chambers.
 
 Drift, run-in and repeatability come from the cycles of one condition. The pattern over position has a trend and
 harmonics, with the cycles as repeats. Slopes over both pressures are given at each speed, with their interaction.
@@ -40,9 +40,10 @@ TOGETHER = 0.95  # correlation above which two causes cannot be separated
 
 
 def causes(fits: Fits) -> dict[str, Array]:
-    """Return possible causes of a drift that change enough to have an effect, at the points of F(v).
+    """Return possible causes of a drift, at the points of F(v), that vary enough to have an effect.
 
-    They are time (h), travel (decades), temperature (K), and interrupted: 1 after a long rest or a cycle with a stop.
+    The causes are time (h), travel (decades), temperature (K), and interruption (1 after a long rest or a cycle with a
+    stop).
     """
     used = fits.points.at(fits.points.use)
     columns, rest = {"time": used["began_s"] / HOUR_S}, used["rest_s"]
@@ -93,7 +94,7 @@ def drift_of(fits: Fits) -> Drift:
 
 
 def _effect(fits: Fits, column: Array, unit: str) -> Estimate | None:
-    """Return the effect of one cause on mean friction; a smooth drift is estimated at the same time."""
+    """Return the effect of one cause on mean friction, estimated together with a smooth drift."""
     model = fits.friction.fit.model
     x = np.column_stack([model.x, column - column.mean()])
     if independent(x).size < x.shape[1] or x.shape[0] <= x.shape[1] + 1:
@@ -130,9 +131,9 @@ def repeatability(fits: Fits) -> Repeatability:
 
 @dataclass(frozen=True)
 class Pure:
-    """Scatter of cycles that were run again at one condition and speed, in the unit of the curves' response.
+    """Scatter of cycles repeated at one condition and speed, in the unit of the curves' response.
 
-    ``level_n`` is their mean friction.
+    ``level_n`` is the mean friction of these cycles.
     """
 
     estimate: Estimate
@@ -144,8 +145,7 @@ def pure_scatter(fits: Fits) -> Pure | None:
     """Estimate the standard deviation of a cycle from repeats and control runs, independent of the curves.
 
     Cycles at one condition and speed are used, after subtracting their mean, a line over the campaign and the means of
-    the blocks. The mean of several cycles scatters less and has a larger weight. None if nothing
-    was repeated.
+    the blocks. Means of several cycles have a larger weight. None without repeats.
     """
     from scipy.special import chdtri
 
@@ -183,12 +183,12 @@ def pure_scatter(fits: Fits) -> Pure | None:
     return Pure(estimate, float(points["friction_n"][use].mean()), basis)
 
 
-#: Waves that fit 0.9 to 8 times into the range, which is shorter than the stroke; fewer are a trend.
+#: Largest number of waves of a pattern. Waves have 0.9 to 8 periods in the range; longer waves count as a trend.
 MOST_WAVES = 4
 TIMES = np.arange(0.9, 8.01, 0.1)
 FINER = (0.02, 0.004, 0.001)
 RESOLVED = 0.5  # least difference of the orders of two waves: nearer ones look alike over the range
-#: Fall of chi-square by a wave (three parameters, some fifty places) that exceeds chance (p = 0.001).
+#: Decrease of chi-square by a significant wave (p = 0.001, three parameters, about fifty positions).
 CLEAR = 25.0
 FEWEST_BINS = 16
 FEWEST_CYCLES = 4
@@ -236,13 +236,12 @@ def _describe(points: CurvePoints, title: str, condition: Condition | None, memb
 def _trend(
     position: Array, rows: Array, slowness: Array, waves: Sequence[float], length: float
 ) -> tuple[Estimate, float]:
-    """Estimate the common change along x without the drift of the sensor's zero, and the rate of that drift, N/s.
+    """Estimate the common trend along x, free of the drift of the sensor's zero, and the rate of this drift, N/s.
 
-    The zero drifts during a cycle. In strokes towards +x the drift grows along x, in strokes towards -x it falls along
-    x. In half the difference it appears as a slope of rate / speed. Slow cycles show this drift most. Because its rate
-    varies, they contribute least
-    to the trend. The lengths of the waves are uncertain, and an error of the length looks partly like a trend. Each
-    cycle therefore has waves that may be slightly longer or shorter.
+    The zero drifts during a cycle. In strokes towards +x, the drift grows along x; in strokes towards -x, it falls
+    along x. In half the difference, it appears as a slope of rate / speed. This affects slow cycles most, and because
+    the rate varies, slow cycles have the least weight in the trend. An error of a wave's length looks partly like a
+    trend. The wave lengths of each cycle may therefore deviate slightly.
     """
     found, variance = _slopes(position, rows, waves, length)
     if slowness.max() < APART * slowness.min() or found.size < FEWEST_CYCLES + 1:
@@ -264,7 +263,7 @@ def _trend(
 
 
 def _slopes(position: Array, rows: Array, waves: Sequence[float], length: float) -> tuple[Array, Array]:
-    """Return the relative change of friction along x in each cycle, and its variance by noise within the cycle."""
+    """Return the relative trend of friction along x in each cycle, and its variance from noise within the cycle."""
     columns = _columns(position, waves, length)
     columns = np.hstack([columns, _stretches(position, np.nanmean(rows, axis=0), columns, length)])
     found = _each(columns, rows)
@@ -288,8 +287,8 @@ def _columns(position: Array, waves: Sequence[float], length: float) -> Array:
 def _waves(position: Array, mean: Array, stderr: Array, length: float) -> list[float]:
     """Find the order of each wave: the number of periods in the range, rarely a whole number.
 
-    Waves are added one after the other, the strongest first, while a wave explains more of the pattern than chance.
-    With each new wave, all orders are adjusted.
+    Waves are added one by one, the strongest first, as long as they are significant. With each new wave, all orders are
+    adjusted.
     """
     weight = 1.0 / np.maximum(stderr, 1e-3 * np.median(stderr) + 1e-12)
 
@@ -315,7 +314,7 @@ def _waves(position: Array, mean: Array, stderr: Array, length: float) -> list[f
 
 
 def _stretches(position: Array, mean: Array, columns: Array, length: float) -> Array:
-    """Change of the mean pattern with the order of each of its waves; shape (n, waves)."""
+    """Return the derivative of the mean pattern by the order of each wave, shape (n, waves)."""
     found = np.linalg.lstsq(columns, mean, rcond=None)[0]
     phase = 2.0 * np.pi * (position - position.mean()) / length
     pairs = [(k, k + 1) for k in range(2, columns.shape[1], 2)]
@@ -334,7 +333,7 @@ def _each(columns: Array, rows: Array) -> Array:
 
 
 def _harmonic(times: float, wavelength: float, cosine: Array, sine: Array) -> PositionWave:
-    """Estimate one harmonic; its amplitude is tested by Hotelling's T2 of both parts."""
+    """Estimate one harmonic. Its amplitude is tested by Hotelling's T2 of cosine and sine part."""
     from scipy.special import fdtrc
 
     n = cosine.size
@@ -354,10 +353,10 @@ def _harmonic(times: float, wavelength: float, cosine: Array, sine: Array) -> Po
     return PositionWave(times, wavelength, mean_estimate(cosine, "1"), mean_estimate(sine, "1"), amplitude)
 
 
-#: Change of friction over a campaign, over its mean, that may be hidden in effects of pressure if the order of the
-#: cycles follows pressure and nothing separates the two: a seal that runs in or wears (assumed standard uncertainty).
+#: Relative change of friction over a campaign, by run-in or wear, that may be mistaken for an effect of pressure if the
+#: order of the cycles follows pressure (assumed standard uncertainty).
 HIDDEN_CHANGE = 0.1
-#: Least share of that change within the effect of a pressure for a warning.
+#: Fraction of that change in the effect of a pressure above which a warning is given.
 FOLLOWS_TIME = 0.1
 
 
@@ -366,8 +365,8 @@ class _Design:
     """Cycles of one set of levels, marked by `used` among all points.
 
     Pressures are in bar, gauge. ``kind`` names the determined slopes: both, a, b, sum or line.
-    ``equal`` has a column for each set of equal cycles at other speeds, such as control runs. They do not depend on
-    pressure, and show the effect of time. Their ``level`` is -1.
+    ``equal`` has a column for each set of repeated cycles at other speeds, such as control runs. Their pressure is
+    constant, so that they show the effect of time. Their ``level`` is -1.
     """
 
     used: Bools
@@ -386,11 +385,11 @@ class _Design:
         return self.level >= 0
 
     def centred(self, values: Array) -> Array:
-        """Return the values minus their mean over the compared cycles, and zero for other cycles."""
+        """Return the values minus their mean over the compared cycles; zero for other cycles."""
         return np.where(self.compared, values - values[self.compared].mean(), 0.0)
 
     def over_speed(self, columns: list[Array]) -> list[Array]:
-        """Return the columns, and each of them with the logarithm of speed."""
+        """Return the columns, and the product of each with the logarithm of speed."""
         tilt = self.centred(self.place)
         return [*columns, *(c * tilt for c in columns)] if self.speeds.size > 1 else columns
 
@@ -513,10 +512,10 @@ def _fit(fits: Fits, design: _Design, x: Array) -> MixedFit | None:
 
 
 def _together(design: _Design, x: Array) -> Array:
-    """Return the columns of the product of both pressures, its mean over speeds and its change with their logarithm.
+    """Return the columns of the product of both pressures: its mean over speeds, and its change with log speed.
 
-    The product is centred, so that the slopes are those at the mean of the other pressure. It is left out if the design
-    does not determine it.
+    The product is centred, so that the slopes apply at the mean of the other pressure. It is left out if the design
+    does not determine the interaction.
     """
     product = design.centred(design.gauge[:, 0]) * design.centred(design.gauge[:, 1])
     columns = [c for c in design.over_speed([product]) if np.ptp(c) > 0.0]
@@ -527,7 +526,7 @@ def _together(design: _Design, x: Array) -> Array:
 
 
 def _curvature(fits: Fits, x: Array, design: _Design, squares: list[Array]) -> FTest | None:
-    """Test squares of pressures, their mean over speeds and their change with its logarithm."""
+    """Test the squares of the pressures: mean over speeds, and change with log speed."""
     columns = [p for p in squares if np.ptp(p) > 0.0]
     wide = np.column_stack([x, *design.over_speed(columns)])
     kept = independent(wide)
@@ -538,9 +537,9 @@ def _curvature(fits: Fits, x: Array, design: _Design, squares: list[Array]) -> F
 
 
 def _sentences(design: _Design, found: PressureEffects, with_time: list[str], u: float) -> Iterator[Statement]:
-    """Report the slopes that the pairs of pressures show, the test of their sum, and undetermined values.
+    """Yield statements on the determined slopes, the test of their sum, and undetermined values.
 
-    An interaction within the accuracy of the sensors does not count.
+    An interaction within the accuracy of the sensors is ignored.
     """
     test, joint = found.interaction, found.interaction_n_pa2
     titles = {"a": "p_a", "b": "p_b", "sum": "both pressures together"}

@@ -1,4 +1,4 @@
-"""Identification of a drive from recordings: by output error with exact sensitivities, and bristles from presliding."""
+"""Identification of a drive by output error with exact sensitivities, and of bristles from presliding loops."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ if TYPE_CHECKING:
 
 # --- Identification of a drive from recordings by output error with exact sensitivities.
 
-#: Start value of the excess Fs - Fc for a drive without excess, as a share of Fc.
+#: Start value of the excess Fs - Fc for a drive without excess, as a fraction of Fc.
 _LEAST_EXCESS = 0.02
 FORCES = ("friction.coulomb", "friction.breakaway")
 
@@ -52,8 +52,8 @@ def transforms_of(
 ) -> Transforms:
     """Return the coordinates of free values of a drive or a circuit, and of its sensors.
 
-    The breakaway force is the Coulomb force plus an excess, so it is never lower. If one of these forces is held, it
-    limits the other.
+    The breakaway force is the Coulomb force plus a positive excess. If one of these forces is held, it limits the
+    other.
     """
     names, numbers = [p.name for p in parameters], numbers_of(drive)
     every = [*parameters, *sensors]
@@ -79,19 +79,19 @@ def transforms_of(
 
 
 RTOL = 1e-6
-#: Sizes of the outputs for the solver's error, by unit.
+#: Typical size of an output by unit, to estimate the solver's error.
 _SCALE = {"m": 0.1, "Pa": 1e5, "m/s": 0.1, "K": 300.0, "N": 10.0}
 #: Rounds of estimating the noise of the sensors from the residuals.
 NOISE_ROUNDS = 4
 #: Relative change of the noise below which it counts as converged.
 NOISE_CHANGE = 0.02
-#: Multiple of the noise from sample to sample above which residuals are a misfit (assumed).
+#: Multiple of the sample-to-sample noise above which residuals count as a misfit (assumed).
 MISFIT = 2.0
-#: Factors on the segments' length for repeated searches, and the shortest segment, s.
+#: Factors on the segment length for repeated searches, and shortest segment, s.
 SHORTER_SEGMENTS, SHORTEST_SEGMENT_S = (0.5, 0.25), 0.02
-#: Factor on the solver's tolerance in the last attempt, as its error may stop the search.
+#: Factor on the solver's tolerance in the last attempt, because solver errors may stop the search.
 LAST_RTOL = 1e-2
-#: Least improvement of the mean logarithm of the residuals by a repeated search.
+#: Smallest accepted improvement of the mean log residual by a repeated search.
 GAIN = 0.02
 #: Huber's constant: 95 % efficient for normal errors [huber2009].
 HUBER_K = 1.345
@@ -151,8 +151,8 @@ def identify(
     Parameters
     ----------
     drive : Drive or Circuit
-        Description with start values of free parameters; all other values are known. A circuit has one cylinder and
-        one component with a command. Its search ends with one segment for each recording, as a valve has a past.
+        Description with start values of free parameters; all other values are known. A circuit has one cylinder and one
+        component with a command. Its search ends with one segment for each recording, because a valve has inner states.
     recordings
         One or several recordings. Each is a file of ``pneudrive simulate --out`` (.csv, .parquet, .nc), a foreign file
         with a layout, a result of ``pn.simulate``, or a mapping of SI columns (``time_s``, ``command``, ``position_m``,
@@ -161,17 +161,17 @@ def identify(
         Names in the drive file: ``friction.coulomb``, ``valve.conductance``, ``cylinder.dead_volume.a``, ... Those of a
         circuit begin with the component: ``valve.frequency``, ``valve.delay``, ``cylinder.friction.coulomb``, ...
     follow : {"motion"}, optional
-        The piston of a circuit follows the recorded position, see `pneudrive.identify_motion`. Of the other arguments,
-        only `layout`, `progress` and `cancel` count.
+        The piston of a circuit follows the recorded position, see `pneudrive.identify_motion`. All other arguments
+        except `layout`, `progress` and `cancel` are ignored.
     sensors : mapping, optional
         Channel -> `Sensor` or its keywords: known noise, offset, gain, lag and resolution.
-        ``{"command": {"delay": "free"}}``, or a time, delays the recorded command.
+        ``{"command": {"delay": "free"}}`` (or a time) delays the recorded command.
     channels : sequence of str, optional
         Channels to compare with the model; default: position and pressures.
     segment : str, float or None
         Length of the segments, s; None is single shooting: one segment for each recording.
     robust : bool
-        Huber's loss, which reduces the weight of outliers.
+        Whether to use Huber's loss, which reduces the weight of outliers.
     layout : path, optional
         Layout of foreign files.
     rtol : float
@@ -180,7 +180,7 @@ def identify(
     progress : callable, optional
         Called with each step (`Progress`).
     cancel : object with ``is_set()``, optional
-        A `threading.Event`, for instance: once set, the search ends with `Cancelled` at its next step.
+        For example a `threading.Event`. Once set, the search raises `Cancelled` at its next step.
 
     Returns
     -------
@@ -241,11 +241,11 @@ def identify(
 def _best_of_attempts(
     attempt: Callable[[Array | None], search.Attempt], options: search.SearchOptions
 ) -> search.Attempt:
-    """Repeat the search with shorter segments, while that helps, if the first one does not reach the measured motion.
+    """Repeat the search with shorter segments, as long as that helps, if the first search does not fit the motion.
 
-    The error of a short segment is small even for wrong values. A search with short segments therefore passes local
-    minima, and its result is a better start for long segments. An incomplete model deviates with segments of any
-    length. Then the first result is kept.
+    Errors of short segments are small even for wrong values. A search with short segments therefore avoids local
+    minima, and gives a better start for long segments. An incomplete model deviates with segments of any length; the
+    first result is then kept.
     """
     tried = [attempt(None)]
     whole = options.segment_s
@@ -325,7 +325,7 @@ def _problem(
     watch: Watch,
     values: Array | None = None,
 ) -> tuple[shooting.FitProblem, shooting.Iterate]:
-    """Return the fit problem: cut recordings and starts of segments; `values` are the start values."""
+    """Return the fit problem (recordings in segments) and the starts of segments, from start values."""
     family = family_of(drive, parameters, options.axis)
     values = np.array([p.value for p in parameters]) if values is None else values
     experiments = []
@@ -360,7 +360,7 @@ def _least_noise(channel: sensing.Channel, rtol: float) -> float:
 
 
 def noise_of(channel: sensing.Channel, record: DriveRecording | VolumeRecording, rtol: float) -> float:
-    """Return the initial standard deviation of a channel: the stated value, or the one from sample to sample."""
+    """Return the initial standard deviation of a channel: stated, or from sample-to-sample differences."""
     white = shooting.white_noise(record[channel.column]) if channel.noise is None else channel.noise
     return float(np.hypot(white, _least_noise(channel, rtol)))
 
@@ -368,9 +368,9 @@ def noise_of(channel: sensing.Channel, record: DriveRecording | VolumeRecording,
 def solve(
     problem: shooting.FitProblem, point: shooting.Iterate, options: search.SearchOptions, watcher: search.Watcher
 ) -> search.Attempt:
-    """Search, and estimate the noise of the sensors from the residuals until it converges.
+    """Search, and estimate the noise of the sensors from the residuals, until the noise converges.
 
-    If the search stops early, the misfit is not taken as noise before the last attempt.
+    If a search stops early, its residuals are not used as noise before the last attempt.
     """
     converged = False
     watcher.point, at = point, None
@@ -414,7 +414,7 @@ def solve(
 
 
 def over_noise(solved: search.Solved) -> dict[str, float]:
-    """Return the residuals of each channel relative to its noise from sample to sample, in the worst recording."""
+    """Return the residuals of each channel in the worst recording, relative to its sample-to-sample noise."""
     worst: dict[str, float] = {}
     for experiment, residual in zip(solved.problem.experiments, solved.at.standing.residuals, strict=True):
         for c, channel in enumerate(experiment.channels):
@@ -438,7 +438,7 @@ def _regrouped(problem: shooting.FitProblem, point: shooting.Iterate, length_s: 
 
 
 def _renew_noise(problem: shooting.FitProblem, at: search.Joined, rtol: float) -> bool:
-    """Estimate unstated noise from the residuals; return whether it changed."""
+    """Estimate noise that is not stated from the residuals; return whether the noise changed."""
     changed = False
     for experiment, residual in zip(problem.experiments, at.standing.residuals, strict=True):
         for c, channel in enumerate(experiment.channels):
@@ -460,13 +460,13 @@ def _renew_noise(problem: shooting.FitProblem, at: search.Joined, rtol: float) -
 # from a simulated loop with known stiffness.
 
 STIFFNESS, DAMPING = "friction.bristle_stiffness", "friction.bristle_damping"
-#: Share of the swing of friction over which the slope is evaluated.
+#: Fraction of the friction swing over which the slope is evaluated.
 SWING_SHARE = 0.35
-#: Least number of samples of a reversal within that share.
+#: Smallest number of samples of a reversal within that fraction.
 LEAST_SAMPLES = 6
-#: Least swing of friction of a reversal, as a share of the greatest swing.
+#: Smallest friction swing of a reversal, as a fraction of the largest swing.
 WHOLE_SWING = 0.6
-#: Steps of the search for the stiffness with the measured slope in the simulated loop.
+#: Number of steps in the search for the stiffness whose simulated loop has the measured slope.
 ROUNDS = 3
 
 
@@ -480,8 +480,8 @@ class Presliding(Fit, kind="presliding"):
         ``friction.bristle_stiffness`` (sigma0) and ``friction.bristle_damping`` (sigma1); intervals are 95 %, from the
         scatter between reversals.
     statistics : dict
-        ``reversals`` is their number. ``breakaway_n`` is the breakaway force: half the change of friction between both
-        directions. ``slope_factor`` is the slope relative to the stiffness of the law.
+        ``reversals``: number of reversals. ``breakaway_n``: breakaway force, half the change of friction between both
+        directions. ``slope_factor``: slope relative to the stiffness of the law.
     """
 
     def apply(self, drive: Drive) -> Drive:
@@ -501,7 +501,7 @@ def identify_presliding(
     *,
     resolution_m: float = 0.0,
 ) -> Presliding:
-    """Identify bristle stiffness, and damping if the encoder resolves it, from force-displacement loops.
+    """Identify the bristle stiffness from force-displacement loops, and the damping if the encoder resolves it.
 
     Parameters
     ----------
@@ -590,7 +590,7 @@ def _columns(loop: Any) -> tuple[Array, Array, Array]:  # noqa: ANN401 - a recor
 
 
 def _reversals(time: Array, position: Array, friction: Array, step: float) -> list[Array]:
-    """Return displacement, increase of friction and speed after each turn, in the new direction, shape (3, n) each."""
+    """Return displacement, friction increase and speed after each reversal, in the new direction, shape (3, n) each."""
     out = []
     for begin, end in pairwise(turning_points(position, max(5.0 * step, 1e-9)).tolist()):
         part, sign = slice(begin, end + 1), np.sign(position[end] - position[begin])
@@ -608,7 +608,7 @@ def _swing(reversal: Array) -> float:
 def _slope(reversal: Array, step: float) -> tuple[float, float] | None:
     """Return the slopes of friction over displacement at the reversal and over speed, by least squares.
 
-    x = b (F - s v) + c F^2, as friction is more accurate than a displacement of a few encoder steps.
+    The model is x = b (F - s v) + c F^2, because friction is more accurate than a displacement of a few encoder steps.
     """
     begin = reversal[1] <= SWING_SHARE * _swing(reversal)
     stop = int(np.argmin(begin)) if not begin.all() else begin.size
@@ -633,7 +633,7 @@ def _interval(values: Array) -> Interval:
 def _factor(drive: Drive, slope: float, level: float, speed: float) -> float:
     """Return the ratio of slope to stiffness for the drive's law.
 
-    A simulated loop of this force is evaluated like a measured one.
+    A simulated loop is evaluated like a measured loop.
     """
     factor = 1.0
     for _ in range(ROUNDS):
@@ -646,7 +646,7 @@ def _factor(drive: Drive, slope: float, level: float, speed: float) -> float:
 
 
 def _simulated_loop(drive: Drive, stiffness: float, level: float, speed: float) -> tuple[Array, Array, Array]:
-    """Simulate the law to and fro over many bristle deflections, on a stiff rig without air."""
+    """Simulate the law in a reversing motion over many bristle deflections, on a stiff rig without air."""
     law = drive.friction.core()
     parameters = dict(law["parameters"])
     ratio = level / max(parameters.get("breakaway", parameters.get("coulomb", level)), 1e-12)

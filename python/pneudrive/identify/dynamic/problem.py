@@ -1,4 +1,4 @@
-"""Fit problem: recordings in segments with their exact derivatives, start states, sensors, and residuals at a point."""
+"""Fit problem: recordings in segments, their exact derivatives, start states, sensors, and residuals."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ class Shooter:
     ----------
     recording : DriveRecording
     outputs : sequence of str
-        Wanted columns of the core.
+        Requested columns of the core.
     starts : ndarray of int, shape (k,)
         Samples at which segments begin.
     family : DriveFamily
@@ -159,7 +159,7 @@ class Shooter:
     def _slopes_by_command(
         self, values: Array, initial: Array, delay_s: float | None
     ) -> list[tuple[int, Array, Array]]:
-        """Return place and derivatives of outputs and ends by hysteresis and delay of the valve, if they are free."""
+        """Return index and derivatives of outputs and ends by hysteresis and delay of the valve, if these are free."""
         out = []
         for k, path in enumerate(self.family.paths):
             if path in self.family.exact:
@@ -197,7 +197,7 @@ class Shooter:
 
 
 def delayed(times: Array, commands: Array, delay_s: float) -> tuple[Array, Array]:
-    """Shift the steps of a command. The first time is kept, with the command at that time."""
+    """Shift the steps of a command in time. The first step keeps its time."""
     if delay_s == 0.0:
         return times, commands
     shifted = times + delay_s
@@ -206,7 +206,7 @@ def delayed(times: Array, commands: Array, delay_s: float) -> tuple[Array, Array
 
 
 def _slope(after: CoreShot, before: CoreShot, step: float) -> tuple[Array, Array]:
-    """Return the derivatives of outputs and ends from runs a step after and before a value."""
+    """Return the central differences of outputs and ends, from runs a step above and below a value."""
     width = 2.0 * step
     by_values = (after["values"] - before["values"]) / width
     by_ends = (after["ends"] - before["ends"]) / width
@@ -222,9 +222,9 @@ def _spread(derivatives: Array, p: int, columns: Ints, states: int) -> Array:
 
 
 def segment_starts(time_s: Array, length_s: float | None) -> Ints:
-    """Return the first samples of segments of about a length; None: one segment.
+    """Return the first samples of segments of about `length_s`; None: one segment.
 
-    All segments have at least two samples, and none is shorter than half of another.
+    All segments have at least two samples and similar lengths (within a factor of 2).
     """
     total = float(time_s[-1] - time_s[0])
     count = 1 if length_s is None else max(1, round(total / length_s))
@@ -235,7 +235,7 @@ def segment_starts(time_s: Array, length_s: float | None) -> Ints:
 
 @dataclass
 class FittedRecording:
-    """Recording in the fit; `noise` are the standard deviations that weight its channels."""
+    """Recording in the fit. `noise` has the standard deviations that weight its channels."""
 
     shooter: Shooter
     channels: list[Channel]
@@ -274,7 +274,7 @@ class FitProblem:
     sensors : list of SensorParameter
         Free values of the sensors.
     transforms : Transforms
-        Transforms of both to coordinates.
+        Transformation of both to coordinates.
     experiments : list of FittedRecording
     """
 
@@ -295,7 +295,7 @@ class FitProblem:
             if np.isfinite(s.uncertainty) and s.uncertainty > 0.0:
                 self.prior[i] = (s.size / s.uncertainty) ** 2
         self.huber_k = np.inf
-        #: Coordinates that are held for now.
+        #: Mask of temporarily held coordinates.
         self.held = np.zeros(self.size, dtype=bool)
 
     @property
@@ -348,7 +348,7 @@ class FitProblem:
         return {name: float(np.sqrt(power[name] / max(count[name], 1.0))) for name in power}
 
     def run(self, point: Iterate, *, derivatives: bool = True, reset: bool = False) -> list[Shot] | str:
-        """Run all recordings; a text in the result is the reason of a failed segment.
+        """Run all recordings. If a segment fails, return the reason as text.
 
         With `reset`, only unmeasured states continue from the previous segment, and derivatives by the starts cover
         only these.
@@ -452,31 +452,30 @@ _MEASURED = {
 #: Half widths of windows for parabolas, s.
 WINDOW_S = 0.01
 LEAST_HALF_WIDTH = 3  # samples
-#: Multiple of its noise below which the residual of a parabola is accepted.
+#: Multiple of the noise below which the residual of a parabola is accepted.
 PARABOLA_NOISE = 1.5
-#: Samples that a parabola needs.
+#: Smallest number of samples for a parabola.
 _LEAST_SAMPLES = 4
 #: Samples of windows in memory at a time.
 _AT_ONCE = 1_000_000
 #: Error of a parabola for a changing velocity, m/s (assumed).
 SLOPE_ERROR_M_S = 2e-3
-#: Number of runs for unmeasured states to settle: each starts from the ends of the one before.
+#: Number of runs until unmeasured states have settled. Each run starts from the end states of the previous one.
 ROUNDS = 3
-#: Prior standard deviations of a start without more accurate measurements: position,
-#: velocity, pressure, temperature, pressure, temperature. The temperature of a gas that was compressed or released
-#: before the recording began is within tens of kelvin of the wall's (assumed).
+#: Prior standard deviations of a start state: position, velocity, pressure, temperature, pressure, temperature. Gas
+#: that was compressed or expanded before the recording is within tens of kelvin of the wall temperature (assumed).
 BELIEF = np.array([1e-2, 0.2, 5e4, 20.0, 5e4, 20.0])
 #: Bounds of unmeasured states, as a multiple of the prior standard deviation.
 POSSIBLE = 4.0
-#: States that grow throughout a recording, so that short segments set no bound.
+#: States that grow throughout a recording, so that short segments do not limit their range.
 GROWING = ("contact_age_s", "sliding_distance_m", "contact_warming_k")
-#: Lower bound of pressure and temperature in a tube, as a share of the least simulated ones.
+#: Lower bound of pressure and temperature in a tube, as a fraction of the lowest simulated values.
 LEAST_SHARE = 0.2
-#: Endings of names of the gas in a tube.
+#: Suffixes of the gas states of a tube.
 _PRESSURE, _TEMPERATURE = ".pressure_pa", ".temperature_k"
-#: Pressures of chambers a and b, Pa, that no circuit states: gas that takes one of them starts like this chamber.
+#: Unusual pressures of chambers a and b, Pa, as markers: gas that gets one of them by default starts like this chamber.
 DISTINCT_PA = (110001.0, 130003.0)
-#: Sizes of states for the continuity, in the same order.
+#: Typical sizes of states, in the same order, to scale the gaps between segments.
 SIZE = np.array([1e-3, 1e-2, 1e4, 10.0, 1e4, 10.0])
 
 
@@ -507,14 +506,14 @@ class SegmentStarts:
 def measured_starts(
     shooter: Shooter, channels: list[Channel], noise: Array, drive: Drive | Circuit, inner: list[str]
 ) -> tuple[Array, Array]:
-    """Return starts from the smoothed signals; unmeasured states have the values of a drive at rest.
+    """Return starts from smoothed signals. Unmeasured states have the values of a drive at rest.
 
     Parameters
     ----------
     shooter : Shooter
         Runner of k segments.
     channels : list of Channel
-        Measured channels, c in number.
+        The c measured channels.
     noise : ndarray, shape (c,)
         Noise of the channels.
     drive : Drive or Circuit
@@ -565,8 +564,8 @@ def measured_starts(
 def observed(shooter: Shooter, values: Array, state: Array, spread: Array, names: list[str]) -> SegmentStarts:
     """Return starts with unmeasured states from the model: gas temperatures, bristles, gas of tubes.
 
-    All segments are run, and each takes unmeasured states from the end of the previous one. A wrong guess decays after
-    a few rounds. `names` are the start states other than piston and chambers.
+    All segments are run repeatedly, and each takes unmeasured states from the end of the previous segment. A wrong
+    guess decays after a few rounds. `names` are the start states other than piston and chambers.
     """
     hidden = np.flatnonzero(np.isnan(spread))
     inner = state.shape[1] - BELIEF.size
@@ -601,10 +600,10 @@ def observed(shooter: Shooter, values: Array, state: Array, spread: Array, names
 
 
 def _smoothed(time_s: Array, values: Array, at: Ints, noise: float, watch: Watch) -> tuple[Array, Array, float]:
-    """Return value and slope of a parabola through the samples around each of some samples.
+    """Return value and slope of a local parabola at the samples `at`.
 
-    The window is the widest of a few over which the signal is a parabola within its noise. The third value times the
-    noise is the standard error of a slope over the narrowest used window.
+    The window is the widest over which the signal is a parabola within its noise. The third result times the noise is
+    the standard error of a slope over the narrowest used window.
     """
     good = np.isfinite(values)
     step = float(np.median(np.diff(time_s)))

@@ -1,15 +1,15 @@
 """Result of a dynamic identification: values of a drive with their uncertainty, notes, statistics, model error.
 
-An interval covers only the noise of the sensors and becomes smaller with every sample, while the model is never exact.
-The lower limit of the model error gives each held number (bore, supply pressure, conductance, ...) an error of
-`MODEL_SHARE`. The diagnosis ignores this fraction of the balances' terms. The free values respond by least squares on
-the balances along the recordings (force in sliding, both pressure rates):
+An interval covers only sensor noise and becomes smaller with every sample, while the model is never exact. For a lower
+limit of the model error, each held number (bore, supply pressure, conductance, ...) is given the relative error
+`MODEL_SHARE`. The resulting change of the free values follows by least squares on the balances along the recordings
+(force in sliding, both pressure rates):
 
     d theta_h = - (Phi^T W Phi)^-1 Phi^T W d e_h,    floor = sqrt(sum over h of d theta_h^2)
 
-Phi are the derivatives of the balances' residuals by the free values, and d e_h their change with the held number h. W
-weights each balance by one over the mean square of its terms. The formula uses the motion of the recordings, but not
-their noise.
+Phi are the derivatives of the balances' residuals by the free values, and d e_h the change of the residuals with the
+held number h. W weights each balance by one over the mean square of its terms. The formula uses the motion of the
+recordings, but not their noise.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ if TYPE_CHECKING:
 
     from pneudrive.arrays import Array, Interval, Keyed, Plain
 
-#: Start of the note.
+#: First words of the note on kept start values.
 KEPT = "apply keeps the start value of "
 
 
@@ -67,10 +67,9 @@ class DriveFit(Fit, kind="drive"):
         SI, first order, with variance and autocorrelation of the residuals, without directions that the recordings do
         not determine.
     intervals : dict
-        Value or sensor that the recordings determine -> (lower, upper), 95 %, from the noise of the sensors. Empty if
-        the search did not converge.
+        Determined value or sensor -> (lower, upper), 95 %, from sensor noise. Empty if the search did not converge.
     model_errors : dict
-        Value or sensor -> lower limit of the model error: its change for errors of 1 % in each held number, in
+        Value or sensor -> lower limit of the model error: change for errors of 1 % in each held number, added in
         quadrature (`pneudrive.identify.dynamic.result`).
     sources : dict
         Name -> names of its recordings.
@@ -83,7 +82,7 @@ class DriveFit(Fit, kind="drive"):
     converged : bool
         False if the search was interrupted or stopped early: the values are the best so far.
     fits : bool
-        False if residuals are larger than the noise of a channel from sample to sample: the model is incomplete.
+        False if residuals exceed the sample-to-sample noise of a channel, i.e. the model is incomplete.
     provenance : dict
         Version, hash of the drive, recordings with their hashes, options.
     start : Drive or Circuit
@@ -97,7 +96,7 @@ class DriveFit(Fit, kind="drive"):
 
     @property
     def state(self) -> str:
-        """Reason for which the search ended."""
+        """Reason why the search ended."""
         if not self.converged:
             return "not converged: the best so far, without intervals"
         return "converged" if self.fits else "converged, but the model does not fit"
@@ -108,7 +107,8 @@ class DriveFit(Fit, kind="drive"):
         Parameters
         ----------
         recording : str
-            Name of the recording. Another one gets common values, and the mean of each offset and delay.
+            Name of the recording. A recording outside the fit gets common values, and the mean of each offset and
+            delay.
 
         Returns
         -------
@@ -132,17 +132,18 @@ class DriveFit(Fit, kind="drive"):
         Parameters
         ----------
         drive : Drive or Circuit, optional
-            Default: that of the start of the search.
+            Default: the description at the start of the search.
 
         Raises
         ------
         FitError, DescriptionError
-            The drive lacks a value, or the combination of fitted and kept values is not valid.
+            The drive does not have a value, or the combination of fitted and kept values is not valid.
 
         Warns
         -----
         PneudriveWarning
-            The search did not converge; undetermined values keep those of the drive, with what this mixture predicts.
+            The search did not converge; or undetermined values keep the value of the drive. The warning then has the
+            error of this combination.
         """
         if not self.converged:
             warn("the search did not reach its end: the drive gets the best values so far, without intervals")
@@ -205,7 +206,7 @@ def fit_hash(provenance: Keyed, values: Mapping[str, float]) -> str:
 
 
 def warn_of_mixture(notes: Sequence[str], kept: Collection[str], *, same_start: bool) -> None:
-    """Warn of start values that are combined with fitted ones; include the error of this mixture if it is known.
+    """Warn of start values combined with fitted values; include the error of this combination if known.
 
     Parameters
     ----------
@@ -214,7 +215,7 @@ def warn_of_mixture(notes: Sequence[str], kept: Collection[str], *, same_start: 
     kept : collection of str
         Undetermined values.
     same_start : bool
-        Whether the kept values are those of the start of the search.
+        Whether the kept values equal the start values of the search.
     """
     note = next((note for note in notes if note.startswith(KEPT)), None)
     if note is not None and same_start:
@@ -224,10 +225,10 @@ def warn_of_mixture(notes: Sequence[str], kept: Collection[str], *, same_start: 
 
 
 def applied_note(solved: Solved, kept: Collection[str]) -> list[str]:
-    """Return a note that compares the error of a free run with the applied values and with the fitted ones.
+    """Return a note that compares the errors of free runs with the applied and with the fitted values.
 
-    The start of each recording and the errors of its sensors are those of the fit. The fit has no such note if no
-    values were kept, or none was determined.
+    Free runs use the starts and sensor errors of the fit. No note is returned if no values were kept, or none was
+    determined.
 
     Parameters
     ----------
@@ -280,9 +281,9 @@ def _free_run(solved: Solved, values: Array) -> dict[str, float]:
 
 #: Relative error of each term of a model of a drive (assumed).
 MODEL_SHARE = 0.01
-#: Share of the greatest speed below which friction is not that of sliding.
+#: Fraction of the highest speed below which the piston does not count as sliding.
 SLIDES = 0.01
-#: Share of the largest scaled derivative below which a direction is not determined.
+#: Fraction of the largest scaled derivative below which a direction is not determined.
 SINGULAR_SHARE = 1e-3
 _STATES = ("position_m", "velocity_m_s", "pressure_a_pa", "pressure_b_pa")
 
@@ -339,7 +340,7 @@ def _motion(solved: Solved, index: int) -> dict[str, Array]:
 
 
 def _balances(family: DriveFamily, values: Array, motion: dict[str, Array]) -> tuple[list[Array], list[Array]]:
-    """Return the balances along a motion, and their terms: force in sliding, N, and pressure rates, Pa/s."""
+    """Return the balances along a motion (force in sliding, N, and pressure rates, Pa/s), and their terms."""
     out = family.core(values).along(
         motion["time_s"],
         motion["position_m"],
@@ -390,11 +391,11 @@ def _change(
     return np.concatenate(parts)
 
 
-#: Largest distance of a 95 % interval's end, as a share of the value, for a determined value.
+#: Largest half width of the 95 % interval of a determined value, as a fraction of the value.
 LARGEST_REACH = 0.5
 #: Ratio of the ends of an interval beyond which a value has no effect.
 NO_EFFECT = 1e6
-#: Component of a vanishing direction from which a parameter counts as part of it.
+#: Component of an undetermined direction above which a parameter counts as undetermined.
 TAKES_PART = 0.3
 #: Correlation above which two values are only determined together.
 TOGETHER = 0.95
@@ -413,7 +414,7 @@ def _lost(fit: DriveFit, ends: dict[str, Interval], sizes: Array, weak: Array) -
     sizes : ndarray, shape (P,)
         Reference for the width of an interval: the value, or a usual change of a value that may be zero.
     weak : ndarray, shape (w, P)
-        Directions of the scaled coordinates that vanish.
+        Undetermined directions in scaled coordinates.
     """
     names, values, correlation = fit.free, fit.free_values(), fit.correlation
     out: dict[str, Undetermined] = {}
@@ -443,15 +444,15 @@ def _lost(fit: DriveFit, ends: dict[str, Interval], sizes: Array, weak: Array) -
 
 
 def _is_sensor(name: str) -> bool:
-    """Return whether a value is an offset or similar, which has no relative width.
+    """Return whether a value is an offset or similar, for which a relative interval width has no meaning.
 
-    Such a value is undetermined only if its direction vanishes.
+    Such a value is undetermined only if it takes part in an undetermined direction.
     """
     return name.partition(" [")[0].endswith((".offset", ".lag", ".gain", ".delay"))
 
 
 def unresolved_damping(step_m: float, breakaway_n: float, stiffness_n_m: float) -> Undetermined | None:
-    """Return a statement if the encoder does not resolve the bristles, and the damping is not determined.
+    """Return a statement on undetermined damping if the encoder does not resolve the bristles.
 
     Parameters
     ----------
@@ -467,9 +468,9 @@ def unresolved_damping(step_m: float, breakaway_n: float, stiffness_n_m: float) 
     return Undetermined("friction.bristle_damping", **stated("undetermined", "damping", **sizes))
 
 
-#: Correlation of residuals, in samples, above which there is a note, unless their variance is only that of the solver.
+#: Correlation length of residuals, in samples, above which a note is given, unless solver errors explain the variance.
 CORRELATED, SOLVER_SHARE = 10.0, 0.1
-#: Fit, %, below which the error is not one of parameters: worse than the mean of the record.
+#: Fit, %, below which parameters cannot explain the error: worse than a constant at the mean of the record.
 SENSELESS_PERCENT = 0.0
 
 

@@ -1,6 +1,6 @@
 """Search: Gauss-Newton with Levenberg-Marquardt damping over segments with continuous starts.
 
-There are two phases. In the first phase, segments are short and start with smoothed measurements. Only unmeasured
+There are two phases. In the first phase, segments are short and start from smoothed measurements. Only unmeasured
 states, the gas temperatures and the bristles, are carried over from the previous segment. Predictions over some
 hundredths of a second remain near the measurements even with wrong parameters. In the second phase, the starts are free
 and tied to the ends of the previous segments (multiple shooting). The linearised continuity condenses them onto the
@@ -32,28 +32,30 @@ if TYPE_CHECKING:
     from pneudrive.identify.base import Undetermined
     from pneudrive.signals.drive_recording import DriveRecording
 
-#: Share of the largest direction of the scaled Jacobian below which a direction is ignored.
+#: Fraction of the largest singular value of the scaled Jacobian below which a direction is ignored.
 SINGULAR_SHARE = 1e-4
-#: Greatest change of a coordinate in a step (of a logarithm: by a factor of 2.7); a step that fails is shortened.
+#: Largest change of a coordinate in a step (1 is a factor of 2.7 for a logarithm), and factors on this limit after a
+#: failed and after a successful step.
 LONGEST, SHORTER, LONGER = 1.0, 0.25, 4.0
-#: Length of a step, as a share of the standard error in the metric of the information, below which the search ends ...
+#: Length of a step, in standard errors (metric of the information matrix), below which the search ends, ...
 SHORT_STEP = 0.02
-#: ... if gaps, in the sizes of the states, are below this.
+#: ... provided that gaps are below this multiple of the sizes of the states.
 SMALL_GAP = 1e-3
-#: Limit of gaps below which a short step cannot improve further because of the solver's error.
+#: Size of gaps below which the solver's error prevents further improvement by a short step.
 SOLVER_GAP = 3e-3
-#: Share of the noise below which residuals need no further search until the noise is estimated.
+#: Fraction of the noise below which residuals need no further search until the noise is estimated.
 EXACT_SHARE = 0.1
-#: Share of the cost: the first phase ends at a smaller gain.
+#: Relative decrease of the cost below which the first phase ends.
 SMALL_GAIN = 0.01
 MOST_STEPS = 40
-#: Shares of a step of coordinates and starts, if no shorter step of the coordinates lowers the merit function.
+#: Fractions of a step of coordinates and starts, tried if no shorter step of the coordinates alone lowers the merit
+#: function.
 SHARES = (0.5, 0.25, 0.1)
-#: Damping: 1 is a prior about the present value of a logarithm with a standard deviation of 1.
+#: Smallest damping. A damping of 1 acts like a prior with standard deviation 1 about the present value of a coordinate.
 DAMPING_LEAST = 1e-3
-#: Number of moves of only the carried states before the first phase gives up.
+#: Largest number of steps that only update carried-over states before the first phase gives up.
 MOST_CLOSINGS = 2
-#: Rounding error of a number, as a share.
+#: Relative rounding error of a floating-point number.
 ROUNDING = float(np.finfo(np.float64).eps)
 #: Shortest step of a search.
 SHORTEST = 1e-6
@@ -61,7 +63,7 @@ SHORTEST = 1e-6
 
 @dataclass(frozen=True)
 class Equations:
-    """Normal equations of one recording: unknowns are the global coordinates, then its start in units of its prior.
+    """Normal equations of one recording. Unknowns are the global coordinates, then the start in units of its prior.
 
     information, gradient: shapes (P + s, P + s) and (P + s,).
     """
@@ -83,7 +85,7 @@ class Progress:
 
 
 class Watcher:
-    """Keeper of the best point, for interruptions, and reporter of each step."""
+    """Keeps the best point for interruptions, and reports each step."""
 
     def __init__(self, tell: Callable[[Progress], None] | None = None, watch: Watch = UNWATCHED) -> None:
         self.tell, self.watch, self.count = tell, watch, 0
@@ -112,7 +114,7 @@ def reduced(blocks: list[Equations], size: int) -> tuple[Array, Array]:
 
 
 def start_solution(block: Equations, right: Array) -> Array:
-    """Solve the equations of a block's start, which are positive definite with its prior, except for rounding.
+    """Solve the equations of a block's start. With the prior, they are positive definite except for rounding.
 
     Directions below the rounding error of the scaled equations are left out.
     """
@@ -125,10 +127,10 @@ def start_solution(block: Equations, right: Array) -> Array:
 
 
 def bounded_step(information: Array, gradient: Array, longest: float) -> Array:
-    """Solve for a step with each coordinate at most `longest`, with as much damping as needed.
+    """Return a step of at most `longest` in each coordinate, with as much damping as needed.
 
-    The damping acts on the coordinates, mostly logarithms: a direction with little information moves little, and does
-    not slow down the others.
+    The damping acts on the coordinates, mostly logarithms. Directions with little information then move little, without
+    slowing down other directions.
     """
     power, axes = np.linalg.eigh(information)
     along = axes.T @ gradient
@@ -149,11 +151,11 @@ class Misfit:
     cost : float
         Twice the negative log-likelihood, up to a constant.
     merit : float
-        Objective of a step: the cost, in the second phase with the gaps.
+        Merit function of a step: the cost, plus the gaps in the second phase.
     gap : float
-        Greatest gap, in the sizes of the states.
+        Largest gap, in units of the sizes of the states.
     residuals : list of ndarray, shape (n, c)
-        Residuals in units of the noise, gaps not closed.
+        Residuals in units of the noise, without closing the gaps.
     """
 
     cost: float
@@ -172,7 +174,7 @@ class Joined:
         One for each recording, by the global coordinates and its first start.
     slopes : list of ndarray, shape (n, c, P + s)
     carried : list of (ndarray, ndarray), shapes (k, s, P + s) and (k, s)
-        Change of each start with the unknowns, and by closing the gaps.
+        Derivative of each start by the unknowns, and its change by closing the gaps.
     standing : Misfit
     """
 
@@ -192,11 +194,11 @@ def judge(
     problem : FitProblem
     point : Iterate
     believed : list of ndarray
-        Prior starts; only the first of each recording counts.
+        Prior starts, of which only the first of each recording is used.
     shots : list of Shot
         Runs of each recording's segments.
     reset : bool
-        Segments begin with measurements; only other states are carried over.
+        Whether segments start from measurements, so that only unmeasured states are carried over.
     """
     residuals: list[Array] = []
     gap, cost = 0.0, problem.prior_cost(point.eta)
@@ -260,12 +262,12 @@ def _gaps(problem: FitProblem, point: Iterate, shot: Shot, i: int, *, reset: boo
 
 
 def _condense(problem: FitProblem, point: Iterate, shot: Shot, i: int, *, reset: bool) -> tuple[Array, Array]:
-    """Return the change of all starts from those of first start and coordinates, by linearised continuity.
+    """Return the changes of all starts as functions of first start and coordinates, by linearised continuity.
 
     Returns
     -------
     ndarray (k, s, P + s), ndarray (k, s)
-        Derivatives of each start (by the first one in units of its prior), and its change by closing all gaps.
+        Derivatives of each start (by the first start in units of its prior), and its change by closing all gaps.
     """
     k, s = point.states[i].shape
     size = problem.size
@@ -300,8 +302,8 @@ def _outputs(
 def predict_segments(problem: FitProblem, point: Iterate, watcher: Watcher) -> Iterate:
     """Run the first phase, until the point is near enough for the second phase.
 
-    The noise is the present error of the model, at least that of the sensors. Offsets are held, because with starts
-    from the sensors they act only through volumes and flows.
+    The noise is set to the present error of the model, at least the noise of the sensors. Offsets are held: because
+    segments start from the measurements, offsets act only through volumes and flows.
     """
     problem.held = problem.offsets
     least = [e.noise.copy() for e in problem.experiments]
@@ -354,8 +356,8 @@ def _shortened(
 ) -> tuple[Iterate, Misfit, float] | None:
     """Shorten the step until it lowers the merit function, by runs without derivatives.
 
-    Only the coordinates move less; a share also shortens the move of the starts. Return point, misfit and the longest
-    step that follows; None if no step lowers it.
+    Only the step of the coordinates is shortened; `share` also shortens the step of the starts. Return point, misfit
+    and limit of the next step; None if no step lowers the merit function.
     """
     information, gradient = equations(problem, point, at)
     before = at.standing.merit
@@ -433,25 +435,25 @@ def _moved(point: Iterate, at: Joined, step: Array, share: float) -> Iterate:
     return replace(point, eta=point.eta + share * step, states=states)
 
 
-#: Largest lag for the correlation of residuals, as a share of a recording.
+#: Largest lag for the correlation of residuals, as a fraction of a recording.
 LAG_SHARE = 0.1
 PROFILE_FITS = 12
 
 
 @dataclass(frozen=True)
 class Information:
-    """Linearisation at the estimate, the starts of the recordings eliminated.
+    """Linearisation at the estimate, after elimination of the starts.
 
     Attributes
     ----------
     slopes : list of ndarray, shape (n, c, P)
-        Derivatives of each recording, in units of the noise, without the part that starts can compensate.
+        Derivatives of each recording, in units of the noise, minus the part that starts can compensate.
     matrix : ndarray, shape (P, P)
         Information of the coordinates, with prior knowledge of the sensors.
     inverse : ndarray, shape (P, P)
-        Its inverse on the directions that the data determine.
+        Inverse of `matrix` in determined directions.
     weak : ndarray, shape (w, P)
-        Unit directions of the scaled coordinates that the data do not determine.
+        Undetermined unit directions in scaled coordinates.
     inflation : dict
         (recording, channel number) -> (variance of the residuals, sum of their correlations over all lags).
     """
@@ -536,8 +538,8 @@ def correlation_time(residual: Array) -> float:
 def profile(solved: Solved, name: str, least: float | None = None) -> Interval:
     """Return the interval of one value by profile likelihood, SI.
 
-    With all other values refitted, the cost may grow by Student's t squared times the inflation of the residuals. If
-    the cost never grows that much, the end of the interval is the bound of the value.
+    With all other values refitted, the cost may increase by Student's t squared times the inflation of the residuals.
+    If the cost never increases that much, the end of the interval is the bound of the value.
 
     Parameters
     ----------
@@ -546,7 +548,7 @@ def profile(solved: Solved, name: str, least: float | None = None) -> Interval:
     name : str
         Name of the value, as in `FitProblem.names`.
     least : float, optional
-        Cost of the best minimum; by default that of this one.
+        Cost of the best minimum. Default: cost of this solution.
     """
     problem, point, found, reach = solved.problem, solved.point, solved.information, student(solved.freedom)
     index = problem.names.index(name)
@@ -582,7 +584,7 @@ def _constrained(
     return at.standing.cost, moved
 
 
-#: Lengths of the segments of the first phase, s, and of a second attempt; least number of samples of a segment.
+#: Segment lengths in the first phase, s, and in a second attempt; smallest number of samples of a segment.
 LADDER_S, SECOND_LADDER_S, LEAST_SEGMENT_SAMPLES = (0.01, 0.04), (0.02, 0.08), 8
 
 
@@ -595,9 +597,9 @@ class Attempt:
     solved : Solved
     converged : bool
     missed : dict
-        Channel -> residuals relative to its noise from sample to sample, if larger than `MISFIT`.
+        Channel -> residuals relative to its sample-to-sample noise, if larger than `MISFIT`.
     score : float
-        Mean logarithm of the residuals, relative to the noise of each channel from sample to sample.
+        Mean logarithm of the residuals relative to the sample-to-sample noise of each channel.
     segment_s : float or None
         Length of the segments.
     """
@@ -632,7 +634,8 @@ class SearchOptions:
     last_attempt: bool = False
     lengths_s: tuple[float, ...] = LADDER_S
     delay: Delay = field(default_factory=Delay)
-    #: Names of a circuit's axis. Its search ends with one segment, as a start does not contain the spool's position.
+    #: Names of a circuit's axis. The search of a circuit ends with one segment, because a start does not contain the
+    #: spool's position.
     axis: ShortNames | None = None
 
     @property

@@ -2,8 +2,8 @@
 
     y(t) = gain h(t) + offset + noise,    lag dh/dt + h = model output
 
-h is the output after a lag of first order. Each recording has its own offset, because sensors are tared in between.
-Gain and lag belong to the sensor.
+h is the output after a first-order lag. Each recording has its own offset, because sensors may be zeroed between
+recordings. Gain and lag are common to all recordings.
 """
 
 from __future__ import annotations
@@ -104,7 +104,7 @@ class Sensor:
 
 @dataclass(frozen=True)
 class Channel:
-    """Sensor in SI. `column` is the model's output, and `free` names the free numbers, which have their `START`."""
+    """Sensor in SI. `column` is the output of the model. `free` names the free properties, which begin at `START`."""
 
     name: str
     column: str
@@ -125,9 +125,9 @@ class Channel:
         return self.offset_uncertainty if np.isfinite(self.offset_uncertainty) else 5.0 * OFFSET_SIZE[self.unit]
 
 
-#: Free number -> its start value; that of a lag is assumed to be that of a pressure transducer with its tube.
+#: Free property -> start value. The lag is that of a pressure transducer with its tube (assumed).
 START = {"offset": 0.0, "gain": 1.0, "lag": 2e-3, "delay": 0.0}
-#: Usual offset by unit: the unit of its coordinate.
+#: Typical offset by unit, which scales its coordinate.
 OFFSET_SIZE = {"m": 1e-3, "Pa": 1e3, "m/s": 1e-2, "K": 1.0, "N": 1.0, "m/s^2": 1.0}
 
 
@@ -150,7 +150,7 @@ def channel(name: str, sensor: Sensor) -> Channel:
 
 @dataclass(frozen=True)
 class Delay:
-    """Delay of the valve after the recorded command, s; a free one is fitted for each recording."""
+    """Delay of the valve after the recorded command, s. A free delay is fitted for each recording."""
 
     value_s: float = 0.0
     free: bool = False
@@ -204,13 +204,13 @@ def _made(name: str, given: Sensor | Keyed) -> Sensor:
     return Sensor(**given)
 
 
-#: Usual delay of a valve, s: the unit of its coordinate (assumed).
+#: Typical delay of a valve, s, which scales its coordinate (assumed).
 DELAY_SIZE_S = 2e-3
 
 
 @dataclass(frozen=True)
 class SensorParameter:
-    """Free parameter of a sensor: offset or command delay of one recording, or gain or lag of all."""
+    """Free parameter of a sensor: offset or command delay of one recording, or gain or lag common to all."""
 
     kind: str
     channel: str
@@ -230,9 +230,9 @@ class SensorParameter:
 def sensor_parameters(
     channels: list[Channel], recordings: list[str], present: list[set[str]], *, delay: bool = False
 ) -> list[SensorParameter]:
-    """Return the free parameters of the sensors: an offset for each recording with the channel; gain and lag once.
+    """Return the free parameters of the sensors: offsets for each recording with the channel; gain and lag once.
 
-    With `delay`, also the delay of each recording's command.
+    With `delay`, also return the delay of each recording's command.
     """
     which = {i: f" [{name}]" if len(recordings) > 1 else "" for i, name in enumerate(recordings)}
     out = [
@@ -262,7 +262,7 @@ def lagged(time_s: Array, values: Array, lag_s: float) -> Array:
     time_s : ndarray, shape (n,)
     values : ndarray, shape (n, ...)
     lag_s : float
-        Time constant; the lag starts in the steady state of a linear input.
+        Time constant. The lag starts in the steady state of a linear input.
 
     Returns
     -------

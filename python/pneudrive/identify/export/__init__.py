@@ -1,4 +1,4 @@
-"""Sliding friction for export: a curve over speed, the law of another tool that fits it, and what that law lacks.
+"""Export of sliding friction: a curve over speed, the law of another tool fitted to the curve, and its limitations.
 
 Simscape, Translational Friction [mathworks-friction]::
 
@@ -9,13 +9,13 @@ Modelica Standard Library 4, MassWithStopAndFriction [modelica-mass-with-stop-an
 
   F = F_Coulomb + F_prop v + F_Stribeck exp(-fexp |v|)                                                  v > 0
 
-Both are linear in their forces at a given speed scale. For each of many scales, the forces are found by non-negative
-least squares. The best scale is refined between its neighbours.
+Both laws are linear in their forces at a given speed scale. For each of many scales, the forces are found by
+non-negative least squares. The best scale is refined between its neighbours.
 
 The friction curve as one function of a PLC (IEC 61131-3, structured text), for a feed-forward.
 
-Between the lowest and the highest speed, the curve is a cubic spline over u = ln v with evenly spaced knots. The
-interval is then found without a search::
+Between the lowest and the highest speed, the curve is a cubic spline over ln v with evenly spaced knots, so that the
+interval is found without a search::
 
   u = (ln |v| - ln v_low)/h,   k = trunc(u),   d = u - k
   F = sign(v) (c0 + c1 d + c2 d^2 + c3 d^3)                                                         [N]
@@ -61,7 +61,7 @@ POINTS = 400
 
 @dataclass(frozen=True)
 class CurveEntry:
-    """Value of the exported law in a table: a number in SI or a word; NaN for a missing bound."""
+    """Value of the exported law in a table: a number in SI or a word. Missing bounds are NaN."""
 
     name: str
     value: float | str
@@ -86,11 +86,11 @@ class SlidingCurve(Shown):
     gauge_a_pa, gauge_b_pa : float
         Gauge pressures of the curve.
     entries : tuple of CurveEntry
-        Parameters in pneudrive.
+        Parameters of the law in pneudrive.
     lost : tuple of str
-        Dependences other than speed, which the law of another tool does not include.
+        Dependences on quantities other than speed, which the law of another tool does not include.
     unwritten : tuple of str
-        Parts of the friction without an entry.
+        Parts of the friction law without an entry.
     """
 
     title: str
@@ -122,7 +122,7 @@ def speeds_over(between: object, source: str) -> Array:
 
 
 def middle_of(given: float | None, measured: object) -> float:
-    """Return the requested pressure, or the middle of the measured ones."""
+    """Return the requested pressure, or the middle of the measured range."""
     if given is None and isinstance(measured, (list, tuple)):
         return 0.5 * (float(measured[0]) + float(measured[1]))
     return given or 0.0
@@ -228,16 +228,17 @@ def steady_force(
 # --- Conversions: parameters of the other tool, and deviation of its curve from that of pneudrive.
 
 SCALES = 121
-#: Range of speed scales, as a factor below and above the measured speeds.
+#: Factor by which the search for speed scales extends beyond the measured speeds.
 BEYOND = 30.0
 #: Number of points of a table of Modelica, which the library interpolates linearly.
 TABLE_POINTS = 40
-#: Numbers of intervals of a spline that are tried; each divides the 399 of a curve.
+#: Candidate numbers of intervals of a spline. Each divides the 399 intervals of a curve.
 INTERVALS = (19, 57, 133, 399)
-#: Relative deviation that is allowed at the curve's speeds; midway between knots it is a quarter larger at most.
+#: Allowed relative deviation at the speeds of the curve. Midway between knots, the deviation is at most a quarter
+#: larger.
 ACCURACY = 5e-7
-#: By so much the deviation falls from the last but one number of intervals to the last, at which there is none at the
-#: curve's speeds: the error of a cubic spline falls with the fourth power of the interval.
+#: Factor by which the deviation falls from 133 to 399 intervals, where it is zero at the speeds of the curve: the error
+#: of a cubic spline is proportional to the fourth power of the interval.
 FALL = 3.0**4
 
 
@@ -261,11 +262,11 @@ class Exported(Shown):
     parameters : tuple of ToolParameter
         Empty if the tool has the same parameters.
     curve : SlidingCurve
-        SlidingCurve of pneudrive.
+        Curve of pneudrive.
     converted_n : ndarray, shape (n,)
-        SlidingCurve of the other tool at the same speeds.
+        Curve of the other tool at the same speeds.
     lost : tuple of str
-        Effects that the other law lacks.
+        Effects that the other law does not include.
     text : str
         Content of the file.
     """
@@ -336,7 +337,7 @@ def _converted(
 def best_scale(
     curve: SlidingCurve, columns: Callable[[float], Array], lowest: float, highest: float
 ) -> tuple[float, Array]:
-    """Return the scale between two limits and the non-negative weights of its columns that best fit a curve.
+    """Return the scale between two limits, and the non-negative weights of its columns, that best fit a curve.
 
     Parameters
     ----------
@@ -421,7 +422,7 @@ def spline_of(curve: SlidingCurve) -> tuple[Array, Array]:
     Returns
     -------
     coefficients : ndarray, shape (intervals, 4)
-        c0 to c3 of each interval, over the length of the interval.
+        c0 to c3 of each interval, for d in units of the interval length.
     friction_n : ndarray, shape (n,)
 
     Raises

@@ -1,4 +1,4 @@
-"""Phases of a stop and the friction around it: uninterrupted sliding as the reference, relaxation while held, recovery.
+"""Phases of a stop, and friction around the stop: uninterrupted sliding as reference, relaxation while held, recovery.
 
 The phases approach, rest and restart are found from the steps of the cycle, otherwise from motion.
 
@@ -6,8 +6,8 @@ Recovery is the distance after a restart until friction has returned to that of 
 
   excess(s) = E exp(-s/L) + c        s: travel since the breakaway peak
 
-c is the rest at the end of the move. Friction has recovered when the excess over c has fallen to 5 % of its start.
-This distance does not depend on noise, unlike "no longer distinguishable".
+c is the remaining excess at the end of the move. Friction has recovered when the excess over c has fallen to 5 % of its
+initial value. Unlike the distance to "no longer distinguishable", this distance does not depend on noise.
 
 Relaxation of the force while the piston is held has one of four forms:
 
@@ -45,9 +45,9 @@ if TYPE_CHECKING:
     from pneudrive.signals.recording import Recording
 
 
-#: Least number of samples of a phase.
+#: Smallest number of samples of a phase.
 FEWEST = 5
-#: Speeds within this share of the usual one belong to the part of a move at constant speed.
+#: Relative deviation from the usual speed up to which samples belong to the part of a move at constant speed.
 STEADY = 0.1
 
 
@@ -63,9 +63,9 @@ class Phases:
     direction : int
         Direction of the restart, +1 or -1.
     reversed : bool
-        The approach came from the other side, or is missing.
+        Whether the approach was in the opposite direction, or is missing.
     by_steps : bool
-        Found by the steps of the cycle; by motion otherwise.
+        Whether the phases come from the steps of the cycle; otherwise from the motion.
     """
 
     approach: slice
@@ -94,7 +94,7 @@ def find_phases(cycle: Cycle, time_s: Array, position_m: Array, step: Ints) -> P
     Returns
     -------
     Phases or str
-        A string is the reason for a missing stop.
+        A string gives the reason why no stop was found.
     """
     numbered = np.unique(step).size > 1
     hold = stop_step(cycle) if cycle.steps and numbered else None
@@ -109,7 +109,7 @@ def find_phases(cycle: Cycle, time_s: Array, position_m: Array, step: Ints) -> P
 
 
 def stop_step(cycle: Cycle) -> int | None:
-    """Find the hold that is the stop of a cycle, before a move and with the planned duration.
+    """Return the index of the hold that is the stop of a cycle: before a move, and with the planned duration.
 
     None without such a hold.
     """
@@ -159,7 +159,7 @@ def mean_velocity(recording: Recording, part: slice) -> float:
 
 
 def _phases(time_s: Array, position_m: Array, step: Ints, hold: int) -> Phases | None:
-    """Return the phases of a stop by the number of its hold; None with too few samples of the restart."""
+    """Return the phases of a stop by the index of its hold; None with too few samples of the restart."""
     before, rest, after = (np.flatnonzero(step == hold + k) for k in (-1, 0, 1))
     if after.size < FEWEST:
         return None
@@ -182,7 +182,7 @@ def _phases(time_s: Array, position_m: Array, step: Ints, hold: int) -> Phases |
 
 SAME_SPEED = 0.05  # speeds that differ by less than this share are equal
 POINTS = 400  # over a stroke: means of neighbouring samples
-#: Part of the approach at constant speed whose friction counts: its start may still recover.
+#: Final fraction of the approach at constant speed that is used; before, friction may still recover.
 LAST_SHARE = 0.5
 BINS = 24
 MOST_REFERENCES = 8
@@ -192,9 +192,9 @@ NOISE_OF_STEPS = 0.954  # median size of the step between two values of noise 1
 
 @dataclass(frozen=True, eq=False)
 class UninterruptedStroke:
-    """One stroke at constant speed without a stop: friction over rising position, as means of neighbours, shape (m,).
+    """One stroke at constant speed without a stop: friction over increasing position, as block means, shape (m,).
 
-    ``noise_n`` is the noise of one mean.
+    ``noise_n`` is the standard deviation of one mean.
     """
 
     condition: Condition
@@ -214,10 +214,10 @@ def strokes_of(
     ----------
     file : CycleFile
     recording : Recording
-        Its samples.
+        Samples of the cycle.
     step : ndarray of int, shape (n,)
     leave : int or None
-        Step of a stop: the moves before and after it are excluded.
+        Index of the hold of a stop. The moves before and after the hold are excluded.
     """
     planned, out = file.head.cycle.speed_m_s, []
     balance = recording.balance_n()
@@ -242,7 +242,7 @@ def strokes_of(
 
 
 def read_strokes(files: Sequence[CycleFile], identity: Identity) -> list[UninterruptedStroke]:
-    """Return the uninterrupted strokes of whole cycles; unreadable cycles give none."""
+    """Return the uninterrupted strokes of whole cycles. Unreadable cycles are skipped."""
 
     def read(file: CycleFile, samples: Samples) -> list[UninterruptedStroke]:
         recording, _ = recording_of(file, identity, samples)
@@ -260,7 +260,7 @@ def _means(values: Array, most: int) -> tuple[Array, float]:
 
 
 def _noise(values: Array) -> float:
-    """Estimate the noise of single values from neighbours."""
+    """Estimate the standard deviation of single values from differences of neighbours."""
     return float(np.median(np.abs(np.diff(values)))) / NOISE_OF_STEPS
 
 
@@ -273,13 +273,13 @@ class Running:
     level_n, stderr_n : float
         Level at the stop; NaN if unknown.
     texture_n : float
-        Scatter of friction over the travel about that level, beyond noise.
+        Scatter of friction over position about that level, beyond noise.
     basis : str
         approach, approach and reference, reference, none.
     stop_m : float
-        Position of the level.
+        Position at which the level applies.
     reference_m, reference_n : ndarray, shape (m,)
-        Uninterrupted friction over the travel. Empty if unknown.
+        Uninterrupted friction over position. Empty if unknown.
     """
 
     level_n: float
@@ -306,7 +306,7 @@ def running_level(
     others: Sequence[UninterruptedStroke],
     condition: Condition,
 ) -> Running:
-    """Find the level from the approach, from uninterrupted strokes, or both.
+    """Estimate friction without the stop from the approach, from uninterrupted strokes, or from both.
 
     Parameters
     ----------
@@ -354,7 +354,7 @@ def _of_approach(friction: Array) -> tuple[float, float, float]:
 
 
 def _approach(recording: Recording, phases: Phases, speed: float) -> slice | None:
-    """Return the last part of an approach in the same direction and at the same speed, or None."""
+    """Return the last part of an approach with the same direction and speed as the restart, or None."""
     if phases.reversed or phases.approach.stop - phases.approach.start < 4 * FEWEST:
         return None
     steady = steady_part(recording, phases.approach)
@@ -397,12 +397,12 @@ LEAST_IN_BIN = 4
 FEWEST_BINS = 8
 LENGTHS = 60
 MISFIT = 0.05  # of the excess: largest misfit of an exponential for reading a distance
-#: An excess below this many standard errors cannot be followed.
+#: Number of standard errors below which an excess counts as zero.
 SIGNIFICANT = 3.0
 
 
 def _interval(name: str, value: float, low: float, high: float) -> Row:
-    """Return the columns of a value and of the ends of its 95 % interval."""
+    """Return the columns of a value and of the bounds of its 95 % interval."""
     return {name: value, f"{name}_low": low, f"{name}_high": high}
 
 
@@ -412,11 +412,11 @@ def bin_excess(travel_m: Array, time_s: Array, excess_n: Array, noise_n: float, 
     Parameters
     ----------
     travel_m, time_s, excess_n : ndarray, shape (n,)
-        Since the peak.
+        Samples since the peak.
     noise_n : float
         Noise of one sample.
     texture_n : float
-        Standard deviation of friction over position in uninterrupted sliding, which bins do not average out.
+        Standard deviation of friction over position in uninterrupted sliding, which averaging in bins does not reduce.
 
     Returns
     -------
@@ -462,10 +462,10 @@ def recover(bins: Array, running_stderr_n: float, speed_m_s: float) -> Row:
     Returns
     -------
     dict
-        Empty if the excess at the peak is not distinguishable from zero. Otherwise distance and time from the
-        peak to 5 % of the excess, the friction at the end minus that before the stop, the travel after the peak, and
-        whether the move is long enough; the upper ends are infinite if it is not. If the excess is not an exponential
-        within its noise, the distance is read from the bins.
+        Empty if the excess at the peak is not distinguishable from zero. Otherwise distance and time from the peak to 5
+        % of the excess, friction at the end minus friction before the stop, travel after the peak, and whether the move
+        is long enough. If not, upper bounds are infinite. If the excess is not exponential within its noise, the
+        distance is read from the bins.
     """
     s, time, y, sigma = bins
     first = slice(0, max(2, s.size // 10))
@@ -506,7 +506,7 @@ def recover(bins: Array, running_stderr_n: float, speed_m_s: float) -> Row:
 
 
 def _by_bins(travel: Array, above: Array, sigma: Array) -> tuple[float, float, float]:
-    """Return the distance from the bins: where the excess falls below 5 % and stays there, with its error."""
+    """Return the distance, with its error, at which the binned excess falls below 5 % and stays there."""
     top = above[: max(2, above.size // 10)].mean()
 
     def crossing(shift: float) -> float:
@@ -520,10 +520,10 @@ def _by_bins(travel: Array, above: Array, sigma: Array) -> tuple[float, float, f
 
 PER_DECADE = 12
 FEWEST_TIMES = 6
-#: Start and end of the hold for the amount: the force falls fastest at first.
+#: Duration at the start, s, and fraction at the end of a hold that are averaged for the amount of relaxation.
 START_S, END_SHARE = 0.1, 0.1
 LEAST_SAMPLES = 3
-#: Factor by which the search for times extends beyond the first and last bin.
+#: Factor by which the search for time constants extends beyond the times of the first and last bin.
 REACH = 5.0
 TIMES = 60
 
@@ -534,15 +534,16 @@ def relax(time_s: Array, friction_n: Array) -> Row:
     Parameters
     ----------
     time_s : ndarray, shape (n,)
-        Since the rest began.
+        Time since the beginning of the rest.
     friction_n : ndarray, shape (n,)
         Raw samples.
 
     Returns
     -------
     dict
-        Empty with fewer than six samples. Otherwise the fall from the start to the end of the hold, free of
-        any form; the fall per decade, NaN if the hold is too short; the best form; the force at the end of the hold.
+        Empty with fewer than six samples. Otherwise the fall of the force from the start to the end of the hold,
+        independent of any form; the fall per decade, NaN if the hold is too short; the best form; the force at the end
+        of the hold.
     """
     if time_s.size < 2 * LEAST_SAMPLES:
         return {}
@@ -570,7 +571,7 @@ def relax(time_s: Array, friction_n: Array) -> Row:
 
 
 def _basis(form: str, time: Array, times: Array) -> Array:
-    """Return the fall for amplitude 1 at times (n,), for sets of time constants (g, k); shape (g, n, k)."""
+    """Return the relaxation for amplitude 1 at times (n,), for sets of time constants (g, k); shape (g, n, k)."""
     ratio = time[None, :, None] / times[:, None, :]
     return np.log10(1.0 + ratio) if form == "log" else -np.expm1(-ratio)
 

@@ -1,17 +1,16 @@
-"""Breakaway against stop duration and pressure: slope per decade, laws in comparison, limits of the stops.
+"""Breakaway over stop duration and pressure: slope per decade, comparison of laws, limits of the data.
 
 The age of a contact follows from the peaks after stops, in the form of a drive's friction::
 
   dphi/dt = 1 - phi |v|/L      age: the duration of the stop while the piston rests, L/|v| while it slides
   Fd = B (1 + s_a p_a + s_b p_b) psi(phi/tau)
 
-A peak after a stop of duration t therefore exceeds the earlier friction at the speed v by Fd(t) - Fd(L/v). The excess
-after a restart has fallen to 5 % at::
+A peak after a stop of duration t therefore exceeds sliding friction at speed v by Fd(t) - Fd(L/v). After the restart,
+the excess has fallen to 5 % at the travel for which::
 
   psi(L/v + (t - L/v) exp(-travel/L)) = psi(L/v) + 0.05 [psi(t) - psi(L/v)]
 
-This gives L for each time tau. B and the pressure coefficients are found by least squares, and tau by a scan over its
-values.
+This gives L for each time constant tau. B and the pressure coefficients are found by least squares, and tau by a scan.
 """
 
 from __future__ import annotations
@@ -55,7 +54,7 @@ def inertia_of(stops: pl.DataFrame) -> float:
 
 
 def durations_of(stops: pl.DataFrame) -> int:
-    """Count the durations of some stops."""
+    """Count the different durations of stops."""
     return np.unique(levels(np.log10(np.maximum(stops["dwell_s"].to_numpy(), 1e-6)), dwell_models.SAME_DURATION)).size
 
 
@@ -94,26 +93,26 @@ class DwellSeries(Shown):
     left_out : int
         Stops of the series that were not used.
     reference_s : float
-        Duration of the slopes.
+        Stop duration at which slopes are evaluated.
     slopes : tuple of Estimate
-        Slope per decade of the increment at the reference duration, at each condition, N. Law-free.
+        Slope per decade of the increment at the reference duration, at each condition, N; independent of a law.
     mean_slopes : tuple of Estimate
-        Mean slope per decade from the shortest to the longest duration, at each condition, N. Law-free.
+        Mean slope per decade from the shortest to the longest duration, at each condition, N; independent of a law.
     slope, mean_slope, increment : Estimate or None
-        Means over the conditions; increment at the reference duration.
+        Means over the conditions. The increment applies at the reference duration.
     share : Estimate or None
-        `slope` over running friction.
+        `slope` divided by running friction.
     running_n : float
-        Mean running friction of both directions; of one direction, with the offset.
+        Mean running friction of both directions. With only one direction, it includes the offset.
     duration_s : ndarray, shape (m,)
-        For the curves below.
+        Durations of the curves below.
     increment_n, low_n, high_n : ndarray, shape (C, m)
-        Law-free curve with its pointwise 95 % band at each condition.
+        Curve without a law, with its pointwise 95 % band, at each condition.
     laws : tuple of DwellLawFit
-        Best first; empty if fewer than three durations were run.
+        Best first; empty with fewer than three durations.
     pressure : DwellPressure or None
     scatter_n, block_n : float
-        Standard deviation from stop to stop, and of blocks.
+        Standard deviations from stop to stop and of blocks.
     outlying : tuple of str
         Keys of outlying stops, which have less weight.
     curve : DwellCurve or None
@@ -168,16 +167,16 @@ class DwellSeries(Shown):
         return found
 
     def slope_at(self, duration_s: float) -> tuple[Estimate, ...]:
-        """Return the slope per decade at another duration, at each condition, N. Law-free."""
+        """Return the slope per decade at another duration, at each condition, N; independent of a law."""
         if self.curve is None:
             return ()
         return tuple(self.curve.slopes(np.log10([duration_s])).estimates())
 
 
-#: Distance that renews the contact if no return to sliding was observed, m.
+#: Assumed sliding distance that renews the contact, if no return to sliding was observed, m.
 ASSUMED_DISTANCE_M = 1e-4
 FEWEST_STOPS = 3
-#: Times are searched from the shortest stop divided by the first factor to the longest times the second.
+#: Range of the search for tau: from the shortest stop divided by the first factor to the longest stop times the second.
 REACH = (100.0, 1e4)
 TIMES, FINE = 60, 64
 HALVINGS = 40
@@ -198,11 +197,11 @@ class ContactAge:
     time : Estimate
         tau, s.
     distance : Estimate or None
-        L, m; None if no return was observed, with `ASSUMED_DISTANCE_M` instead.
+        L, m. None if no return to sliding was observed; `ASSUMED_DISTANCE_M` is then used.
     share_a_pa, share_b_pa : float
-        s_a and s_b, 1/Pa; 0 if not different from zero beyond chance.
+        s_a and s_b, 1/Pa; 0 if not significant.
     together : bool
-        Both pressures changed together, and each chamber has half of their effect.
+        Whether both pressures changed together. Half of the effect is then assigned to each chamber.
     """
 
     form: dwell_models.DwellForm
@@ -220,7 +219,7 @@ class ContactAge:
         return ASSUMED_DISTANCE_M if self.distance is None else self.distance.value
 
     def sliding_n(self, speed_m_s: float) -> float:
-        """Return the force of the age in steady sliding at ambient pressure, N."""
+        """Return the ageing force in steady sliding at ambient pressure, N."""
         age = np.array([self.distance_m / speed_m_s])
         return float(self.increment.value * self.form.psi(age, self.time.value, self.exponent)[0])
 
@@ -228,21 +227,21 @@ class ContactAge:
 def fit_contact_age(
     stops: pl.DataFrame, form: dwell_models.DwellForm, exponent: float, ambient_pressure_pa: float
 ) -> ContactAge | None:
-    """Fit the age of the contact to peaks after stops.
+    """Fit the model of contact age to peaks after stops.
 
     Parameters
     ----------
     stops : polars.DataFrame
-        Usable ones of one series.
+        Usable stops of one series.
     form : DwellForm
-        The law whose growth is used.
+        Law that gives the growth psi.
     exponent : float
     ambient_pressure_pa : float
 
     Returns
     -------
     ContactAge or None
-        None if friction does not grow with the stops.
+        None if friction does not grow with the stop duration.
     """
     gauge = stops.select("pressure_a_pa", "pressure_b_pa").to_numpy() - ambient_pressure_pa
     varied = np.ptp(gauge, axis=0) > EQUAL_PRESSURE_PA
@@ -302,8 +301,8 @@ def _lengths(psi: Callable[[Array], Array], dwell: Array, speed: Array, back: Ar
 
 
 FEWEST_PAIRS = 4  # share of durations and conditions with restarts in both directions
-#: Stops up to this leave the time of saturation open for every law (of the order of hours to days
-#: for elastomers: assumed).
+#: Longest stop, s, that does not determine the time of saturation under any law (assumed: hours to days for
+#: elastomers).
 LONG_S = 1000.0
 RATE_SPREAD, RATE_CORRELATION = 0.2, 0.5
 
@@ -340,7 +339,7 @@ def dwell_statements(series: DwellSeries, stops: pl.DataFrame) -> Iterator[State
 
 
 def _one_duration(where: str, stops: pl.DataFrame) -> Iterator[Statement]:
-    """Return statements on the increment after stops of one duration, without a law over duration."""
+    """Return statements on the increment if all stops have one duration, so that no law can be fitted."""
     durations = durations_of(stops)
     if len(stops) > 1 and durations == 1:
         inertia = inertia_of(stops)
@@ -391,7 +390,7 @@ def _confounding(where: str, series: DwellSeries, curve: dwell_models.DwellCurve
             yield say(f"stops.{flag}", count=count, **numbers)
 
 
-#: Duration of the slope: the stop of the source paper [bracha].
+#: Duration at which the slope is evaluated, s: the stop of the source paper [bracha].
 REFERENCE_S = 15.0
 INSIDE = 1.5  # factor by which the durations must exceed it on both sides
 GRID_POINTS = 61
@@ -399,7 +398,7 @@ SAME_PRESSURE_PA = 100.0
 
 
 def fit_dwell(stops: pl.DataFrame, ambient_pressure_pa: float) -> tuple[tuple[DwellSeries, ...], list[Statement]]:
-    """Describe breakaway against stop duration.
+    """Describe breakaway over stop duration.
 
     Parameters
     ----------
@@ -410,8 +409,8 @@ def fit_dwell(stops: pl.DataFrame, ambient_pressure_pa: float) -> tuple[tuple[Dw
     Returns
     -------
     tuple of DwellSeries, list of Statement
-        One series for each set of levels, restart speed and axis (held, released), with determined and undetermined
-        values.
+        One series for each set of levels, restart speed and axis state (held, released), and statements on determined
+        and undetermined values.
     """
     import polars as pl
 
@@ -486,13 +485,13 @@ def _reference(durations: list[float]) -> float:
 
 
 def _running(stops: pl.DataFrame) -> float:
-    """Average running friction; the mean of both directions removes the offset."""
+    """Return the mean running friction. The mean of both directions removes the offset."""
     by_direction = [np.mean(group["running_n"].to_numpy()) for _, group in stops.group_by("direction")]
     return float(np.mean(by_direction)) if by_direction else np.nan
 
 
 def _running_drift(stops: pl.DataFrame) -> float:
-    """Return the relative drift of running friction over half the campaign. The same drift is assumed for ageing."""
+    """Return the relative drift of running friction over half the campaign, which is also assumed for ageing."""
     time, running, direction = (stops[name].to_numpy().copy() for name in ("began_s", "running_n", "direction"))
     if np.ptp(time) == 0:
         return 0.0
@@ -503,7 +502,7 @@ def _running_drift(stops: pl.DataFrame) -> float:
 
 
 def _pressure(curve: dwell_models.DwellCurve, at: Array, ambient: float) -> DwellPressure | None:
-    """Regress slopes and increments of the conditions on their pressures, as linear functions of one model."""
+    """Regress slopes and increments of the conditions on their pressures, within one model."""
     gauge = np.array([(c.pressure_a_pa - ambient, c.pressure_b_pa - ambient) for c in curve.data.conditions])
     if len(gauge) < 2 or not (np.ptp(gauge, axis=0) > SAME_PRESSURE_PA).any():
         return None

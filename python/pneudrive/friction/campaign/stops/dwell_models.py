@@ -1,20 +1,20 @@
-"""Breakaway over stop duration: laws, a curve without a law, and optimal stops for a law.
+"""Breakaway over stop duration: laws, a curve without a law, and optimal stop durations for a law.
 
 The laws are fitted side by side and compared by information criteria:
 
   y = a_c + B_c psi(t; shape) at each condition c; the shape is common to all conditions
 
-psi is a growth of the core, named as in drive files, with a time and an exponent. The interval of the shape comes from
-its profile, and is open if the data do not limit it.
+psi is a growth function of the core, named as in drive files, with a time constant and an exponent. The intervals of
+both come from their profiles, and are open if the data do not limit them.
 
-The curve without a law is one over the logarithm of the duration:
+The curve without a law is a function of the logarithm of the duration:
 
   y = level_c + slope_c u + bend + place + drift + block + block slope + scatter,   u = log10(stop duration)
 
-at each condition c. The bend is smooth over u (a slow and a quicker part), and partly common to all conditions. The
-bend, the blocks, their slopes and the scatter between cycles are random effects. Results are averages over the possible
-sizes of these effects (`pneudrive.estimate.mixed`). Intervals therefore cover the choice of the law as well as the
-scatter.
+at each condition c. The bend is a smooth function of u (a slow and a quick part), and partly common to all conditions.
+The bend, the blocks, their slopes and the scatter between cycles are random effects. Results are averaged over the
+possible sizes of these effects (`pneudrive.estimate.mixed`). Intervals therefore cover the choice of the law as well as
+the scatter.
 """
 
 from __future__ import annotations
@@ -60,13 +60,13 @@ class DwellForm:
     name, title, formula, source : str
         Texts for display.
     growth : str
-        Growth of the core; "": breakaway does not depend on the stop.
+        Growth function of the core; "" if breakaway does not depend on the stop.
     units : dict
-        Parameters of its shape: time, and exponent if free, with their units.
+        Shape parameters (time constant, and exponent if free) -> unit.
     exponent : float
         Exponent if not free.
     reach : tuple of float
-        Factors on the shortest and longest stop between which a time is searched.
+        Factors on the shortest and longest stop that limit the search for a time constant.
     """
 
     name: str
@@ -97,7 +97,7 @@ class DwellForm:
         return self.derivatives(duration_s, *shape)[:, 0] if self.growth else np.zeros(np.shape(duration_s))
 
     def slope(self, duration_s: float, *shape: float) -> float:
-        """Differentiate psi by the decadic logarithm of the duration."""
+        """Return the derivative of psi with respect to the decadic logarithm of the duration."""
         if not self.growth:
             return 0.0
         return float(np.log(10.0) * duration_s * self.derivatives(np.array([duration_s]), *shape)[0, 1])
@@ -114,7 +114,7 @@ class DwellLawFit(Shown):
     ----------
     form : DwellForm
     shape : dict
-        Shape parameter -> estimate. A parameter with an open side of its interval is not determined on that side.
+        Shape parameter -> estimate. An open side of its interval means that the data do not determine this bound.
     shape_intervals : dict
         Shape parameter -> (low, high), 95 %; 0 or inf where open.
     level_n, amplitude_n : ndarray, shape (C,)
@@ -125,7 +125,7 @@ class DwellLawFit(Shown):
         inf with too few stops.
     parameters : int
     delta : float
-        AICc above that of the best law.
+        AICc minus that of the best law.
     weight : float
         Akaike weight among the laws.
     """
@@ -156,13 +156,13 @@ class DwellLawFit(Shown):
 
 
 def fit_forms(curve: DwellCurve, reference_s: float) -> tuple[DwellLawFit, ...]:
-    """Fit every law to the stops of a curve, with the scatter and blocks that the curve found.
+    """Fit every law to the stops of a curve, with scatter and block effects taken from the curve.
 
     Parameters
     ----------
     curve : DwellCurve
     reference_s : float
-        Duration of the slope.
+        Duration at which the slope is evaluated.
 
     Returns
     -------
@@ -229,16 +229,16 @@ def _at(curve: DwellCurve, form: DwellForm, whitener: Array, times: Array) -> mi
     return mixed.scan(shapes, whitener @ designs, whitener @ data["increment_n"])
 
 
-#: Correlation length of the bends in decades (the known laws turn within one or two), and their prior size as a
-#: share of the swing of the increments (assumed; chosen by the coverage of simulated campaigns under six laws).
+#: Correlation length of each bend in decades (the known laws bend within one or two), and its prior size as a fraction
+#: of the range of the increments (assumed; chosen by the coverage in simulated campaigns under six laws).
 BENDS = {"quick bend": (0.6, 0.05), "slow bend": (1.5, 0.2)}
-#: Share of the bend that conditions have in common: ageing at one pressure resembles that at another.
+#: Fraction of the bend common to all conditions (assumed), because ageing is similar at different pressures.
 COMMON_BEND = 0.8
-#: The scatter's variance grows with the increment, between these multiples of the mean one.
+#: Bounds of the scatter's variance, which grows with the increment, relative to its mean.
 GROWTH_RANGE = (0.25, 4.0)
-#: Least number of blocks for the scatter of their slopes.
+#: Smallest number of blocks for estimating the scatter of their slopes.
 BLOCKS_FOR_SLOPES = 3
-#: Variance inflation of the slope by drift above which the two cannot be separated.
+#: Variance inflation of the slope above which slope and drift cannot be separated.
 CONFOUNDED = 5.0
 #: Durations within this many decades (2 %) count as one.
 SAME_DURATION = 0.0086
@@ -246,7 +246,7 @@ SAME_PLACE_M = 1e-3  # stops in one direction whose positions differ by less: ot
 #: Huber's constant for outlying stops, and number of updates of their weights.
 HUBER_K, ROUNDS = 2.5, 3
 LEAST_FREEDOM = 2
-#: Number of stops beyond the unknowns above which places and drift are unknowns too.
+#: Surplus of stops over unknowns required to add positions, and to add drift, to the unknowns.
 SPARE_FOR_PLACES, SPARE_FOR_DRIFT = 4, 6
 
 
@@ -259,7 +259,8 @@ class DwellData:
     stops : polars.DataFrame
     conditions : tuple of Condition
     drift_prior_n : float
-        Standard deviation of the increments' drift over half the campaign if the order of the stops hides it.
+        Standard deviation of the drift of increments over half the campaign, used if the order of the stops hides the
+        drift.
     """
 
     stops: pl.DataFrame
@@ -300,7 +301,7 @@ class DwellCurve:
     data : DwellData
     fit : MixedFit
     centre : float
-        log10 duration of the levels.
+        log10 duration to which the levels refer.
     extra : ndarray, shape (n, .)
         Fixed columns in addition to levels and slopes: positions, drift.
     inflation : float
@@ -331,7 +332,7 @@ class DwellCurve:
         return self.values(np.array([low, high])).combine(rows.astype(float))
 
     def scatter_covariance(self) -> Array:
-        """Return the covariance of the stops without the bends, shape (n, n): for the comparison of laws."""
+        """Return the covariance of the stops without the bends, shape (n, n), for the comparison of laws."""
         model = self.fit.model
         kept = [i for i, c in enumerate(model.components) if c.name not in BENDS]
         part = replace(model, components=tuple(model.components[i] for i in kept))
@@ -392,7 +393,7 @@ def fit_curve(data: DwellData) -> DwellCurve | None:
 
 
 def _places_and_drift(data: DwellData, x: Array) -> tuple[Array, Array, float]:
-    """Return fixed columns of places and drift, the column of a hidden drift, and its variance inflation."""
+    """Return fixed columns of positions and drift, the column of a hidden drift, and its variance inflation."""
     n = len(data)
     at = np.round(data["position_m"] / SAME_PLACE_M).astype(np.int64)
     names, member = np.unique(cells(data["direction"], at), return_inverse=True)
@@ -413,7 +414,7 @@ def _places_and_drift(data: DwellData, x: Array) -> tuple[Array, Array, float]:
 
 
 def _inflation(x: Array, conditions: int, drift: Array) -> float:
-    """Return the factor on the variance of the mean slope with drift as a further unknown."""
+    """Return the factor by which drift as a further unknown increases the variance of the mean slope."""
     wanted = np.zeros(x.shape[1])
     wanted[conditions : 2 * conditions] = 1.0 / conditions
     both = np.c_[x, drift]
@@ -466,7 +467,7 @@ def _first_scatter(data: DwellData, x: Array) -> float:
 
 
 def _standardised(curve: DwellCurve) -> Array:
-    """Return the distance of each stop from curve and blocks, in standard deviations of the stop."""
+    """Return the residual of each stop from curve and blocks, in standard deviations."""
     model, weight = curve.fit.model, curve.weight
     scatter = model.components[0]
     own = (model.noise + curve.fit.sd[0] ** 2 * scatter.kernel) * weight
@@ -476,9 +477,9 @@ def _standardised(curve: DwellCurve) -> Array:
 
 #: Number of candidate durations, in logarithmic steps, and digits of the proposed ones.
 DURATIONS, DIGITS = 120, 2
-#: Draws of the time constant over which the criterion is averaged, in standard deviations of its logarithm.
+#: Samples of the log time constant over which the criterion is averaged, in standard deviations.
 DRAWS = np.linspace(-1.5, 1.5, 9)
-#: Exponent if it is a parameter: the middle of the values for slideways [kato1972].
+#: Assumed value of a free exponent: the middle of the values for slideways [kato1972].
 KATO_M = 0.4
 
 
@@ -497,7 +498,7 @@ class StopDesign(Shown):
         Parameter -> expected half-width of its 95 % interval: ``a_n`` and ``increment_n`` in N for an increment of 1 N,
         and the relative one of the time constant.
     seconds : float
-        Time of the stops alone.
+        Total duration of the stops, without moves.
     """
 
     form: str
@@ -534,8 +535,8 @@ def design_stops(
 ) -> StopDesign:
     """Choose durations of stops that determine level, increment and time constant of a dwell law.
 
-    The design is D-optimal by exchange, averaged over a time constant that is known only within a factor. The model is
-    linear in the increment, so the size of the increment affects only the expected interval of the time constant.
+    The design is D-optimal by exchange, averaged over a log-normal prior of the time constant. The model is linear in
+    the increment, so the size of the increment affects only the expected interval of the time constant.
 
     Parameters
     ----------
@@ -544,11 +545,11 @@ def design_stops(
     scale_s : float
         Guess of the time constant.
     stops : int
-        Number of stops, repeats counted.
+        Number of stops, including repeats.
     range_s : (float, float)
         Shortest and longest stop.
     factor : float
-        Standard deviation of the guess, as a factor either way.
+        Standard deviation of the guess, as a factor above 1.
     increment_n, noise_n : float
         Guess of the increment, and standard deviation of one breakaway force.
 
@@ -583,7 +584,7 @@ def design_stops(
 
 
 def _gradient(form: DwellForm, t: Array, scale: float, increment: float) -> Array:
-    """Differentiate by level, increment, ln of the time constant and ln of the exponent, shape (c, p)."""
+    """Return the derivatives by level, increment, ln of the time constant and ln of the exponent, shape (c, p)."""
     shape = (scale, KATO_M)[: len(form.units)]
     psi, _, by_time, by_exponent = form.derivatives(t, *shape).T
     logarithmic = [increment * d * s for d, s in zip((by_time, by_exponent), shape, strict=False)]

@@ -1,19 +1,19 @@
 """Stops in the middle of a move: relaxation while held, breakaway peak, return to uninterrupted sliding.
 
-Every number is a difference within one move (or to an uninterrupted one of the same cycle), so the zero of the
-sensor and slow drift cancel. Samples are raw; friction here is direction * balance, and still contains the offset.
+Every result is a difference within one move, or to an uninterrupted move of the same cycle, so that the zero of the
+sensor and slow drift cancel. Samples are raw. Friction is direction * balance here, and still contains the offset.
 
-All stops of a campaign are one table, which is also their file.
+All stops of a campaign form one table, in memory and as a file.
 
 Height of a breakaway peak from noisy samples.
 
-The largest of many noisy samples is too high, and the largest of smoothed ones is too low. Therefore one half of the
-samples gives the place of the peak, and the other half its height. Then the halves are exchanged. The noise that
-selected the place does not enter the height. Samples are smoothed by local parabolas. Their width is the largest whose
-peak agrees within noise with the peaks of all narrower parabolas. A sharp peak is therefore smoothed little and a flat
-one much.
+The largest of many noisy samples is biased upwards, and the largest of smoothed samples is biased downwards. Therefore,
+one half of the samples locates the peak, and the other half gives its height. Then the halves are exchanged. The noise
+that selects the location does not enter the height. Samples are smoothed by local parabolas of the largest width whose
+peak agrees within noise with the peaks of all narrower parabolas. A sharp peak is therefore smoothed little, and a flat
+peak much.
 
-A peak between a steep rise and a slow fall is a sharp or rounded corner:
+A peak between a steep rise and a slow fall is modelled as a sharp or rounded corner:
 
   F(t) = p + r (t - c) + d S(t - c) + q S(t - c)^2,   S(u) = s ln(1 + exp(u / s))
 
@@ -52,7 +52,8 @@ if TYPE_CHECKING:
     from pneudrive.signals.recording import Recording
 
 
-#: Share of the increment above which the air's force or inertia spoils a peak; share of the stop for the loading.
+#: Largest contribution of air force or inertia to a usable peak, as a fraction of the increment; also largest loading
+#: time as a fraction of the stop.
 SPOILS = 0.1
 LEAST_RATE_HZ = 5000.0  # least rate of samples around a restart
 SAME_DURATION = 0.2  # share by which a rest may differ from the planned stop without a flag
@@ -60,20 +61,20 @@ MOST_CYCLES = 24  # cycles without a stop, of one condition and speed, that are 
 WORTH_WORKERS = 60  # stops below which starting processes costs more than it saves
 AROUND_PEAK = 3.0  # times from restart to peak, in which missing samples count
 TRACE_SAMPLES = (120, 160, 480)  # of approach, rest and restart that are kept for figures
-#: Flags that take a stop out of the law of breakaway over duration.
+#: Flags that exclude a stop from the law of breakaway over duration.
 SPOILING = frozenset(
     {"undersampled", "no_peak", "pressure_transient", "saturated", "stuck", "negative_friction", "no_running"}
 )
 
 
-#: Columns of friction around a stop over time since the start of the rest, thinned: for figures only.
+#: Columns of thinned friction around a stop, over time since the start of the rest; for figures only.
 TRACE = ("trace_time_s", "trace_position_m", "trace_friction_n")
 
 
 def _read(
     file: CycleFile, samples: Samples, identity: Identity, others: Sequence[course.UninterruptedStroke]
 ) -> Row | Skipped:
-    """Return the columns of a stop, or the reason for a missing one."""
+    """Return the columns of a stop, or the reason why there is none."""
     recording, _ = recording_of(file, identity, samples)
     step = steps_of(recording, samples)
     cycle, condition = file.head.cycle, condition_of(file.head)
@@ -183,7 +184,7 @@ def _pressure_moves_n(recording: Recording, phases: course.Phases, at_peak: int)
 
 
 def _inertia(recording: Recording, peak: BreakawayPeak, speed_m_s: float | None) -> float:
-    """Return the overshoot of a mass that breaks loose on the rig's spring, at the speed of the axis then."""
+    """Return the force overshoot of a mass that breaks loose on the rig's spring at the speed of the axis, N."""
     speed = 2.0 * peak.travel_m / max(peak.time_s, 1e-12)  # at constant acceleration; less in a longer move
     speed = min(speed, speed_m_s) if speed_m_s is not None else speed
     stiffness = recording.stiffness_n_m or abs(np.nan_to_num(peak.loading_rate_n_s)) / max(speed, 1e-12)
@@ -213,7 +214,7 @@ def find_stops(
     processes : int, optional
         None: one for each processor, with enough stops.
     files : sequence of CycleFile, optional
-        Its usable files, if known.
+        Usable files of the campaign, if known.
 
     Returns
     -------
@@ -224,8 +225,8 @@ def find_stops(
         peak after the restart; `increment_n`, the peak less running friction; `loading_rate_n_s` and `loading_s`, rate
         and time of the rise of the force; `inertia_n`, the largest contribution of the moving mass; relaxation of the
         held force; recovery: travel and time until the excess over sliding has fallen to 5 %, and the excess that is
-        left; `usable`, whether the increment is used for the law of breakaway over duration; `flags`. Ends of 95 %
-        intervals have the endings `_low` and `_high`.
+        left; `usable`, whether the increment is used for the law of breakaway over duration; `flags`. Bounds of 95 %
+        intervals have the suffixes `_low` and `_high`.
     tuple of Skipped
         Unreadable stops with reasons.
     """
@@ -273,13 +274,13 @@ def _comparable(files: Sequence[CycleFile], stops: Sequence[CycleFile]) -> list[
 
 
 def _place(file: CycleFile) -> tuple[Condition, float]:
-    """Return condition and number of the speed of a cycle."""
+    """Return condition and speed class of a cycle."""
     speed = file.head.cycle.speed_m_s
     return condition_of(file.head), round(float(np.log(speed)) / course.SAME_SPEED) if speed else np.nan
 
 
 def _has_reference(cycle: Cycle) -> bool:
-    """Return whether a move of the cycle, away from the stop, is at the speed of the restart."""
+    """Return whether the cycle has a move at the restart speed that is not next to the stop."""
     hold = course.stop_step(cycle)
     moves = ((i, step) for i, step in enumerate(cycle.steps) if isinstance(step, Move))
     return hold is not None and any(abs(i - hold) > 1 and step.speed_m_s == cycle.speed_m_s for i, step in moves)
@@ -287,7 +288,8 @@ def _has_reference(cycle: Cycle) -> bool:
 
 # --- Height of a breakaway peak.
 
-#: Parts of the excess down to which samples on both sides are fitted: the widest that a corner describes.
+#: Depths below the peak, as fractions of the excess, to which samples on both sides are fitted: the largest that a
+#: corner describes is used.
 DEPTHS = (0.6, 0.35, 0.2)
 LEAST_DEPTH = 8.0  # deviations of the noise
 BEHIND, BEFORE = 160, 60  # samples at most on either side
@@ -299,8 +301,8 @@ ROUNDNESS = (0.0, 0.5, 1.0, 2.0, 4.0, 8.0, 16.0)  # samples
 SHARP = 1.0  # samples: a rounder corner is smoothed without loss, and parabolas describe it better
 FITS = 1.3  # largest ratio of squared residual to noise for a corner
 FINE = 8  # points per sample for the maximum of a fitted corner
-#: Multiples of the sensor's lag before and after a peak between which rise and fall are fitted, where the lag has
-#: died away; a shorter lag counts as this many samples, so that noise does not pass for slopes.
+#: Times before and after a peak between which rise and fall are fitted, in multiples of the sensor's lag; least number
+#: of samples on a side; and least lag, in samples, so that noise is not mistaken for a slope.
 RISE_LAGS, FALL_LAGS, FEWEST_ON_A_SIDE, LEAST_LAG = (1.0, 6.0), (2.0, 7.0), 3, 3.0
 
 
@@ -340,18 +342,18 @@ def corner_height(
 
 
 def lag_loss(time_s: Array, friction_n: Array, at_s: float, bandwidth_hz: float) -> float:
-    """Return the loss of height by a first-order sensor, N: exact for a corner, an upper bound for a round peak.
+    """Return the loss of height by a first-order sensor, N: exact for a corner, an upper bound for a rounded peak.
 
-    A rise r that turns into a fall q at a corner appears lower by q tau ln(1 + r / q), tau = 1 / (2 pi f). This follows
-    from the largest response of the lag to two ramps.
+    A rise r that turns into a fall q at a corner appears lower by q tau ln(1 + r / q), tau = 1 / (2 pi f): the largest
+    response of a first-order lag to two ramps.
 
     Parameters
     ----------
     time_s, friction_n : ndarray, shape (n,)
     at_s : float
-        Time of the peak as shown.
+        Time of the measured peak.
     bandwidth_hz : float
-        f, at which the sensor shows 71 % of an amplitude.
+        f, the -3 dB bandwidth of the sensor.
     """
     lag = 1.0 / (2.0 * np.pi * bandwidth_hz)
     unit = max(lag, LEAST_LAG * np.median(np.diff(time_s))) if time_s.size > 1 else lag
@@ -390,9 +392,9 @@ def _fit(friction: Array, top: int, one_n: float, many_n: float) -> tuple[float,
 
 
 def _places(friction: Array, top: int, many_n: float) -> tuple[Scan, Array]:
-    """Fit corners at all places and roundnesses, and return a weight for each.
+    """Fit corners on a grid of positions and roundnesses, and return a weight for each.
 
-    The distance of places in the grid is the smallest that the samples resolve.
+    The grid spacing of positions is the smallest that the samples resolve.
     """
     low, high = max(top - 6.0, 0.5), top + 6.0
     tried = _scanned(friction, low, high, many_n)
@@ -416,7 +418,7 @@ def _scanned(friction: Array, low: float, high: float, many_n: float) -> tuple[S
 
 
 def _columns(t: Array, grid: Array) -> Array:
-    """Return columns at times (n,) or (g, n) of each corner and roundness, shape (g, 2); shape (g, n, 4)."""
+    """Return design columns at times (n,) or (g, n) for each corner and roundness (g, 2), shape (g, n, 4)."""
     corner, roundness = grid[:, :1], grid[:, 1:]
     away = t - corner
     width = np.where(roundness > 0.0, roundness, 1.0)
@@ -426,23 +428,24 @@ def _columns(t: Array, grid: Array) -> Array:
 
 #: Half-widths of the parabolas, in samples of one half.
 WIDTHS = (2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64, 96, 128)
-#: Peaks at two widths agree when they differ by less than this many standard errors of the narrower one.
+#: Peaks at two widths agree if they differ by less than this number of standard errors of the narrower one.
 AGREE = 2.0
-#: A single sample: largest among so many on each side; its bias by noise (of three equal ones),
-#: in deviations; and the factor of its uncertainty over noise.
+#: For a peak from a single sample: neighbours on each side that it exceeds; its bias by noise (maximum of three equal
+#: samples), in standard deviations; ratio of its uncertainty to the noise.
 SINGLE, SINGLE_EXCESS, SINGLE_DOUBT = 3, 0.85, 1.5
-#: Fewer samples than this around the peak make it undersampled.
+#: Number of samples around a peak below which the peak counts as undersampled.
 FEWEST = 12
-#: A peak has ended when the force has fallen by this share of its rise above running friction, and beyond noise.
+#: Fraction of the rise above running friction by which the force must fall, beyond noise, to end a peak.
 FALLEN = 0.25
 FALLEN_DEVIATIONS = 9.0
-#: First range of the search for a peak, in units of the travel to running friction; and
-#: largest range, share of the move.
+#: First range of the search for a peak, in units of the travel to running friction; and largest range, as a fraction of
+#: the move.
 REACH, MOST_TRAVEL = 1.5, 0.25
 LEAST_TRAVEL_M, LEAST_SAMPLES = 2e-4, 40
-#: The top of a peak lies within this share of its excess; it needs so many samples.
+#: Fraction of the excess within which samples belong to the top of a peak, and their smallest number.
 TOP, FEWEST_AT_TOP = 0.1, 5
-#: Noise is estimated on at most so many samples, about a parabola of this half-width; correlation must be significant.
+#: Estimate of noise: largest number of samples, half width of the smoothing parabola, and threshold of a significant
+#: correlation in standard errors.
 NOISE_SAMPLES, NOISE_HALF_WIDTH, SIGNIFICANT = 3000, 40, 4.0
 UNEVEN = 0.3  # time steps that differ by less than this share have one rate
 NEAR_CHANGE = 8  # samples from a change of rate within which a peak belongs to both sides of it
@@ -458,11 +461,11 @@ class BreakawayPeak:
     ----------
     friction_n, stderr_n : float
     time_s, travel_m : float
-        Since the restart.
+        Time and travel since the restart.
     index : int
         Nearest sample.
     rate_hz : float
-        Rate of the samples around it.
+        Sampling rate around the peak.
     loading_rate_n_s : float
     flags : tuple of str
         undersampled, no_peak.
@@ -493,11 +496,11 @@ def find_breakaway(
     time_s, travel_m, friction_n : ndarray, shape (n,)
         Raw samples from the restart on; travel of the axis since then, friction positive against the motion.
     running_n : float
-        Level of uninterrupted sliding there.
+        Level of uninterrupted sliding at the peak.
     stiffness_n_m : float, optional
         Stiffness of the rig, if known.
     bandwidth_hz : float, optional
-        Bandwidth of the force sensor, if known: the loss of the peak by its lag is in the standard error.
+        Bandwidth of the force sensor, if known. The standard error then includes the loss of height by its lag.
     """
     noise = Noise.of(friction_n)
     end, peaked = _search_end(travel_m, friction_n, running_n, noise, stiffness_n_m)
@@ -545,7 +548,7 @@ class Noise:
     white, slow : float
         Standard deviations.
     memory : float
-        Samples over which the slow part falls to 1/e.
+        Samples over which the correlation of the slow part falls to 1/e.
     """
 
     white: float
@@ -580,7 +583,7 @@ class Noise:
         return np.hypot(self.white, self.slow)
 
     def of_many(self) -> float:
-        """Return the standard deviation of one sample for means of many, in which correlated noise counts more."""
+        """Return the equivalent deviation of one sample for means of many, where correlated noise matters more."""
         return np.sqrt(self.white**2 + self.slow**2 * (1.0 + 2.0 * self.memory))
 
     def of_mean(self, weights: Array, spacing: int, share: float = 1.0) -> float:
@@ -637,7 +640,7 @@ def _search_end(
 
 
 def _even(time: Array, friction: Array) -> tuple[Array, Array]:
-    """Return samples of one rate around the highest one.
+    """Return samples of a single rate around the highest sample.
 
     If the sampling rate changes among these samples, thin the denser ones.
     """
