@@ -21,13 +21,13 @@ UPPER: dict[str, str] = {}
 
 
 def upper(name: str) -> Any:  # noqa: ANN401 - any function
-    """Return a function of an upper layer, for a method that only calls this function."""
+    """Return a function of an upper layer, for a method that forwards to this function."""
     return getattr(import_module(UPPER[name]), name)
 
 
 @contextmanager
 def lazily(package: str) -> Iterator[dict[str, str]]:
-    """Bind the names that a block imports at their first use. Type checkers and linters see usual imports.
+    """Make the imports of a block lazy: names are imported at their first use. Type checkers see usual imports.
 
     Parameters
     ----------
@@ -74,9 +74,9 @@ class _LaterModule(ModuleType):
 
 @contextmanager
 def used_later(importer: str) -> Iterator[None]:
-    """Import the modules that a block names at their first use, as ``lazy import`` of Python 3.15 does.
+    """Make the module imports of a block lazy, like ``lazy import`` of Python 3.15.
 
-    The block has lines ``from package import module`` only, so that type checkers and linters see usual imports.
+    The block may contain only ``from package import module``. Type checkers and linters see usual imports.
 
     Parameters
     ----------

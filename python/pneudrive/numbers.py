@@ -25,7 +25,7 @@ def with_interval(e: Any, factor: float = 1.0, unit: str | None = None) -> str: 
 
 
 def with_u(value: float, expanded: float, unit: str = "N") -> str:
-    """Write a value with its expanded uncertainty, which keeps two digits.
+    """Write a value with its expanded uncertainty, rounded to two digits.
 
     Examples
     --------
@@ -50,7 +50,7 @@ def places(uncertainty: float) -> int:
 
 
 def plain(value: float, digits: int = 3) -> str:
-    """Write a number with `digits` digits, in ordinary notation if its size allows, and never as "-0".
+    """Write a number with `digits` significant digits, without an exponent if possible, and never as "-0".
 
     Examples
     --------

@@ -1,8 +1,8 @@
 """Code of users, and the rule that decides whether it may run.
 
-Code runs only if the command or call of this run names it. A file that is read (a campaign folder, a description) may
-name the code that was used, but this never runs the code. The user must name the code again, or allow it by the SHA-256
-of its file.
+Code runs only if the user names it in the command or call. A file (a campaign folder, a description) may name the code
+that was used, but pneudrive never runs it for that reason. The user must name the code again, or allow it by the
+SHA-256 of its file.
 """
 
 from __future__ import annotations
@@ -76,8 +76,8 @@ def load_allowed(source: str, allowed: str | None, found_in: str, option: str, k
     Raises
     ------
     PneudriveError
-        As for `load`, or the code is not allowed, has changed, or is not a file. Modules next to the file are not
-        imported, because their hash was not given.
+        As for `load`, or if the code is not allowed, has changed, or is not a file. Modules next to the file are not
+        imported, because their hash is not checked.
     """
     module, name = split(source) or (source, "")
     there = check_allowed(source, allowed, found_in, option, kind)
@@ -86,7 +86,7 @@ def load_allowed(source: str, allowed: str | None, found_in: str, option: str, k
 
 
 def check_allowed(source: str, allowed: str | None, found_in: str, option: str, kind: ErrorKind) -> str:
-    """Refuse code that a file has named, unless the user of this run has allowed it. Return the hash of its file.
+    """Reject code that a file has named, unless the user of this run has allowed it. Return the hash of its file.
 
     Parameters and errors are those of `load_allowed`.
     """
@@ -131,7 +131,7 @@ def _named(found: ModuleType, source: str, name: str, kind: ErrorKind) -> Callab
 
 
 def _from_file(file: str, expected: str | None, kind: ErrorKind) -> ModuleType:
-    """Run a file as a module from its source. A compiled copy next to it could come from other code."""
+    """Run a file as a module, always from its source. A compiled copy could come from other code."""
     path = Path(file)
     if not path.is_file():
         raise kind(f"there is no file {path}")

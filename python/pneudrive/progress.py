@@ -33,11 +33,10 @@ class Watch:
     Parameters
     ----------
     progress : callable, optional
-        Called as ``progress(done, total, task)``, at most every 0.1 s and at the end of each task: `done` of `total`
-        (both counts, or both seconds of simulated time) of the task that `task` names. `total` is 0 if it is
-        unknown.
+        Called as ``progress(done, total, task)``, at most every 0.1 s and at the end of each task. `done` and `total`
+        are counts or seconds of simulated time. `total` is 0 if unknown. `task` names the task.
     cancel : object with ``is_set()``, optional
-        A `threading.Event`, for instance. Once set, the call ends with `Cancelled` at its next check.
+        For example a `threading.Event`. Once set, the call raises `Cancelled` at its next check.
 
     Examples
     --------
@@ -81,7 +80,7 @@ class Watch:
             self._progress(done, total, task)
 
     def each(self, items: Iterable[T], task: str) -> Iterator[T]:
-        """Yield the items one by one, and report how many are done."""
+        """Yield the items one by one, and report the number done."""
         known = list(items)
         for i, item in enumerate(known):
             self.tell(i, len(known), task)

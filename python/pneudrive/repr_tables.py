@@ -1,8 +1,7 @@
-"""Display of results and descriptions at the prompt: a short table, as plain text and in a notebook.
+"""Display of results and descriptions, as a short table, at the Python prompt and in a notebook.
 
-A class derives from `Shown` and provides the content of its `Card`. In a notebook, a picture is shown above the card,
-if the class has one. Long content is cut, and the card shows how much is left out. Severe findings are never cut.
-Texts are escaped in one place.
+A class derives from `Shown` and provides a `Card`. In a notebook, a picture is shown above the card, if the class has
+one. Long content is cut, and the card states the number of omitted rows. Severe findings are never cut.
 """
 
 from __future__ import annotations
@@ -53,7 +52,7 @@ class Shown:
     picture_home: ClassVar[str] = ""
 
     def _card(self) -> Card:
-        """Return the card: by default the lines of ``str`` with the first one as the title, or else the fields."""
+        """Return the card. Default: the lines of ``str`` with the first line as title, or otherwise the fields."""
         if type(self).__str__ is not object.__str__:
             return card_of(str(self))
         values = {field.name: getattr(self, field.name) for field in fields(self) if field.repr}  # type: ignore[arg-type]
@@ -79,7 +78,7 @@ class Shown:
 def card_of(text: str) -> Card:
     r"""Make a card of lines.
 
-    The first is the title, lines with columns separated by two spaces are rows, and others are notes.
+    The first line is the title. Lines with columns separated by two spaces are rows; other lines are notes.
 
     Examples
     --------
@@ -92,7 +91,7 @@ def card_of(text: str) -> Card:
 
 
 def brief(value: object) -> str:
-    """Write a value in a few words. A long one is replaced by its type and size.
+    """Write a value in a few words. Long values are replaced by their type and size.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""Results and descriptions read from any file or folder, and the comparison of two of one kind."""
+"""Reading of results and descriptions from any file or folder, and comparison of two of the same kind."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ from pneudrive.views import ShownCurve, ShownValue, View, Viewed
 if TYPE_CHECKING:
     from pneudrive.arrays import Array, Plain
 
-#: Column -> kind of a table that has it.
+#: Column -> kind of the table with this column.
 _MARKS = {"law": "comparison of controllers", "friction_n": "friction map", "time_s": "run", "member": "ensemble"}
 MOST_PANELS, POINTS = 4, 61  # curves in a figure; places of a fitted curve
 COMPARED = (Look("black"), Look("orange", "--", "s"))  # looks of both results
@@ -108,7 +108,7 @@ def load(path: str | Path) -> Any:  # noqa: ANN401 - one class for each kind
     Parameters
     ----------
     path : path-like
-        File or folder that pneudrive wrote, a description, ``catalogue:NAME``, or a recording of a rig with its
+        File or folder written by pneudrive, a description, ``catalogue:NAME``, or a recording of a rig with its
         ``layout.toml``.
 
     Returns
@@ -246,7 +246,7 @@ def _run_view(run: xr.Dataset) -> View:
 
 
 def _fit_pairs(before: FrictionFit, after: FrictionFit) -> Iterator[CurvePair]:
-    """Yield both laws over the speeds that both recordings contain, or over the pressure if it was varied more."""
+    """Yield both laws over the common range of speed, or of pressure if the pressure was varied more."""
     low, high = common(before, after, "speed_m_s")
     (a, a_most), (b, b_most) = gauges = [common(before, after, f"gauge_{side}_pa") for side in "ab"]
     if low > high or any(least > most + SAME_PA for least, most in gauges):
@@ -323,11 +323,11 @@ class ValuePair(NamedTuple):
     key : str
         Name in the description, or in the result.
     before, after : str
-        Values in one unit; empty if one result lacks the value.
+        Values in the same unit; empty if a result does not contain the value.
     interval_before, interval_after : str
         95 % intervals. Empty without an interval.
     change : float or None
-        (after - before) / |before| in SI. None if a number is not known, if `before` is 0, or if only one of two
+        (after - before) / |before| in SI. None if a number is unknown, if `before` is 0, or if only one of two
         pressures is a gauge pressure.
     """
 
@@ -340,7 +340,7 @@ class ValuePair(NamedTuple):
 
 
 class CurvePair(NamedTuple):
-    """A curve of two results, and the difference second - first with its 95 % half band at common abscissas, SI."""
+    """A curve of two results, and their difference (second - first) with the half width of its 95 % band, SI."""
 
     first: ShownCurve
     second: ShownCurve
@@ -351,7 +351,8 @@ class CurvePair(NamedTuple):
     def rows(self) -> Iterator[tuple[str, ...]]:
         """Yield label, abscissa, difference and its 95 % interval, in usual units.
 
-        A curve with a band has several abscissas. Any other curve has that of its largest difference.
+        For a curve with a band, several abscissas are listed. For any other curve, that of the largest difference is
+        listed.
         """
         (x_size, x_unit), (size, unit) = readable(self.first.x_unit), readable(self.first.unit)
         most = [int(np.argmax(np.abs(self.difference)))]
@@ -363,12 +364,12 @@ class CurvePair(NamedTuple):
 
     @property
     def differs(self) -> bool:
-        """Whether the curves differ, beyond the band of the difference if it is known."""
+        """Whether the curves differ; if the band of the difference is known, whether they differ significantly."""
         half = 0.0 if self.half_band is None else np.nan_to_num(self.half_band)
         return bool((np.abs(self.difference) > half).any())
 
     def sentence(self, names: tuple[str, str]) -> str:
-        """Return which curve is larger, and by how much, where the band of the difference excludes zero."""
+        """Return a sentence: which curve is larger, by how much, and where the difference is significant."""
         if self.half_band is None or not np.isfinite(self.half_band).all():
             return ""
         (x_size, x_unit), (size, unit) = readable(self.first.x_unit), readable(self.first.unit)
@@ -475,13 +476,13 @@ def _axis(quantity: str, unit: str) -> Axis:
 
 
 def compare_results(first: Any, second: Any, names: tuple[str, str] = ("before", "after")) -> ResultComparison:  # noqa: ANN401
-    """Compare two results or descriptions of one kind: values side by side in one unit, and curves.
+    """Compare two results or descriptions of the same kind: values in the same unit, and curves.
 
     Parameters
     ----------
     first, second : object or path-like
         Drives, circuits, fits, friction maps, runs, ensembles, sizings, validations or evaluated campaigns, or paths
-        that `load` reads. Differences are `second` less `first`.
+        for `load`. Differences are `second` minus `first`.
     names : tuple of str
         Names of both results.
 

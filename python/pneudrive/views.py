@@ -1,7 +1,7 @@
 """Values with intervals, findings, tables and figures: the common form of results for all outputs.
 
-A result offers ``view()``. Terminal, notebook, report and page show a `View` without knowing the class of the result. A
-class that derives from `Viewed` needs no other function.
+Each result has ``view()``. Terminal, notebook, report and page show this `View` without knowing the class of the
+result. A class that derives from `Viewed` needs no other method for display.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
     from pneudrive.arrays import Array, Plain
 
-#: Judgement of a result, a value or a finding, from the best to the worst.
+#: State of a result, a value or a finding, from best to worst.
 State: TypeAlias = Literal["good", "open", "bad"]
 STATES: tuple[State, ...] = ("good", "open", "bad")
 MOST_LEADING = 5
@@ -44,7 +44,7 @@ class ShownValue:
     key : str
         Identifier within the result.
     label : str
-        Name of the object that has it: the row of a table.
+        Name of the object to which the value belongs: the row of a table.
     quantity : str
         The column of a table.
     value : float or str
@@ -66,7 +66,7 @@ class ShownValue:
 
     @property
     def text(self) -> str:
-        """Value and half of its interval in the usual unit, without the unit; "" for a value that is not determined.
+        """Value and half width of its interval in the usual unit, without the unit; "" for an undetermined value.
 
         Examples
         --------
@@ -111,7 +111,7 @@ class ShownCurve:
     measured : ndarray of bool, shape (m,)
         Whether a point was measured; False for points in between.
     group : str
-        Curves of one group have one colour.
+        Curves of the same group have the same colour.
     excluded : tuple of ndarray or None
         x and y of points that are not part of the curve.
     """
@@ -139,7 +139,7 @@ class ShownCurve:
 
 @dataclass(frozen=True)
 class LeadingValue:
-    """One of the few decisive numbers of a result: a value, its limit in SI, and whether it keeps the limit."""
+    """One of the few decisive values of a result: value, limit in SI, and whether the limit is met."""
 
     value: ShownValue
     limit: float | None = None
@@ -153,7 +153,7 @@ class LeadingValue:
 
     @property
     def text(self) -> str:
-        """Quantity (or label, for the only column of a table), value and limit in the usual unit."""
+        """Quantity (or label, if a table has one column), value and limit in the usual unit."""
         bound = f" (limit {self.limit_text})" if self.limit_text else ""
         name = self.value.label if self.value.quantity == VALUE else self.value.quantity
         return f"{name} {self.value.text} {self.value.usual_unit}".strip() + bound
@@ -176,7 +176,7 @@ def worst(findings: Iterable[Finding | LeadingValue]) -> State:
 
 @dataclass(frozen=True)
 class ShownTable:
-    """A table of texts with its caption; columns of numbers are right-aligned."""
+    """A table of texts with its caption. Columns of numbers are right-aligned."""
 
     caption: str
     head: tuple[str, ...]
@@ -184,7 +184,7 @@ class ShownTable:
 
     @property
     def are_numbers(self) -> tuple[bool, ...]:
-        """Whether each column but the first has only numbers and empty cells."""
+        """Whether each column except the first has only numbers and empty cells."""
         columns = zip(*self.rows, strict=True) if self.rows else ((),) * len(self.head)
         return tuple(k > 0 and all(cell[:1] in _NUMBERS for cell in column) for k, column in enumerate(columns))
 
@@ -200,7 +200,7 @@ class ShownFigure:
 
 @dataclass(frozen=True)
 class SentValue:
-    """A value in the data of a view: in SI with the ends of its interval, and as text in its usual unit.
+    """A value in the data of a view: in SI with the bounds of its interval, and as text in its usual unit.
 
     Only leading values have a limit and a state.
     """
@@ -225,7 +225,7 @@ class SentValue:
 
 @dataclass(frozen=True)
 class SentCurve:
-    """A curve in the data of a view, in usual units. Points that are not measured lie between measured ones."""
+    """A curve in the data of a view, in usual units, with measured points and points in between."""
 
     key: str
     label: str
@@ -240,7 +240,7 @@ class SentCurve:
 
     @classmethod
     def of(cls, curve: ShownCurve) -> SentCurve:
-        """Return a curve in usual units; a long curve is reduced to some thousand points."""
+        """Return a curve in usual units. A long curve is reduced to some thousand points."""
         (x_size, x_unit), (size, unit) = readable(curve.x_unit), readable(curve.unit)
         titles = f"{curve.x_quantity}, {x_unit}".strip(", "), f"{curve.quantity}, {unit}".strip(", ")
         part = thin(curve.x)
@@ -319,7 +319,7 @@ class View(Shown):
 
     @property
     def leading_values(self) -> list[SentValue]:
-        """Leading values as they are sent, with their limits and states."""
+        """Leading values in the form for sending, with limits and states."""
         return [SentValue.of(one.value, one.limit_text, one.state) for one in self.leading]
 
     def data(self) -> Plain:
@@ -351,7 +351,7 @@ class View(Shown):
         ]
 
     def value_tables(self, without: Collection[ShownValue] = ()) -> list[tuple[tuple[str, ...], list[tuple[str, ...]]]]:
-        """Return head and rows of the values: one table for all labels that share a quantity."""
+        """Return head and rows of the values, in one table for all labels with a common quantity."""
         quantities: dict[str, set[str]] = {}
         for value in self.rows:
             quantities.setdefault(value.label, set()).add(value.quantity)
@@ -382,7 +382,7 @@ class View(Shown):
         return ("curve", "points", *axes, "95 % band"), rows
 
     def text(self) -> str:
-        """Return all but curves and figures as text. Tables are indented; "!" marks open and bad findings."""
+        """Return the view without curves and figures as text. Tables are indented; "!" marks open and bad findings."""
         shown = {row.key for row in self.rows}
         leading = (one for one in self.leading if one.value.key not in shown)
         values = [("!" if one.state == "bad" else "-", one.text) for one in leading]

@@ -138,8 +138,8 @@ class UncertainDrive:
 def with_intervals(plain: xr.Dataset, ends: Sequence[Ends], moved: Sequence[Sequence[xr.Dataset]]) -> xr.Dataset:
     """Add the lower and upper bound of each result, as variables ``NAME_low`` and ``NAME_high``.
 
-    Let d_i be the change of the result if value i is at a bound of its interval: the upward change for the upper bound
-    of the result, the downward change for the lower bound. Values with correlations r together change the result by d:
+    Let d_i be the change of the result if value i is at a bound of its interval. Upward changes give the upper bound of
+    the result, downward changes the lower bound. Values with correlations r together change the result by d:
 
         d^2 = sum r_ij d_i d_j
 

@@ -93,7 +93,7 @@ NEAR = 0.1  # speeds within this ratio are compared
 def _differences(results: tuple[RecordingResult, ...]) -> list[str]:
     """Return a note on the two recordings of one assembly that differ most in friction.
 
-    Recordings with several speeds are compared. Of three or more, only recordings at equal pressures are compared,
+    Recordings with several speeds are compared. If there are three or more, only those at equal pressures are compared,
     because pressure changes friction.
     """
     largest, notes = 1.0, []

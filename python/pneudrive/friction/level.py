@@ -158,7 +158,7 @@ class Level(Shown):
     def doubts(self) -> dict[str, str]:
         """Flag -> sentence with a check, for physically implausible values.
 
-        With zero areas there is no pressure force, and the measured force is the friction.
+        With zero areas, the pressure force is zero, and the measured force is the friction.
         """
         recording, ambient, gauge = self.motion.recording, self.ambient_pressure_pa, self.gauge_pa
         areas = recording.area_a_m2, recording.area_b_m2

@@ -347,7 +347,7 @@ def stroke_slip(recording: Recording, stroke: motion.Stroke) -> tuple[StickSlip,
     """Measure the sliding of axis and piston in the middle 80 % of a stroke; None with too few samples.
 
     The axis may move evenly while the piston behind a soft force sensor does not. If the stiffness is known, the
-    piston's position is the axis position minus the deflection. Otherwise the result of the piston is None.
+    piston's position is the axis position minus the deflection. Otherwise, there is only a result for the axis.
     """
     part = middle_of(stroke, recording.position_m)
     if part is None:

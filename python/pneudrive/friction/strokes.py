@@ -436,16 +436,15 @@ def balance_of(recording: Recording, *, inertia: bool = True) -> Array:
 class Settled:
     """Selection of the samples after the transient of the reversal, for motions with or without a controlled speed.
 
-    A stroke has settled when both speed and force have settled. Speed: the travel until ``speed_share`` of the speed in
-    mid stroke is reached, times ``speed_travels``, is left out. Force: the travel until the balance has completed the
-    fraction ``force_share`` of its change from the level of the opposite direction, times ``force_travels``, is left
-    out. In presliding, the force approaches its final value like 1 - 2 exp(-x/l). The distance 1.6 l gives 80 % of the
-    change; after three times this distance, 2 % are left. A higher fraction would be sensitive to friction that varies
-    over position. At the end, twice the distance in which the axis brakes below the speed fraction is dropped. The
-    reference change of the force is the `Swing` of the stroke's speed class, because slow strokes never reach the
-    friction of fast strokes. It is limited to the swing of all strokes, because the friction of fast strokes may still
-    grow along the stroke. Neither speed nor force needs to be constant. Means are over bins of equal position
-    (``uses_window``).
+    A stroke has settled when both speed and force have settled. Speed has settled after ``speed_travels`` times the
+    travel at which ``speed_share`` of the speed in mid stroke is reached. Force has settled after ``force_travels``
+    times the travel at which the balance has completed the fraction ``force_share`` of its change at the reversal. In
+    presliding, the force approaches its final value like 1 - 2 exp(-x/l). The distance 1.6 l gives 80 % of the change;
+    after three times this distance, 2 % are left. A higher fraction would be sensitive to friction that varies over
+    position. At the end, twice the distance in which the axis brakes below the speed fraction is dropped. The reference
+    change of the force is the `Swing` of the stroke's speed class, because slow strokes never reach the friction of
+    fast strokes. It is limited to the swing of all strokes, because the friction of fast strokes may still grow along
+    the stroke. Neither speed nor force needs to be constant. Means are over bins of equal position (``uses_window``).
     """
 
     speed_share: float = 0.8

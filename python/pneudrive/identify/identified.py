@@ -1,4 +1,4 @@
-"""Parts of every fit: its sentences, measured values with those of the model, and identified values for a drive.
+"""Parts common to all fits: sentences, measured and modelled values, and identified values for a drive.
 
 Fits of friction maps and of recordings both use `Identified`, so that a drive file can state the origin of each value.
 """
@@ -39,7 +39,7 @@ def sentences(topic: str) -> Plain:
 
 
 def number_table(topic: str) -> Plain:
-    """Return a table of the numbers that fits know."""
+    """Return a table of the parameters of fits."""
     return package_table(__file__, "tables.toml")[topic]
 
 
@@ -64,7 +64,7 @@ def remedy_for(name: str) -> str:
 
 # --- Measured values and those of a model, and their figure.
 
-#: Number of points from which values are a line; rows of a figure.
+#: Number of points above which values are drawn as a line, and largest number of rows of a figure.
 MANY, MOST_ROWS = 200, 12
 #: Columns of the horizontal axis -> axis.
 AXES: dict[str, Axis | str] = {"speed_m_s": SPEED, "time_s": "time / s"}
@@ -72,7 +72,7 @@ AXES: dict[str, Axis | str] = {"speed_m_s": SPEED, "time_s": "time / s"}
 
 @dataclass(frozen=True)
 class FittedData:
-    """Measured values and those of the model, SI, shape (n,) each.
+    """Measured and modelled values, SI, shape (n,) each.
 
     ``x`` and ``y`` name the columns: ``time_s``, ``speed_m_s`` or ``reversal``, and ``position_m``, ``friction_n``, ...
     """
@@ -85,7 +85,7 @@ class FittedData:
 
 
 def comparison_figure(every: Mapping[str, FittedData]) -> Figure:
-    """Draw a row for each pair: measured values with those of the model, and their difference."""
+    """Draw a row for each pair: measured and modelled values, and their difference."""
     panels = []
     for name in list(every)[thin(every, MOST_ROWS)]:
         data, is_line = every[name], every[name].at.size > MANY
@@ -112,9 +112,9 @@ def comparison_figure(every: Mapping[str, FittedData]) -> Figure:
 
 # --- Identified values for a drive: values by their names in the drive file, intervals, recordings.
 
-#: Digits of the ends of an interval, which are rounded outwards, and of a value without an interval.
+#: Number of digits of interval bounds, which are rounded outwards, and of a value without an interval.
 DIGITS = 5
-#: Largest rounding error of a value, as a share of its interval.
+#: Largest rounding error of a value, as a fraction of its interval.
 ROUNDED_SHARE = 1e-2
 #: Digits of the lower limit of a model error.
 MODEL_DIGITS = 2
@@ -132,20 +132,20 @@ class Identified:
     values : dict
         Dotted name in the drive file (``friction.coulomb``, ``cylinder.dead_volume.a``) -> SI, pressures absolute.
     intervals : dict
-        Name -> (lower, upper), SI; infinite for open ends. A value without an interval (half of a sum, where only the
-        sum is determined) gets no provenance.
+        Name -> (lower, upper), SI; infinite for open ends. A value without an interval (half of a sum, if only the sum
+        is determined) gets no provenance.
     sources : dict
-        Name -> its recordings.
+        Name -> names of its recordings.
     fit : str
         Hash that identifies the fit.
     file : str
-        Its file, if known.
+        File of the fit, if known.
     confidence : float
         Coverage probability of the intervals.
     model_errors : dict
         Name -> lower limit of the model error, SI, if known.
     correlations : dict
-        Name -> correlation of its error with that of other values, by their names.
+        Name -> correlations with other values, by their names.
     """
 
     values: Mapping[str, float]
@@ -200,17 +200,17 @@ def apply_identified(
     tables : mapping, optional
         Further changes, as for `Drive.replace`: a law, a shape.
     beside : Dependences, optional
-        Measured friction modifiers; the effect of the age of a sliding contact is subtracted from the values.
+        Measured friction modifiers. The effect of contact age in sliding is subtracted from the values.
 
     Warns
     -----
     PneudriveWarning
-        A kept value is moved to the limit set by an identified one.
+        A kept value is moved to the limit set by an identified value.
 
     Raises
     ------
     FitError
-        The drive lacks a value.
+        The drive does not have a value.
     DescriptionError
         A value is not valid for the drive.
     """
@@ -276,7 +276,7 @@ def _circuit_with(found: Identified, circuit: Circuit) -> Circuit:
 def _off_bounds(
     found: Identified, known: Mapping[str, Quantity | StatedPressure | None]
 ) -> Iterator[tuple[str, float]]:
-    """Yield values at a bound that a drive cannot have, such as a force of 0 N, as the least value of their digits."""
+    """Replace values at a bound that a drive does not accept, such as a force of 0 N, by the smallest written value."""
     for name, (low, high) in found.intervals.items():
         mark = known.get(name)
         if isinstance(mark, Quantity) and mark.bounds.above is not None and low < high < math.inf:
@@ -285,7 +285,7 @@ def _off_bounds(
 
 
 def _said(found: Identified, name: str, mark: Quantity | StatedPressure | None) -> dict[str, str]:
-    """Return the origin of a value of a line or a circuit, which is stored with the value."""
+    """Return the origin of a value of a line or a circuit in the form stored with the value."""
     source = {"source": joined(found.sources.get(name, ())) or "a recording"}
     if name not in found.intervals:
         return source
@@ -302,9 +302,9 @@ def _assumed(found: Identified, drive: Drive) -> dict[str, str | float]:
 
 
 def _within_limits(found: Identified, drive: Drive, changed: Keyed) -> dict[str, object]:
-    """Set an unidentified force to the identified one if the two contradict each other.
+    """Set an unidentified force to the identified force if both contradict each other.
 
-    The breakaway force is not below the Coulomb force, so each of the two is a limit of the other.
+    The breakaway force must not be below the Coulomb force.
     """
     coulomb, breakaway = "friction.coulomb", "friction.breakaway"
     kept = [name for name in (coulomb, breakaway) if name not in changed]
@@ -322,7 +322,7 @@ def _within_limits(found: Identified, drive: Drive, changed: Keyed) -> dict[str,
 
 
 def _chamber(drive: Drive, name: str) -> Quantity | None:
-    """Return the annotation of a value of one chamber, also if the drive does not give it yet."""
+    """Return the annotation of a value of one chamber, even if the drive does not state the value."""
     known = values_of(drive)
     if name in known:
         mark = known[name].mark
@@ -334,7 +334,7 @@ def _chamber(drive: Drive, name: str) -> Quantity | None:
 
 
 def _both(drive: Drive, table: str) -> dict[str, str]:
-    """Return the present values of both chambers. Empty without values."""
+    """Return the present values of both chambers; empty without values."""
     known = values_of(drive)
     out = {}
     for c in "ab":
@@ -352,7 +352,7 @@ def _way(mark: Quantity | StatedPressure | None) -> tuple[Quantity, str]:
 
 
 def _size(mark: Quantity | StatedPressure | None) -> Quantity:
-    """Return the unit of a difference of such values: a pressure without abs, a temperature in K."""
+    """Return the unit for differences: pressure without abs, temperature in K."""
     quantity, _ = _way(mark)
     return Quantity("K", "K") if quantity.si_unit == "K" else quantity
 
@@ -405,7 +405,7 @@ def _outward(value: float, *, up: bool) -> float:
 
 
 def joined(names: tuple[str, ...]) -> str:
-    """Return the names of recordings as text, the first ones if there are many."""
+    """Return the names of recordings as text; if there are many, only the first names."""
     if not names:
         return "not stated"
     more = len(names) - MOST_SOURCES
@@ -417,7 +417,7 @@ def correlations_of(
 ) -> dict[str, dict[str, float]]:
     """Return the correlations of values by their names in the drive file.
 
-    Systematic uncertainties are independent and lower them.
+    Systematic uncertainties are independent and reduce the correlations.
 
     Parameters
     ----------
@@ -450,10 +450,10 @@ class Dependences:
     source : str
         Campaign.
     notes : tuple of str
-        Measured effects that a drive cannot have, each with the reason; assumptions.
+        Measured effects that a drive cannot represent, each with the reason; and assumptions.
     sliding : dict
-        ``coulomb`` and ``breakaway`` -> force in N from the age of a sliding contact. A measured sliding law includes
-        it, and so does ``[friction.dwell]`` of a drive, so it is subtracted when both are combined.
+        ``coulomb`` and ``breakaway`` -> force, N, from the age of a sliding contact. Both a measured sliding law and
+        ``[friction.dwell]`` include this force, so it is subtracted when they are combined.
     intervals : dict
         Dotted name in the drive file -> [value, lower, upper], 95 %, SI.
     tables : dict
@@ -483,7 +483,7 @@ class Dependences:
         return self if has_bristles(law) else self.without("relaxation")
 
     def without(self, key: str) -> Dependences:
-        """Return the modifiers without one of them."""
+        """Return the modifiers without the one under this key."""
         return replace(
             self,
             tables={name: table for name, table in self.tables.items() if name != key},

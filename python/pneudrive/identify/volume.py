@@ -2,10 +2,10 @@
 
 For a fixed volume, conductance, critical ratio, heat transfer, leak and tube friction are identified. The core
 simulates the tank under the recorded opening of its line. The search of `identify` fits the free values and the
-pressure at the start of each recording. Every value is estimated by its logarithm, the critical pressure ratio by its
-logit. An interval comes from the profile of the cost, which is its least value over all other values. The interval
-ends where the profile has grown by Student's t squared times the variance of the residuals. If the cost never reaches
-this limit on one side, the interval is open and the value is not determined.
+pressure at the start of each recording. The coordinates are logarithms, or the logit of the critical pressure ratio.
+Intervals come from the profile of the cost (its minimum over all other values). They end where the profile has
+increased by Student's t squared times the variance of the residuals. If the profile never reaches this limit on one
+side, the interval is open and the value is not determined.
 """
 
 from __future__ import annotations
@@ -93,7 +93,7 @@ class VolumeFit(Fit, kind="volume"):
         Parameters
         ----------
         tank : Tank, optional
-            Default: the tank of the start of the search.
+            Default: the tank at the start of the search.
 
         Raises
         ------
@@ -103,7 +103,7 @@ class VolumeFit(Fit, kind="volume"):
         Warns
         -----
         PneudriveWarning
-            Undetermined values keep those of the tank, with what this mixture predicts.
+            Undetermined values keep the values of the tank. The warning has the error of this combination.
         """
         start = self.start if tank is None else tank
         if start is None:
@@ -133,16 +133,17 @@ class VolumeFit(Fit, kind="volume"):
 
 #: Name in the file -> name in the circuit of the tank, SI unit.
 NUMBERS: dict[str, tuple[str, str]] = number_table("tank")
-#: Start of a leak that is given as zero, as a share of the line's conductance, or of volume over time and pressure.
+#: Start value of a leak given as zero, as a fraction of the line's conductance, or of volume / (time * pressure).
 LEAK_SHARE = 1e-3
 RTOL = 1e-7
 BENDS: dict[str, list[float]] = number_table("tank_starts")
 ENOUGH_TO_START = 500
-#: Distance between the coordinates of two minima.
+#: Distance in coordinates above which two minima count as different.
 APART = 0.05
-#: Ratio of pressures where a shorter linear region begins (assumed), and samples that show the end of a recording.
+#: Pressure ratio at which a shorter linear region begins (assumed), and number of samples at the end of a recording
+#: that are checked.
 SHORT_REGION, LAST_SAMPLES = 0.99999, 10
-#: Prior standard deviations of a start: any pressure, Pa; the temperature is held, K.
+#: Prior standard deviations of a start: pressure, Pa (practically free), and temperature, K (practically held).
 BELIEF = np.array([1e5, 1e-6])
 
 
@@ -167,9 +168,9 @@ def identify_volume(
         of the line), and ``inlet_pressure_pa`` (absolute, between line and tube). The sampling may have any rate.
     free : sequence of str, optional
         Names in the file: ``line.conductance``, ``line.critical_pressure_ratio``, ``line.pressure``,
-        ``volume.heat_transfer``, ``volume.leakage``, ``volume.value``, ``tube.friction_scale``. Default:
-        conductance, critical pressure ratio, heat transfer, friction of a tube and, if a recording can distinguish it
-        from the line, the leak.
+        ``volume.heat_transfer``, ``volume.leakage``, ``volume.value``, ``tube.friction_scale``. Default: conductance,
+        critical pressure ratio, heat transfer, friction of a tube, and the leak if a recording can distinguish it from
+        the line.
     layout : Layout or path, optional
         Layout of files.
     progress, cancel
@@ -199,9 +200,9 @@ def identify_volume(
 
 
 def _linear_regions(tank: Tank, records: list[VolumeRecording]) -> list[Tank]:
-    """Return the tank.
+    """Return the tank, and a variant with a shorter linear region of the flow.
 
-    If the linear region of the flow is assumed and a recording reaches it, also return a tank with a shorter region.
+    The variant is only added if the linear region is assumed and a recording reaches it.
     """
     line = tank.line
     if line is None or "linear_above" in line.to_dict():
@@ -237,7 +238,7 @@ def _free(
 
 
 class TankFamily(DriveFamily):
-    """Family of the circuits of a tank for any values of the free numbers. All gas starts as that of the volume."""
+    """Circuits of a tank as a function of the free parameters. All gas starts in the state of the volume."""
 
     def __init__(self, tank: Tank, names: Sequence[str], longest_s: float) -> None:
         volume, line = tank.volume, tank.line
@@ -254,7 +255,7 @@ class TankFamily(DriveFamily):
                 table[key] = 1e-2
 
     def shoot(self, core: Any, asked: Any, look: Any) -> Any:  # noqa: ANN401 - the core's
-        """Run segments under the opening of the line; a start has pressure and temperature of the volume."""
+        """Run segments under the opening of the line. A start consists of pressure and temperature of the volume."""
         of = [0 if name.endswith(".pressure_pa") else 1 for name in core.segment_names]
         together = [[i for i, own in enumerate(of) if own == quantity] for quantity in (0, 1)]
         by_start = asked["with_initial"]
@@ -301,7 +302,7 @@ def _upper(tank: Tank, name: str) -> float:
 def _minima(
     tank: Tank, records: list[VolumeRecording], names: list[str], watcher: search.Watcher
 ) -> list[tuple[float, Iterate]]:
-    """Return the minima of the cost with their costs, best first: searches from several starts over some samples."""
+    """Search from several starts on thinned samples; return the minima of the cost, best first."""
     bends = [i for i, name in enumerate(names) if name in BENDS]
     problem, first = _problem(tank, [_thinned(r) for r in records], names, watcher.watch)
     found: list[tuple[float, Iterate]] = []
@@ -323,10 +324,7 @@ def _minima(
 
 
 def _other_minima(solved: search.Solved, points: list[Iterate]) -> list[search.Solved]:
-    """Return further minima whose cost does not exclude them.
-
-    The recordings cannot distinguish these minima from the best one.
-    """
+    """Return further minima that the recordings cannot distinguish from the best minimum."""
     problem, found = solved.problem, []
     for point in points:
         try:
@@ -407,7 +405,7 @@ def _result(
 
 
 def _hull(solved: search.Solved, others: list[search.Solved], name: str) -> Interval:
-    """Return the interval over all minima: the range in which the cost stays within that of the best one."""
+    """Return the union of intervals over all minima, with the cost limit relative to the best minimum."""
     ends = [search.profile(minimum, name, least=solved.at.standing.cost) for minimum in (solved, *others)]
     return min(low for low, _ in ends), max(high for _, high in ends)
 
@@ -442,7 +440,7 @@ def _lost(
 
 
 def _alternatives(others: list[search.Solved]) -> list[str]:
-    """Return a note on values that fit as well as the best ones."""
+    """Return a note on values that fit as well as the best values."""
     notes = []
     for minimum in others:
         problem = minimum.problem
@@ -473,7 +471,7 @@ def _notes(tank: Tank, attempt: search.Attempt, tau: float, interrupted: list[st
 # The model is a grey box: p' = (g u(t - d) + o - p) / T. Filling and venting have separate times T. Volume,
 # conductance and leak act only through T, so such recordings do not determine them.
 
-#: Coordinates of a search: gain and offset in bar, logarithms of both lags.
+#: Coordinates of the search: gain and offset in bar, logarithms of both lags.
 REGULATOR_SCALES = Transforms([-np.inf, -np.inf, 0.0, 0.0], size=[1e5, 1e5, 1.0, 1.0])
 
 BLOCK_S = 1.0  # blocks of time for the covariance
@@ -530,15 +528,15 @@ class RegulatorFit(Fit, kind="regulator-fit"):
         ``gain_pa`` (for the whole range of the command), ``offset_pa`` (absolute, at the command 0), ``filling_s``,
         ``venting_s``.
     intervals : dict
-        95 %: of correlated residuals and of the spread from run to run.
+        95 % intervals, from correlated residuals and from differences between runs.
     undetermined : tuple of str
-        Sentences.
+        Sentences on undetermined values.
     statistics : dict
-        ``rms``, ``predicted``, ``held``: residual of the fit, of each run predicted from the other runs, and with gain
-        and offset of the description held, relative to the range. ``correlation`` of gain and offset.
-        ``least_dead_time_s``, ``largest_dead_time_s``: dead times that fit within 2 % of the best residual.
+        Residuals relative to the range: ``rms`` of the fit, ``predicted`` for each run predicted from the other runs,
+        and ``held`` with gain and offset of the description. ``correlation`` of gain and offset. ``least_dead_time_s``,
+        ``largest_dead_time_s``: dead times that fit within 2 % of the best residual.
     runs : dict
-        Name of each recording -> the separate values of the recording.
+        Name of a recording -> values from this recording alone.
     details : dict
         Name -> ``run_to_run``: relative standard deviation from run to run.
     """
@@ -583,7 +581,7 @@ def identify_regulator(
     ----------
     regulator : Regulator or path
     recordings : sequence of path
-        Time, command and pressure; each begins anywhere.
+        Recordings of time, command and pressure, starting in any state.
     layout : Layout or path, optional
         Of the kind ``fixed-volume``; the range of the command is 0 to 1.
 
@@ -661,7 +659,7 @@ def _residual(point: Array, records: Sequence[VolumeRecording], dead_s: float = 
 
 
 def _simulate(point: Array, record: VolumeRecording, dead_s: float) -> Array:
-    """Return the pressure in bar: an exact step of the lag per sample, towards the mean of both set pressures."""
+    """Return the pressure, bar: an exact lag step per sample towards the mean of both set pressures."""
     goal = point[0] * np.interp(record.time_s - dead_s, record.time_s, record.opening) + point[1]
     between, step = 0.5 * (goal[1:] + goal[:-1]), np.diff(record.time_s)
     filling, venting = (1.0 - np.exp(-step / lag) for lag in np.exp(point[2:4]))
@@ -676,7 +674,7 @@ def _simulate(point: Array, record: VolumeRecording, dead_s: float) -> Array:
 def _intervals(
     records: Sequence[VolumeRecording], best: OptimizeResult, own: dict[str, Array]
 ) -> tuple[dict[str, Interval], float]:
-    """Return the wider interval, by blocks of time or by runs, and the correlation of gain and offset."""
+    """Return intervals, by blocks of time or by runs, whichever is wider; and the correlation of gain and offset."""
     inverse = np.linalg.pinv(best.jac.T @ best.jac)
     times = np.concatenate([i * 1e6 + r.time_s for i, r in enumerate(records)])
     edges = np.unique(np.floor(times / BLOCK_S), return_index=True)[1]

@@ -81,7 +81,7 @@ class Response:
         self._is_new = True
 
     def step(self, forces: Array) -> Array:
-        """Make a step from the present state under these forces, N. Return the lengths at the end, m."""
+        """Step from the present state under these forces, N. Return the lengths at the end, m."""
         model, data = self.model, self.data
         if not self._is_new:
             mujoco.mj_setState(model, data, self._state, self._spec)
@@ -165,7 +165,7 @@ def _actuator(model: Any, name: str) -> int:  # noqa: ANN401
 
 
 def _check(model: Any, name: str, i: int) -> None:  # noqa: ANN401
-    """Check that an actuator is a plain force of gain 1. Check that its joint has no friction."""
+    """Check that an actuator is a plain force of gain 1, and that its joint has no friction."""
     plain = (
         model.actuator_gaintype[i] == mujoco.mjtGain.mjGAIN_FIXED
         and model.actuator_gainprm[i, 0] == 1.0
@@ -190,11 +190,12 @@ def _check(model: Any, name: str, i: int) -> None:  # noqa: ANN401
 
 # --- Drives at the actuators of a MuJoCo model.
 
-#: Difference between the motion of MuJoCo and that of the chambers at which a step is accepted: m, a fraction of the
-#: motion, and m from the attempt `RENEW_FROM` on. Positions do not drift apart, because the next step begins at those
-#: of MuJoCo. The mean force has small jumps where the solver of the chambers changes its steps.
+#: Accepted difference between the motion of MuJoCo and that of the chambers: m, a fraction of the motion, and m from
+#: the attempt `RENEW_FROM` on. Positions do not drift apart, because each step begins at the positions of MuJoCo. Exact
+#: agreement is impossible, because the mean force has small jumps when the solver of the chambers changes its steps.
 CLOSED, SHARE, ENOUGH = 1e-13, 1e-8, 1e-9
-#: Attempts of a step. Usual steps take two. Later ones compute the slopes of the forces by dual numbers.
+#: Largest number of attempts of a step (usually two are needed), and attempt from which the slopes of the forces are
+#: computed by dual numbers.
 MOST_ATTEMPTS, RENEW_FROM = 20, 4
 #: Steps after which the mobility of the mechanism is computed again (assumed: it changes slowly).
 RENEW_AFTER = 20
@@ -202,9 +203,9 @@ RENEW_AFTER = 20
 ROUNDING_M = 1e-9
 #: Residual of the loops above which a run warns, m (assumed).
 WIDE_GAP = 1e-5
-#: Component that moves the axis of a drive, coupling before it, and columns of a run.
+#: Names of the component that moves the axis of a drive, and of the coupling before the axis.
 AXIS, COUPLING = "mujoco_axis", "mujoco_coupling"
-#: Damping of a coupling over its stiffness, s (assumed: a steel joint).
+#: Ratio of damping to stiffness of a coupling, s (assumed: a steel joint).
 DAMPING_TIME_S = 1e-4
 SIGNALS = ("position_m", "velocity_m_s", "pressure_a_pa", "pressure_b_pa")
 
@@ -314,10 +315,10 @@ def _number(given: str | float, unit: str) -> float:
 class Actuators:
     """Pneumatic drives at the actuators of a MuJoCo model.
 
-    MuJoCo has all masses and weights. Masses and inclines of the drives are not used. The force of a cylinder over
-    a step is the mean of the force along the motion that this force causes, solved for all cylinders at once.
-    The chambers then advance along that motion. An actuator is a plain force: ``<motor joint="slide"/>``. Its length
-    is the position of the cylinder, plus `zero`.
+    MuJoCo models all masses and weights; masses and inclines of the drives are not used. In each step, the force of a
+    cylinder is constant: the mean of its force along the resulting motion, solved for all cylinders at once. The
+    chambers then advance along this motion. An actuator is a plain force: ``<motor joint="slide"/>``. Its length is the
+    position of the cylinder plus `zero`.
 
     Parameters
     ----------
@@ -329,10 +330,11 @@ class Actuators:
     zero : mapping of str to str or float, optional
         Length of an actuator at the cylinder position 0: ``"350 mm"``, or a number in m. Default 0.
     initial : mapping, optional
-        Start of each drive, as for `pneudrive.simulate`, without the position, which comes from MuJoCo.
+        Start state of each drive, as for `pneudrive.simulate`. The position comes from MuJoCo.
     couplings : mapping of str to str or float, optional
-        Stiffness of the joint between rod and model: ``"1e7 N/m"``, or a number in N/m. Friction laws with a stick mode
-        need it. Moving mass and load of the drive are then between friction and coupling, besides MuJoCo's masses.
+        Stiffness of the joint between rod and model: ``"1e7 N/m"``, or a number in N/m. Required for friction laws with
+        a stick mode. Moving mass and load of the drive are then between friction and coupling, in addition to MuJoCo's
+        masses.
     setup : Setup, str or path-like
         Sensors of `sense`: ``"ideal"``, ``"real"``, ``"cheap"`` or a file.
     seed : int
@@ -414,7 +416,7 @@ class Actuators:
         self._missed = np.zeros(len(x))
 
     def set(self, name: str, value: float, input: str = "command") -> None:  # noqa: A002 - as Session has it
-        """Set an input of a drive from now on.
+        """Set an input of a drive from the present time on.
 
         Parameters
         ----------
@@ -432,7 +434,7 @@ class Actuators:
         return axis.session.read(axis.column(variable) if variable in SIGNALS else variable)
 
     def sense(self, name: str) -> dict[str, float]:
-        """Return the readings of the sensors of a drive now: position_m, and pressures if there are sensors for them.
+        """Return the present sensor readings of a drive: position_m, and pressures if measured.
 
         Call it once at each sample of a controller, because lag and noise advance with each call.
         """
@@ -516,12 +518,12 @@ class Actuators:
         duration: str | float,
         signals: Sequence[str] = SIGNALS,
     ) -> dict[str, Array]:
-        """Run the model under commands of the drives from now on. Warn of large gaps in closed loops.
+        """Run the model under commands of the drives. Warn of large gaps in closed loops.
 
         Parameters
         ----------
         commands : mapping
-            Actuator or joint -> command of its drive, as for `pneudrive.simulate`. Times count from now on.
+            Actuator or joint -> command of its drive, as for `pneudrive.simulate`. Times start at the present time.
         duration : str or float
             ``"0.5 s"``, or a number in s.
         signals : sequence of str

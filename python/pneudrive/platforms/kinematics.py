@@ -29,16 +29,16 @@ if TYPE_CHECKING:
 
 #: Largest residual of a forward solution, m.
 CLOSED = 1e-9
-#: Step of the differences that give second derivatives of leg positions, m and rad. Their relative error is 1e-9.
+#: Finite-difference step for second derivatives of leg positions, m and rad. Their relative error is 1e-9.
 STEP = 1e-5
-#: Largest distance from `home` that is searched, m and rad (assumed), and the points of a scan over it.
+#: Largest searched distance from `home`, m and rad (assumed), and number of points of the scan.
 REACH = {"m": 2.0, "rad": np.radians(89.0)}
 POINTS = 400
-#: Halvings of the interval in which a limit lies: a millionth of a millimetre.
+#: Number of bisections to find a limit, which gives a millionth of a millimetre.
 HALVINGS = 40
-#: Smallest singular value of a pose that does not count as nearly singular (assumed).
+#: Singular value below which a pose counts as nearly singular (assumed).
 LEAST_SINGULAR_VALUE = 0.1
-#: Poses for each coordinate that `Platform.reach` tries with three legs and with more, and directions that it looks in.
+#: Number of poses per coordinate in `Platform.reach`, with three legs and with more; and number of directions.
 REACH_STEPS, REACH_POINTS = (11, 5), 80
 
 
@@ -82,7 +82,7 @@ class LegDynamics(NamedTuple):
     masses_kg : ndarray
         Mass that a force on the leg moves while the forces of the other legs stay constant.
     couplings : ndarray, shape (m, n, n)
-        W_ij/W_ii: part of the force of leg j that acts on leg i.
+        W_ij/W_ii: fraction of the force of leg j that acts on leg i.
     """
 
     positions_m: Array
@@ -96,9 +96,9 @@ class LegDynamics(NamedTuple):
 class Platform(Viewed):
     """A platform on legs, in the coordinates of its component: heave, tilt_1, x.
 
-    Places are in m. Tilts are the angles 2 asin(e) in rad, where e is the vector part of the unit quaternion. For a
-    3-RPS, e describes only the tilt, which follows a twist about the platform's z axis. The position of a leg is the
-    position of its cylinder, in m. Rows of an array are poses.
+    Displacements are in m. Tilts are the angles 2 asin(e) in rad, where e is the vector part of the unit quaternion.
+    For a 3-RPS, e describes only the tilt, which is applied after a twist about the platform's z axis. The position of
+    a leg is the position of its cylinder, in m. Rows of an array are poses.
 
     Attributes
     ----------
@@ -128,18 +128,18 @@ class Platform(Viewed):
 
     @property
     def is_delta(self) -> bool:
-        """Whether its legs are carriages with arms."""
+        """Whether the legs are carriages with arms."""
         return self.core.coordinates[0] == "x_m" and len(self.core.joints[2]) > 0
 
     @property
     def force_limits(self) -> Array:
-        """Forces of each leg at rest under supply pressure, N, shape (n, 2): against +x, in +x; NaN without supply."""
+        """Static force of each leg under supply pressure, N, shape (n, 2): against +x, in +x; NaN without supply."""
         areas = np.array([leg.areas_m2 for leg in self.legs])
         return (self.supply_pa - self.ambient_pa) * areas[:, ::-1] * [-1.0, 1.0]
 
     @property
     def normal_m(self) -> float:
-        """Length of the normal whose tip is traced: mean radius of the joints, or 0 if the platform never tilts."""
+        """Length of the normal whose tip is traced, m: mean radius of the joints, or 0 if the platform never tilts."""
         places = np.asarray(self.core.joints[1], dtype=float).reshape(-1, 3)
         return float(np.linalg.norm(places, axis=1).mean()) if "rad" in self.units else 0.0
 
@@ -177,7 +177,7 @@ class Platform(Viewed):
         return tuple("m" if name.endswith("_m") else "rad" for name in self.core.coordinates)
 
     def pose(self, pose: Pose) -> Array:
-        """Return poses as an array, shape (n,) or (m, n). Coordinates that a mapping leaves out are as in `home`.
+        """Return poses as an array, shape (n,) or (m, n). Coordinates missing in a mapping are as in `home`.
 
         Parameters
         ----------
@@ -204,7 +204,7 @@ class Platform(Viewed):
         return out
 
     def evaluate(self, pose: Pose, rates: ArrayLike | None = None) -> dict[str, Array]:
-        """Return the mechanism at poses: positions, Jacobian, mass matrix and forces of the core, one row for each.
+        """Evaluate the mechanism at poses: positions, Jacobian, mass matrix and forces of the core, one row per pose.
 
         Parameters
         ----------
@@ -246,7 +246,8 @@ class Platform(Viewed):
     def forward(self, positions: ArrayLike) -> Array:
         """Return the poses at which the legs have these positions, m.
 
-        The search begins at a pose above the frame, for a further row of an array at the pose of the previous row.
+        The search begins at a pose above the frame. For further rows of an array, it begins at the pose of the previous
+        row.
 
         Parameters
         ----------
@@ -329,7 +330,7 @@ class Platform(Viewed):
         return singular_values(self.core, coordinates(self.core, np.atleast_2d(pose))).reshape(pose.shape)
 
     def stiffness(self, pose: Pose, pressures: ArrayLike, forces: ArrayLike | None = None) -> Array:
-        """Return the stiffness of the platform against its coordinates with shut valves, N/m, N/rad and N m/rad.
+        """Return the stiffness of the platform in its coordinates with shut valves, N/m, N/rad and N m/rad.
 
         K = J' diag(k) J + sum F_i d2x_i/dq2, with k = kappa (p_a A_a2/V_a + p_b A_b2/V_b) of each leg. The second term
         is the effect of the load.
@@ -362,7 +363,7 @@ class Platform(Viewed):
         Parameters
         ----------
         run : xarray.Dataset
-            Result of ``pneudrive.simulate``, in SI. It has poses, rates and accelerations of the platform already.
+            Result of ``pneudrive.simulate``, in SI. It already contains poses, rates and accelerations of the platform.
 
         Returns
         -------
@@ -382,7 +383,7 @@ class Platform(Viewed):
         return run.assign(out)
 
     def workspace(self, *, least_singular_value: float = LEAST_SINGULAR_VALUE) -> PoseLimits:
-        """Return the limits of each coordinate from `home`, with the others fixed: strokes, reach, singular poses.
+        """Return the limits of each coordinate, with the others fixed at `home`, by strokes, reach and singular poses.
 
         Parameters
         ----------
@@ -406,7 +407,7 @@ class Limit:
     value : float
         Coordinate at the limit, m or rad.
     reason : str
-        Leg whose stroke ends there, "singular pose", "out of reach" or "none found".
+        Leg that reaches the end of its stroke, "singular pose", "out of reach" or "none found".
     """
 
     value: float
@@ -473,7 +474,7 @@ def platform(circuit: Circuit, name: str | None = None) -> Platform:
     Raises
     ------
     CommandError
-        The circuit has no platform, or several without a name.
+        The circuit has no platform, or has several and no name is given.
 
     Examples
     --------
@@ -499,7 +500,7 @@ def platforms(described: Circuit | Drive) -> list[Platform]:
     return [Platform(own, circuit) for own in compiled(circuit.core_json()).platforms]
 
 
-#: Step of the differences that give the rate of the twist along the motion, s.
+#: Finite-difference step for the rate of the twist along the motion, s.
 STEP_S = 1e-5
 #: Samples that are evaluated together.
 AT_ONCE = 20_000
@@ -532,7 +533,7 @@ def motion_of(platform: Platform, columns: Mapping[str, Array]) -> tuple[Array, 
 
 
 def platform_outputs(platform: Platform, columns: Mapping[str, Array]) -> dict[str, Array]:
-    """Return outputs of a platform along a run that are not among its columns.
+    """Return outputs of a platform along a run that the columns do not contain.
 
     ``tripod.smallest_singular_value`` has no unit. ``tripod.leg_1_force_n`` is the force in +x along leg 1 that carries
     and accelerates platform, payload, rods and barrels: pressures, end stop and external force, minus friction.
@@ -587,11 +588,11 @@ class MovingPlatform(NamedTuple):
     frame, directions : ndarray, shape (n, 3)
         Joints on the frame; axes of hinges or guides.
     origin, axes : ndarray
-        Place and acceleration of the origin, shape (2, m, 3), and unit vectors of the axes, shape (m, 3, 3).
+        Position and acceleration of the origin, shape (2, m, 3), and unit vectors of the axes, shape (m, 3, 3).
     turn : ndarray, shape (2, m, 3)
         Angular velocity and acceleration.
     joints : ndarray, shape (3, m, n, 3)
-        Place, velocity and acceleration of the joints on the platform.
+        Position, velocity and acceleration of the joints on the platform.
     """
 
     masses: dict[str, Array]

@@ -1,4 +1,4 @@
-"""Figures, tables and pages: the only part that draws. The first figure imports matplotlib."""
+"""Figures, tables and pages. Only this package draws. matplotlib is imported for the first figure."""
 
 from __future__ import annotations
 

@@ -114,7 +114,7 @@ def findings_of(statements: Iterable[Statement]) -> tuple[Finding, ...]:
 
 
 def _headline(found: CampaignCharacteristics) -> str:
-    """Return number of cycles, rig, and number of open findings; the rig is left out for recordings."""
+    """Return the headline: number of cycles, rig, and number of open findings. Recordings have no rig."""
     is_campaign, made = found.name != found.identity.name, f"on {found.identity.name}"
     count = plural(len(found.cycles) + len(found.stops), "cycle" if is_campaign else "speed level")
     if found.synthetic or not is_campaign:
@@ -126,7 +126,7 @@ def _headline(found: CampaignCharacteristics) -> str:
 
 
 def _values(found: CampaignCharacteristics) -> Iterator[ShownValue]:
-    """Return counts, ranges, and each effect with its interval and its probability by chance."""
+    """Return counts, ranges, and each effect with its interval and p-value."""
     for name in ("cycles", "skipped", "curves", "stops"):
         yield ShownValue(name, name, "value", str(len(getattr(found, name))))
     r = found.ranges
@@ -315,7 +315,7 @@ def drift(found: CampaignCharacteristics) -> Section | None:
 
 
 def drift_figure(found: CampaignCharacteristics) -> Figure:
-    """Draw drift over time with control runs, and below it the sensor's zero if there are zero runs."""
+    """Draw drift over time with control runs; below, the zero of the sensor if there are zero runs."""
     d, zero = found.drift, found.zero
     assert d is not None
     order = np.argsort(d.time_s)
@@ -375,7 +375,7 @@ def stick_slip(found: CampaignCharacteristics) -> Section | None:
 
 MOST_TRACES = 3
 MOST_SERIES = MOST_SHOWN = 4
-#: Time around a restart that is drawn, in units of the time from restart to peak.
+#: Displayed time before and after a restart, in units of the time from restart to peak.
 BEFORE, AFTER = 1.5, 20.0
 SHORTEST_S = 1e-3
 APPROACH = 0.7  # share of the approach that is drawn at most

@@ -164,7 +164,7 @@ def _both(c: Comparison, curves: CurveComparison, chosen: list[int]) -> list[Any
 
 
 def _differences(curves: CurveComparison, chosen: list[int]) -> list[Any]:
-    """Draw differences with their intervals; significant ones are filled."""
+    """Draw differences with their intervals. Markers of significant differences are filled."""
     marks: list[Any] = [Rule(y=0.0, look=Look("black"))]
     for i in chosen:
         differs = curves.points["corrected_p"][i] < CHANCE

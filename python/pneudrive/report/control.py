@@ -158,7 +158,7 @@ def gain_rows(laws: Mapping[str, Any]) -> Iterator[tuple[str, ...]]:
 
 
 def controllers_view(found: ControlComparison, measures: Collection[str] = ()) -> View:
-    """Return the view of a benchmark; `measures` are those of its table, by default all."""
+    """Return the view of a benchmark. `measures` selects the columns of its table, by default all."""
     topic, leading, failed = Topic("control", "reference"), [], [run for run in found.runs if run.score is None]
     for along, text in found.references.items():
         best = found.best(along)

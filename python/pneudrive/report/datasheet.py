@@ -39,7 +39,7 @@ CURVES = (
     *("velocity", "force-speed", "square-response", "impact", "natural-frequency", "stiffness"),
     *("bode", "flow", "exergy"),
 )
-#: Makes the drawing of the circuit, the first picture, smaller than the page.
+#: Replacement in the first picture, the circuit drawing, that makes it smaller than the page.
 SMALL_CIRCUIT = ("<svg ", '<svg style="max-width: 26rem; display: block" ')
 
 
@@ -49,7 +49,7 @@ def plot_characteristic(found: xr.Dataset, path: str | Path | None = None) -> Dr
     Parameters
     ----------
     found : xarray.Dataset
-        From `pneudrive.characteristic`.
+        Result of `pneudrive.drive_characteristic`.
     path : path-like, optional
         Picture to write: .png, .svg or .pdf.
 
@@ -102,7 +102,7 @@ def characteristic_view(found: xr.Dataset) -> View:
 
 
 def characteristic_panel(found: xr.Dataset, name: str = "", title: str = "") -> Panel:
-    """Draw the given result of a characteristic, or by default all results, with further ones on a second axis."""
+    """Draw the named result of a characteristic. Default: all results of the figure, further ones on a second axis."""
     kind = characteristics()[found.attrs["characteristic"]]
     name, *others = [name] if name else kind.y.split()
     if found[kind.x].dtype.kind in "US":
@@ -128,7 +128,7 @@ def _label(found: xr.Dataset, name: str) -> str:
 
 
 def _curves(found: xr.Dataset, x: str, name: str) -> Iterator[Line | Band]:
-    """Yield a line for each curve of a result in shown units, and the band of its interval."""
+    """Yield a line for each curve of a result in displayed units, and the band of its interval."""
     along = found[x].dims[-1]
     (other,) = [str(dim) for dim in found[name].dims if dim != along] or [""]
     factor, by = (shown_unit(found[of].attrs["units"])[0] for of in (name, x))

@@ -1,4 +1,4 @@
-"""Page of a fit of any kind, additions of studies, and provenance: software, data, sources."""
+"""Report of a fit of any kind, additions of studies to reports, and provenance: software, data, sources."""
 
 from __future__ import annotations
 
@@ -150,7 +150,7 @@ def _head(path: Path) -> str:
 
 
 def reference(key: str) -> str | None:
-    """Return an entry of references.bib in a line; None if the key is unknown."""
+    """Return an entry of references.bib as one line; None if the key is unknown."""
     entry = entries().get(key)
     if entry is None:
         return None
@@ -169,7 +169,7 @@ def software() -> list[tuple[str, str]]:
 
 
 def references(keys: Iterable[str]) -> tuple[str, ...]:
-    """Return the entries of references.bib in a line each, without unknown keys."""
+    """Return entries of references.bib, one line each. Unknown keys are left out."""
     return tuple(line for key in keys if (line := reference(key)))
 
 

@@ -37,12 +37,12 @@ if TYPE_CHECKING:
 
 TEMPLATE, TYPST = (Path(__file__).with_name(f"report.{kind}.j2") for kind in ("html", "typ"))
 FIGURES, REPORT = "figures", "report.html"
-#: Sections that a long report folds: details, which few readers need. A page of few sections shows them.
+#: Sections with details that few readers need. A long report folds them.
 DETAILS = ("record", "closure", "reversals", "flags", "budget", "drift", "recovered", "provenance")
 DETAILS += ("paper", "stick-slip", "chambers", "controlled-axis")
 MOST_OPEN = 8
 MOST_ROWS = 12  # of a table that is not folded, in a report that folds
-#: Permissions of the page: own style, also inside pictures; it loads and runs nothing.
+#: Content security policy of the page: inline styles only. The page loads and runs nothing.
 POLICY = "default-src 'none'; style-src 'unsafe-inline'; img-src data:; base-uri 'none'; form-action 'none'"
 
 
@@ -69,7 +69,7 @@ class Picture(ShownFigure):
     synthetic: bool = False
 
     def drawn(self) -> DrawnFigure:
-        """Draw the figure, within `applied`, with letters, mark and fixed places of its panels."""
+        """Draw the figure, within `applied`, with panel letters, mark of synthetic data and fixed panel positions."""
         figure = render(self.figure) if isinstance(self.figure, Figure) else self.figure
         finish(figure, synthetic=self.synthetic)
         lay_out(figure)
@@ -105,7 +105,7 @@ def view_section(key: str, view: View, *, synthetic: bool | None = None) -> Sect
 
 
 def view_report(view: View, *sections: Section | None, synthetic: bool = False) -> Report:
-    """Return the report of a result: leading values and bad findings as verdict, then its view and further sections."""
+    """Return the report of a result: verdict (leading values, bad findings), then its view and further sections."""
     leading = [Finding(value.text, value.state) for value in view.leading]
     bad = [finding for finding in view.findings if finding.state == "bad"]
     rest = replace(view, title="Result", leading=(), findings=tuple(f for f in view.findings if f.state != "bad"))
@@ -128,7 +128,7 @@ def _has_severe(part: Section) -> bool:
 
 
 def with_pictures(part: Section, synthetic: bool) -> Section:
-    """Return a section with `synthetic` filled in, and its figures as pictures."""
+    """Return a section with a value for `synthetic`, and with its figures as pictures."""
     own = synthetic if part.synthetic is None else part.synthetic
 
     def picture(block: Block) -> Block:
@@ -180,7 +180,7 @@ class Report:
 
     @applied()
     def plain_svg(self) -> dict[str, str]:
-        """Return the pictures that are not yet part of the page as SVG, by name."""
+        """Return the pictures as SVG, by name, before they are made part of the page."""
         out = {}
         for block in self.drawn():
             if block.name not in self.pictures:
@@ -188,13 +188,13 @@ class Report:
         return out
 
     def alone(self) -> str:
-        """Return the page with embedded pictures, without a folder of figures. It loads no other files."""
+        """Return the page with embedded pictures, without a folder of figures."""
         captions = {block.name: block.caption for block in self.drawn()}
         self.pictures |= {name: inline(svg, name, captions[name]) for name, svg in self.plain_svg().items()}
         return self.html(linked=False)
 
     def html(self, *, linked: bool = True) -> str:
-        """Return the page, which loads no other files. `linked`: captions link to the files of the figures."""
+        """Return the page, which loads no other files. With `linked`, captions link to the files of the figures."""
         import jinja2
 
         environment = jinja2.Environment(autoescape=True, trim_blocks=True, lstrip_blocks=True, finalize=_plain)
@@ -214,7 +214,7 @@ class Report:
 
 
 def _plain(value: object) -> object:
-    """Show characters that hide or reverse a text as escapes; jinja2 calls this before it escapes HTML."""
+    """Escape control characters and characters that reverse text. jinja2 calls this before it escapes HTML."""
     return shown(value, len(value)) if type(value) is str else value  # not Markup: of `_words`
 
 
@@ -285,7 +285,7 @@ def gauge_bar(level: Level) -> float:
 
 
 def chance(p: float) -> str:
-    """Return a probability of chance as text.
+    """Return a p-value as text.
 
     Examples
     --------
@@ -343,10 +343,10 @@ def sentence(text: str) -> str:
 
 # --- Tables of a page, made of records: a column names its field and format; the field's name gives the unit.
 
-#: SI units of values, which the ends of the names of fields give.
+#: SI units, recognised by the suffix of a field's name.
 _UNITS = ("m", "m/s", "s", "N", "N/s", "N/m", "N s/m", "Pa")
 NOTHING, SPARE = "–", "spare"
-#: Forms beside those of ``format``.
+#: Formats in addition to those of ``format``.
 _FORMS: Mapping[str, Callable[[Any], str]] = {
     "chance": chance,
     "percent": lambda share: f"{100 * share:.0f} %",
@@ -403,7 +403,7 @@ class Topic:
     Parameters
     ----------
     page : str or Path
-        File of its texts: the name of one in the folder ``texts``, or the path of a study's file.
+        File of the texts: a name in the folder ``texts``, or the path of a study's file.
     key : str
         Key of the topic in the file, and of the section.
     """
@@ -421,7 +421,7 @@ class Topic:
         return Paragraph(self.say(name, **values), kind)
 
     def listed(self, items: Iterable[str], name: str = "") -> tuple[Block, ...]:
-        """Return a paragraph with a list of sentences; nothing without sentences."""
+        """Return a paragraph with a list of sentences; empty without sentences."""
         lines = tuple(items)
         lead = (self.text(name),) if name else ()
         return (*lead, Items(lines)) if lines else ()
@@ -436,11 +436,11 @@ class Topic:
         return Picture(shown.name, shown.caption, shown.figure, synthetic)
 
     def table(self, records: Iterable[Any], name: str = "table", /, **values: object) -> ShownTable:
-        """Return a table with a row for each record: results, or tuples of as many values as there are columns.
+        """Return a table with a row for each record. A record is a result, or a tuple with one value per column.
 
-        A column is ``head | field | form``. The unit in its heading follows from the end of the field's name, such as
-        ``stop.speed_m_s``; without a field, values are taken from tuples. The form is that of ``format``, or a named
-        one. A column of the form "spare" is left out if it is empty.
+        A column is ``head | field | form``. The unit in its heading follows from the suffix of the field, such as
+        ``stop.speed_m_s``. Without a field, values come from tuples. The form is that of ``format``, or a named form. A
+        column of the form "spare" is left out if it is empty.
         """
         texts, rows = self.texts[name], list(records)
         heads, columns = [], []
@@ -456,7 +456,7 @@ class Topic:
         return ShownTable(caption, tuple(heads), tuple(zip(*columns, strict=True)))
 
     def shown(self, records: Iterable[Any], name: str = "table", /, **values: object) -> ShownTable:
-        """Return a table of a view; its caption is that of the table, or the title of the topic."""
+        """Return a table of a view. Its caption is that of the table, or otherwise the title of the topic."""
         made = self.table(records, name, **values)
         return made if made.caption else replace(made, caption=self.say("title", **values))
 
@@ -468,9 +468,9 @@ class Topic:
 
 # --- A report as a PDF, set by typst (extra ``pdf``).
 
-#: Sections side by side on the first page, and sections with long tables and lists: smaller, in two columns.
+#: Sections side by side on the first page, and sections with long tables and lists, in small print and two columns.
 BESIDE, NARROW = ("drive", "numbers"), ("values", "definitions")
-#: A long word may be broken behind these letters.
+#: Characters after which a long word may be broken.
 BREAKS = "_./"
 
 
@@ -504,7 +504,7 @@ def write_pdf(report: Report, target: Path) -> Path:
 
 
 def typst_of(report: Report) -> str:
-    """Return the source of a page; every text is a literal, so that nothing in it is markup."""
+    """Return the typst source of a report. Every text is a literal, so that no text acts as markup."""
     kinds = {"paragraph": Paragraph, "list_of_items": Items, "table": ShownTable, "figure": ShownFigure}
     tests = {name: lambda block, kind=kind: isinstance(block, kind) for name, kind in kinds.items()}
     parts = [part for part in report.sections if part is not None]
@@ -515,7 +515,7 @@ def typst_of(report: Report) -> str:
 
 
 def _breakable(text: str) -> str:
-    """Return a text as a string of typst, with breaks after some letters of a long word."""
+    """Return a text as a typst string, with possible breaks in long words."""
     made = literal(text)
     for letter in BREAKS:
         made = made.replace(letter, letter + "\u200b")
@@ -523,7 +523,7 @@ def _breakable(text: str) -> str:
 
 
 def literal(text: str) -> str:
-    r"""Return a text as a string of typst.
+    r"""Return a text as a typst string.
 
     Examples
     --------

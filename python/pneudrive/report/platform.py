@@ -36,18 +36,18 @@ if TYPE_CHECKING:
 VIEW = np.array([[0.866, 0.866, 0.0], [0.35, -0.35, -0.937]])
 #: Width of a picture, its margin and the size of labels, px.
 WIDTH, MARGIN, FONT = 360.0, 30.0, 11.0
-#: Distances of a label from its joint that are tried in turn, px, and the angles for each.
+#: Distances of a label from its joint, tried in turn, px, and number of angles for each distance.
 DISTANCES = (13.0, 19.0, 25.0)
 ANGLES = np.radians([0.0, 30.0, -30.0, 60.0, -60.0, 90.0, -90.0, 130.0, -130.0])
 #: Distance of the centre of a label from the edges of lines, px.
 CLEAR = 7.0
-#: Fraction of the length of a leg at x = 0 that the barrel has if the leg has no stroke.
+#: Length of the barrel of a leg without a stroke, as a fraction of the leg's length at x = 0.
 BARREL = 0.6
 #: Thickness of a piston, as a fraction of its barrel or guide.
 PISTON = 0.08
 
 
-#: Look of each part: a stroke without points.
+#: Look of each part, as a stroke without points.
 LOOKS = {name: PenStroke((), cap="butt", **table) for name, table in texts_of(SKETCHES)["lines"].items()}
 
 
@@ -59,7 +59,7 @@ class PlatformScene(NamedTuple):
     size : tuple of float
         Width and height.
     lines : list of tuple
-        Part that a line shows, a key of `LOOKS`, and its points, shape (m, k, 2). Lines that do not move have m = 1.
+        Part (a key of `LOOKS`), and points of each line, shape (m, k, 2). Lines at rest have m = 1.
     labels : list of tuple
         Text and centre of each label, shape (2,).
     path : ndarray, shape (m, 2)
@@ -140,7 +140,7 @@ def platform_scene(platform: Platform, poses: ArrayLike) -> PlatformScene:
 
 
 def label_places(joints: Array, middle: Array, segments: Array, halves: Array) -> list[Array]:
-    """Return the centres of the labels of joints, px: apart from each other, and if possible from the lines.
+    """Return the centres of joint labels, px, apart from each other and, if possible, from the lines.
 
     Parameters
     ----------
@@ -175,13 +175,13 @@ def _distance(place: Array, segments: Array, halves: Array) -> float:
 
 # --- A platform on legs as a picture, as an animation of a run, and as a page of a run with its curves.
 
-#: Pixels of a scene in an inch, and dots of an animation in an inch.
+#: Pixels per inch of a scene, and dots per inch of an animation.
 PX_IN, FILM_DPI = 100.0, 150.0
 #: Colours of a GIF: two inks, and their mixtures with the paper.
 COLOURS = 64
-#: Frames in a second. Delays of a GIF are multiples of 10 ms.
+#: Frames per second. Delays of a GIF are multiples of 10 ms.
 FRAMES_S = {".mp4": 30, ".gif": 25}
-#: Shortest and longest animation, s. Other runs are shown slower or faster.
+#: Shortest and longest animation, s. Shorter runs are slowed down, longer runs are sped up.
 SHORTEST_S, LONGEST_S = 2.0, 20.0
 MOST_POSES = 400  # of a path
 MOST_SAMPLES = 4000  # of a curve
@@ -192,13 +192,13 @@ LEG_PANELS = Topic("trajectory", "legs").texts["panels"]
 def draw_platform(
     platform: Platform, poses: ArrayLike | None = None, path: str | Path | None = None, *, dark: bool = False
 ) -> DrawnFigure:
-    """Draw a platform at the last one of some poses, with the path of its origin.
+    """Draw a platform at the last of the given poses, with the path of its origin.
 
     Parameters
     ----------
     platform : Platform
     poses : array, shape (n,) or (m, n), optional
-        Poses of a run, m and rad. By default every leg is at half of its stroke.
+        Poses of a run, Poses, m and rad. By default every leg is at half of its stroke.
     path : path-like, optional
         Picture to write: .svg, .png or .pdf.
     dark : bool
@@ -233,7 +233,7 @@ def animate_platform(
     ----------
     platform : Platform
     time : array, shape (m,)
-        s, rising.
+        Times of the poses, s, increasing.
     poses : array, shape (m, n)
         m and rad.
     path : path-like
@@ -293,7 +293,7 @@ def _write_film(program: str, frames: Iterator[Image.Image], target: Path) -> No
 
 
 def scene_drawing(scene: PlatformScene, row: int = -1, *texts: tuple[float, float, str], scale: float = 1.0) -> Drawing:
-    """Return a scene at one of its poses, with the path over all poses, and its texts with their places in px.
+    """Return the drawing of a scene at one pose, with the path over all poses, and its texts with positions in px.
 
     `scale` is the size of the drawing relative to that of the scene.
     """
@@ -310,7 +310,7 @@ def scene_drawing(scene: PlatformScene, row: int = -1, *texts: tuple[float, floa
 
 
 def _paper(scene: PlatformScene, row: int, *texts: tuple[float, float, str]) -> Figure:
-    """Return a figure as large as a scene. A film has an even number of pixels."""
+    """Return a figure of the size of a scene. Films need an even number of pixels."""
     width, height = (4.0 * round(0.25 * size) / PX_IN for size in scene.size)
     drawing = scene_drawing(scene, row, *texts)
     return Figure([Panel([drawing])], row_in=height, rest_in=0.0, width_in=width, has_margins=False)

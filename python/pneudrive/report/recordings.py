@@ -38,7 +38,7 @@ if TYPE_CHECKING:
     from pneudrive.friction.level import Level
     from pneudrive.report.fit import Fits
 
-#: Sections that recordings share with campaigns; a section without data is None.
+#: Functions for sections common to recordings and campaigns. A section without data is None.
 CURVES = (
     campaign.curves,
     campaign.pressure,
@@ -54,7 +54,7 @@ PRESSURE = Axis("gauge pressure / bar")
 
 
 def recording_view(recording: Recording) -> View:
-    """Return ranges and accuracies of the channels, faults of samples with their remedies, and two figures."""
+    """Return the view of a recording: ranges and accuracies of channels, sample faults with remedies, two figures."""
     topic, faults, found = Topic("recordings", "recording"), dict(recording.flags), ()
     with suppress(RecordingError):  # the view of an unusable recording shows its samples
         faults = clean(recording).flags
@@ -205,9 +205,9 @@ def _is_one_chamber(fits: Sequence[ClosureFit]) -> bool:
 
 
 def closures(fits: Sequence[ClosureFit]) -> Figure:
-    """Draw all groups over pressure, or over the fit if the pressures of both chambers changed, with residuals below.
+    """Draw all groups over pressure (over the fitted force if both pressures changed), with residuals below.
 
-    A line with as many parameters as points has no residuals. If all lines are such lines, there is only one panel.
+    Lines with as many parameters as points have no residuals. If no line has residuals, there is only one panel.
     """
     above, below, one_chamber = [], [], _is_one_chamber(fits)
     for index, fit in enumerate(sorted(fits, key=lambda fit: fit.group)):
@@ -247,7 +247,7 @@ def _interval(estimate: Estimate) -> str:
 
 
 MOST_PANELS = 9
-#: Meaning of the band, by whether a run was repeated.
+#: Whether a run was repeated -> meaning of the band.
 BAND = {True: "a further run", False: "a further recording of the same run"}
 
 
@@ -316,7 +316,7 @@ def recordings_report(
     study: Study | None = None,
     curves: CampaignCharacteristics | None = None,
 ) -> Report:
-    """Return the report: view, and sections on measurement, record, strokes, budget. Sections with one key are merged.
+    """Return the report: view, and sections on measurement, record, strokes, budget. Sections of equal key are merged.
 
     The parameters are those of `write_report`; `study` is its `reproduction`.
     """
@@ -443,7 +443,7 @@ STATISTICAL = "spread between strokes"
 
 
 def budget(found: Characterisation) -> page.Section:
-    """Return the section on contributions to friction, at the smallest and the largest uncertainty."""
+    """Return the section on the uncertainty budget, for the levels with smallest and largest uncertainty."""
     topic, levels = Topic("recordings", "budget"), sorted(found.levels, key=lambda level: level.expanded_n)
     shown = levels if len(levels) == 1 else [levels[0], levels[-1]]
     assumed = ", ".join(sorted({e.source for level in levels for e in level.budget if e.basis == "assumed"}))

@@ -34,12 +34,12 @@ if TYPE_CHECKING:
 DrawnFigure: TypeAlias = "Figure"  # of matplotlib
 PNG_DPI = 300  # as journals require of photographs; the SVG beside it is better for lines
 _STYLE = package_table(__file__, "style.toml")
-#: Settings of matplotlib, legends of a panel by their place, and colours by name on light and on dark paper.
+#: Settings of matplotlib, legends of a panel by position, and colours by name on light and on dark paper.
 _SETTINGS, LEGENDS, INKS = _STYLE["settings"], _STYLE["legends"], _STYLE["inks"]
 FONT, LABEL_PT, TITLE_PT = (_SETTINGS[key] for key in ("font.family", "axes.labelsize", "axes.titlesize"))
 TICK_PT, LEGEND_PT = _SETTINGS["xtick.labelsize"], _SETTINGS["legend.fontsize"]
 TINTS = ("band", "shade", "shade two")
-#: Lightest and darkest of an ordered row of curves: their order is visible in grey, too.
+#: Lightest and darkest colour of ordered curves. The order stays visible in grey.
 RAMP = ((0.67, 0.79, 0.89), (0.03, 0.13, 0.30))
 
 _INKED = {
@@ -47,7 +47,7 @@ _INKED = {
     "paper": ("figure.facecolor", "axes.facecolor"),
     "grid": ("grid.color",),
 }
-#: Settings of matplotlib that concern windows: they do not change a picture, and to look at the first one is slow.
+#: Settings of matplotlib for windows. They do not change a picture, and reading the first one is slow.
 _OF_WINDOWS = ("backend", "backend_fallback", "interactive", "toolbar")
 
 
@@ -97,7 +97,7 @@ def _figure_class() -> type[Figure]:
         """A figure in the report's style."""
 
         def draw(self, renderer: Any) -> None:  # noqa: ANN401 - of matplotlib
-            """Draw the figure. Tick labels are made here, so that they are right if a user saves the figure later."""
+            """Draw the figure. Tick labels are made now, in this style, in case a user saves the figure later."""
             with applied():
                 no_formulas(self)
                 super().draw(renderer)
@@ -112,7 +112,7 @@ def _figure_class() -> type[Figure]:
 
 
 def no_formulas(figure: Figure) -> None:
-    """Disable formulas in all texts of a figure, also if the figure was made outside this style."""
+    """Disable formulas in all texts of a figure, even if the figure was made outside this style."""
     from matplotlib.text import Text
 
     for text in figure.findobj(Text):
@@ -124,12 +124,12 @@ def new_figure(height_in: float, width_in: float = WIDTH_IN) -> Figure:
     return _figure_class()(figsize=(width_in, height_in), layout="constrained")
 
 
-#: Height of the line above the panels that marks a figure as synthetic, inch, and size of its letters.
+#: Height of the line above the panels that marks a figure as synthetic, inch, and text size, points.
 STAMP_IN, STAMP_PT = 0.17, 7
 
 
 def finish(figure: Figure, *, synthetic: bool) -> None:
-    """Add letters to the panels, and mark simulated data inside the picture, because pictures are used separately."""
+    """Add letters to the panels, and a mark for simulated data, because pictures may be used without their page."""
     panels_shown = [
         axis for axis in figure.axes if axis.get_visible() and axis.axison and axis.get_label() != "<colorbar>"
     ]
@@ -151,9 +151,9 @@ def finish(figure: Figure, *, synthetic: bool) -> None:
 
 
 def lay_out(figure: Figure) -> None:
-    """Fix the places of the panels.
+    """Fix the positions of the panels.
 
-    While a figure has a layout engine, matplotlib draws it twice for each file.
+    With a layout engine, matplotlib would draw a figure twice for each file.
     """
     layout, dpi = figure.get_layout_engine(), figure.dpi
     if layout is not None:
@@ -268,7 +268,7 @@ def render(figure: figures.Figure) -> Figure:
 
 
 def film(pictures: Iterable[figures.Figure], dpi: float) -> Iterator[Image.Image]:
-    """Yield an image of each figure, within `applied`. Figures have one size and contain one drawing each."""
+    """Yield an image of each figure, within `applied`. All figures have the same size, and contain one drawing."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from PIL import Image
 
@@ -392,7 +392,7 @@ def _scale(axis: Axes, side: str, own: Axis, marks: Sequence[Any]) -> None:
 
 
 def _limit(axis: Axes, side: str, own: Axis, *, is_first: bool) -> None:
-    """Set the range of an axis after all marks are drawn; the first of several shared axes adds a margin."""
+    """Set the range of an axis after all marks are drawn. The first of several shared axes adds a margin."""
     limit = getattr(axis, f"set_{side}lim")
     if is_first and (own.below or own.above):
         bottom, top = getattr(axis, f"get_{side}lim")()
@@ -494,7 +494,7 @@ def _stroke(axis: Axes, stroke: PenStroke) -> None:
         axis.plot(*points.T, color=color, lw=stroke.width, ls=line, alpha=stroke.opacity, solid_capstyle=cap)
 
 
-#: Each draws a mark and returns its handle for a legend.
+#: Kind of mark -> function that draws the mark and returns its legend handle.
 DRAWN: dict[type, Callable[..., Any]] = {
     Line: _line,
     Band: _band,
@@ -507,7 +507,7 @@ DRAWN: dict[type, Callable[..., Any]] = {
 
 
 def box_marks(position: int, values: Sequence[float]) -> Iterator[Any]:
-    """Yield a box of values at a position of a vertical axis: 5, 25, 50, 75 and 95 %, and the values outside."""
+    """Yield a vertical box plot of values at a position: 5, 25, 50, 75 and 95 % quantiles, and the values outside."""
     low, first, middle, last, high = np.quantile(values, (0.05, 0.25, 0.5, 0.75, 0.95))
     outside = np.asarray([v for v in values if not low <= v <= high])
     yield Line((low, high), (position, position), width=0.9)

@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 
     from pneudrive.sizing.result import SizingResult
 
-#: Quantities without a limit in the table of ranges: words, figure, factor from SI, unit.
+#: Quantities without a limit in the table of ranges: label, name of the value, factor from SI, unit.
 FREE = (
     ("end speed, the worse stroke", "end_speed", 1.0, "m/s"),
     ("peak pressure", "peak_pressure", 1e-5, "bar abs"),
@@ -42,7 +42,7 @@ FREE = (
     ("load ratio out", "load_ratio_out", 100.0, "%"),
     ("load ratio back", "load_ratio_back", 100.0, "%"),
 )
-#: Folder of the sheet beside the report.
+#: Folder of the sheet, next to the report.
 SHEET = "sheet"
 _KEY = re.compile(r"\[([\w-]+)\]")
 
@@ -112,7 +112,7 @@ def _against(drive: SizedDrive, name: str, *, is_common: bool) -> str:
 
 
 def _ends(drive: SizedDrive, name: str, factor: float) -> str:
-    """Return the range of 98 % of the samples. Empty in folders of earlier versions."""
+    """Return the range of 98 % of the samples as text. Empty in folders of earlier versions."""
     if name not in drive.intervals:
         return ""
     low, high = (f"{factor * end:.3g}" if end < math.inf else "no end" for end in drive.intervals[name])
@@ -120,7 +120,7 @@ def _ends(drive: SizedDrive, name: str, factor: float) -> str:
 
 
 def plot_sizing(result: SizingResult, path: str | Path | None = None) -> DrawnFigure:
-    """Draw the time that 1 % of the samples exceed over the air of a cycle: a point for each choice, and the limits.
+    """Draw stroke time (99 % quantile) over air per cycle: a point for each choice, and the limits.
 
     Lines at the best candidate show the range of 98 % of its samples.
 
@@ -239,7 +239,7 @@ def sizing_sheet(found: SizingResult) -> View:
 
 
 def sheet_report(found: SizingResult) -> Report:
-    """Return the sheet as a page: the state first, then the task, the order, the ranges, and the sources."""
+    """Return the sheet as a report: state, task, order, ranges, and sources."""
     topic, view = Topic("sizing", "sheet"), sizing_sheet(found)
     verdict = [Finding(found.answer, view.state), *view.findings]
     given = "; ".join(f"{one.key} {one.text}" for one in task_values(found.task) if one.is_given)

@@ -49,7 +49,7 @@ def map_view(table: xr.Dataset, fits: Fits | None = None) -> View:
     table : Dataset
         Friction map.
     fits : mapping, optional
-        Assembly -> law -> fit. Laws that the data determine are drawn; undetermined values become findings.
+        Assembly -> law -> fit. Determined laws are drawn; undetermined values become findings.
     """
     groups = [(group, group.curves(table)) for group in groups_of(table)]
     curves = tuple(curve for _, own in groups for curve in own)
@@ -95,12 +95,12 @@ def richest(by_law: Mapping[str, FrictionFit]) -> FrictionFit:
 
 
 def _is_curve(by_law: Mapping[str, FrictionFit] | None) -> bool:
-    """Return whether the data determine how friction depends on speed."""
+    """Return whether the data determine the dependence of friction on speed."""
     return STRIBECK in (by_law or {}) and "stribeck_velocity" in by_law[STRIBECK].determined  # type: ignore[index]
 
 
 def _fitted(fits: Fits) -> View:
-    """Return determined and undetermined values of the richest fit of each assembly, and notes on the fits."""
+    """Return a view of the fit with the most parameters of each assembly: values, findings and notes."""
     values, lost, notes = [], dict[Finding, list[str]](), []
     for group, by_law in fits.items():
         fit = richest(by_law)
@@ -148,7 +148,7 @@ def speed_figure(groups: list[tuple[MapGroup, list[ShownCurve]]], fits: Fits) ->
 
 
 def _law(group: MapGroup, curve: ShownCurve, by_law: Mapping[str, FrictionFit] | None, own: Look) -> list[Band | Line]:
-    """Draw the fitted law at the pressures of a group if the data determine how it depends on speed."""
+    """Draw the fitted law at the pressures of a group, if the data determine its dependence on speed."""
     if by_law is None or not _is_curve(by_law):
         return []
     grid = np.geomspace(curve.x.min(), curve.x.max(), 200)
@@ -263,7 +263,7 @@ def drift(found: Characterisation) -> Section | None:
 
 
 def _drift_share(level: Level) -> float:
-    """Return the largest drift over all strokes of a direction, relative to friction."""
+    """Return the largest drift over all strokes of a direction, as a fraction of friction."""
     slopes = [abs(s.slope_n) * s.strokes for s in level.spreads.values() if s.has_trend]
     return max(slopes, default=0.0) / max(abs(level.friction_n), 1e-9)
 
@@ -363,7 +363,7 @@ def reversals(every: list[tuple[RecordingResult, Level, ReversalPeak]]) -> Figur
 
 @dataclass(frozen=True)
 class DrawnMotion:
-    """One motion that is drawn: time from zero, SI."""
+    """One motion to draw: time from zero, SI."""
 
     title: str
     time_s: np.ndarray

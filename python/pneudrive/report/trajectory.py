@@ -50,8 +50,8 @@ def plot(run: xr.Dataset, path: str | Path | None = None, circuit: Circuit | Dri
     Parameters
     ----------
     run : xarray.Dataset
-        Result of ``pneudrive.simulate``. Missing variables are left out. A circuit shows the first eight of each kind,
-        because more would not be distinguishable.
+        Result of ``pneudrive.simulate``. Missing variables are left out. For a circuit, the first eight variables of
+        each kind are drawn, because more would not be distinguishable.
     path : path-like, optional
         Picture to write: .png, .svg, .pdf, or .html (a page with the picture and its provenance).
     circuit : Circuit or Drive, optional
@@ -60,7 +60,7 @@ def plot(run: xr.Dataset, path: str | Path | None = None, circuit: Circuit | Dri
     Returns
     -------
     matplotlib.figure.Figure
-        A notebook shows the figure; elsewhere give a `path`, or use ``figure.savefig(...)``.
+        A notebook shows the figure. Elsewhere, give a `path`, or use ``figure.savefig(...)``.
 
     Raises
     ------
@@ -282,7 +282,7 @@ def volume_figure(solution: FollowSolution, at: int) -> Figure:
 
 # --- Views of an ensemble (spread of each output, fans over time) and of sensitivities (bars of each number).
 
-#: Column of the view of an ensemble -> part of the members below it.
+#: Column of the view of an ensemble -> quantile.
 QUANTILES = {"lowest": 0.0, "5 %": 0.05, "median": 0.5, "95 %": 0.95, "highest": 1.0}
 MOST_PANELS, BINS = 6, 24
 #: Variables of a sensitivity that are drawn -> look.
@@ -290,7 +290,7 @@ DRAWN = {"total": Look("blue"), "first": Look("orange")}
 
 
 def ensemble_view(found: xr.Dataset) -> View:
-    """Return the view of an ensemble: the spread of each output over the members that have it, and failures."""
+    """Return the view of an ensemble: spread of each output over the members with a value, and failures."""
     rows, missing, fans, counts = [], [], [], []
     for name, column in ((str(name), found[name]) for name in found.data_vars if name not in ("status", "reason")):
         values, (size, unit) = column.to_numpy(), readable(str(column.attrs.get("units", "1")))

@@ -1,4 +1,4 @@
-"""Views and reports of two comparisons: a drive with its recordings, and a friction law with measured friction."""
+"""Views and reports of validations: a drive against recordings, and a friction law against measured friction."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def validation_view(content: Keyed, run: Callable[[int], Keyed | None]) -> View:
     content : mapping
         Tables of validation.toml.
     run : callable
-        Function that returns the columns of the run of a record (number from 0), or None without its file.
+        Function from the index of a record to the columns of its run, or None if the file is missing.
     """
     records, diagnosis = content["record"], content["diagnosis"]
     leading, causes = tuple(map(_leading, content["verdict"])), diagnosis.get("culprit", [])

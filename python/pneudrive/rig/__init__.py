@@ -2,7 +2,7 @@
 
 A campaign uses a rig only through the protocols of `pneudrive.rig.interface`: `Rig` (nine methods), and for simulated
 rigs `Reproducible` (begin_cycle, memory, restore) and `Changeable` (levels, change: mounting, seal, drive).
-Times of samples are those of `pneudrive.rig.motion.step_times`::
+`pneudrive.rig.motion.step_times` gives the times of samples::
 
     rig = load_rig("default", seed=7)              # name, TOML file, folder, address, or a class as "module:Name"
     rig = load_rig("my_rig.toml", pace=1.0)        # in real time, for a live display or behind a server
@@ -11,14 +11,14 @@ Times of samples are those of `pneudrive.rig.motion.step_times`::
     for samples in rig.acquire([Move(0.2, 0.05), Hold(15.0), Move(0.1, 0.05)], Sampling()):
         ...
 
-Simulated rigs are TOML files, each value with its source (`shipped_rigs` lists those of the package; one can extend
-another).
+A simulated rig is a TOML file, each value with its source. `shipped_rigs` lists the files of the package. A file can
+extend another file.
 
 A new kind of rig needs a function (source, seed, pace) -> Rig and a line in `pneudrive.rig.rig_file.LOADERS`. The
 scheme of an address is the kind of a source. A TOML file has ``kind = "..."``, and a folder is of the kind ``folder``.
 
-Without a campaign, `SimulatedRig` is a stateless object: `drag` returns the true signals of cycles at one speed.
-`record` returns the readings of the sensors. `measure` does both, and `sweep` does so over speeds and pressures.
+`SimulatedRig` can also be used without a campaign, and is then stateless. `drag` returns the true signals of cycles at
+one speed, `record` the readings of the sensors, and `measure` does both. `sweep` measures over speeds and pressures.
 `session` returns the stateful `RigSession` of `load_rig`.
 """
 

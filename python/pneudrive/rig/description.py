@@ -48,7 +48,7 @@ class AnalogSensor:
     gain_error : float
         Relative error of the gain.
     hysteresis : float
-        Error with the sign of the signal, of full size for signals above 1 % of the range.
+        Error with the sign of the signal. It has full size for signals above 1 % of the range.
     """
 
     low: float
@@ -189,7 +189,7 @@ class Source:
     Attributes
     ----------
     value : str
-        As written, with its unit.
+        Value as written, with its unit.
     source : str
         Key of references.bib, or ``assumed``.
     reason : str
@@ -342,7 +342,7 @@ def _with(given: object, said: Plain) -> Plain:
 
 DEFAULT = Path(__file__).with_name("default.toml")
 
-#: Share of its range by which a gauge transducer reads below zero before it saturates (assumed).
+#: Fraction of the range by which a gauge transducer reads below zero before it saturates (assumed).
 BELOW_ZERO = 0.02
 #: Range and resolution of the thermometer (assumed): a 4-wire Pt100 with a 16-bit converter.
 THERMOMETER_K, THERMOMETER_BITS = (253.15, 353.15), 16
@@ -425,7 +425,7 @@ def read_description(path: str | Path = DEFAULT) -> RigDescription:
     Raises
     ------
     DescriptionError
-        If the file cannot be read, a key is unknown or missing, a value lacks its unit or its source.
+        If the file cannot be read, a key is unknown or missing, or a value has no unit or source.
     """
     name, tables, friction, sources = read_tables(Path(path))
     with toml.locating(path, toml.read(path)[1]):

@@ -1,6 +1,6 @@
-"""Interface of rigs: nine methods for simulated rigs, replays, PLCs and the code of a laboratory.
+"""Interface of rigs, with nine methods: for simulated rigs, replays, PLCs and custom code.
 
-A laboratory connects its hardware by a class with the methods of `Rig`. A base class is not needed. All numbers are SI,
+To connect your own hardware, write a class with the methods of `Rig`; a base class is not needed. All numbers are SI,
 and pressures are absolute. x grows as chamber a grows. The force is that of the rig on the piston in +x.
 """
 
@@ -48,7 +48,7 @@ def present(data: Any) -> Any:  # noqa: ANN401 - JSON
 
 
 def holds(rule: str, check: Callable[[Any], bool]) -> AfterValidator:
-    """Return a check for a value from JSON; messages show the rule."""
+    """Return a validator for a value from JSON. Messages show the rule."""
 
     def checked(value: T) -> T:
         if check(value):
@@ -68,7 +68,7 @@ Area = Annotated[Number, holds("an area is positive", lambda value: 0.0 < value 
 Frequency = Annotated[Number, holds("a frequency is positive", lambda value: 0.0 < value < math.inf)]
 Span = tuple[Number, Number]
 Limits = Annotated[Span, holds("[lowest, highest]", lambda value: value[0] < value[1])]
-#: Texts by name; a number is its text.
+#: Texts by name. Numbers are converted to text.
 Texts = Annotated[
     dict[str, str],
     BeforeValidator(lambda data: {n: str(v) for n, v in data.items()} if isinstance(data, dict) else data),
@@ -110,8 +110,8 @@ class Hold:
     ----------
     duration_s : float
     released : bool
-        Whether the axis moves freely until the force sensor reads zero. Otherwise axis and seal keep position and
-        deflection.
+        Whether the axis moves until the force sensor reads zero. Otherwise, the axis keeps its position, and the seal
+        its deflection.
     shut : bool
         Whether the supply is shut off, so that a leak lowers the pressure.
     weight_n : float
@@ -137,14 +137,14 @@ WrittenStep = Annotated[
 
 @dataclass(frozen=True)
 class Sampling:
-    """Spacing of samples over a cycle.
+    """Distribution of samples over a cycle.
 
     Parameters
     ----------
     samples_per_stroke : int
         Number of samples, uniform in time over each move.
     burst_rate_hz : float
-        Least rate at both ends of every step, that is, around each reversal, stop and restart; 0: no bursts.
+        Minimum sampling rate at both ends of every step, i.e. around each reversal, stop and restart; 0: no bursts.
     burst_before_s, burst_after_s : float
         Duration of a burst before the end and after the beginning of a step.
     hold_rate_hz : float
@@ -261,7 +261,7 @@ class RigState:
 
 @dataclass(frozen=True)
 class Envelope:
-    """Limits of a rig; the pre-flight check of a campaign compares the plan with them.
+    """Limits of a rig. The pre-flight check of a campaign compares the plan with these limits.
 
     Attributes
     ----------
@@ -328,13 +328,13 @@ class Identity:
         ``open``, ``common`` (one regulator, common manifold), ``separate`` (a regulator each) or ``held``
         (pressures do not change with motion).
     pressure_measured_at : str
-        ``chamber``, or ``regulator``, where the force of the air cannot be separated from that of the seal.
+        ``chamber`` or ``regulator``. At the regulator, the air force cannot be separated from the friction of the seal.
     synthetic : bool
         Whether the rig is simulated.
     bandwidth_hz : dict
         Channel -> corner frequency (-3 dB) of the sensor as a first-order filter; only ``force_n`` is used.
     force_calibration : ForceCalibration or None
-        Calibration curve of the force sensor, which analysis applies in place of the accuracy of ``force_n``.
+        Calibration curve of the force sensor, which the analysis uses instead of the accuracy of ``force_n``.
     """
 
     name: str
@@ -406,7 +406,7 @@ class Rig(Protocol):
 
 @runtime_checkable
 class Reproducible(Protocol):
-    """Protocol of rigs with a restorable history, so that a resumed campaign equals the undisturbed one."""
+    """Protocol of rigs with a restorable history, so that a resumed campaign equals an uninterrupted one."""
 
     def begin_cycle(self, key: str) -> None:
         """Seed the noise of the next cycle from the rig's seed and this key."""
@@ -426,11 +426,11 @@ class Changeable(Protocol):
     """Protocol of rigs that accept the operator's manual changes: simulated rigs."""
 
     def levels(self) -> dict[str, tuple[str, ...]]:
-        """Return the levels of each factor that has fixed levels; other factors accept any name."""
+        """Return the levels of each factor with fixed levels. Other factors accept any name."""
         ...
 
     def change(self, levels: dict[str, str]) -> None:
-        """Set mounted factor levels: factor -> level, as in `Cycle.levels`; factors left out are unchanged."""
+        """Set mounted factor levels: factor -> level, as in `Cycle.levels`. Omitted factors are unchanged."""
         ...
 
 

@@ -14,7 +14,7 @@ Answer = TypeVar("Answer")
 
 
 class JobThread:
-    """Thread that runs one job after the other; a job that never returns does not block the end of the process.
+    """Thread that runs one job after the other. A job that never returns does not prevent the process from ending.
 
     Parameters
     ----------

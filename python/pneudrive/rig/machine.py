@@ -1,6 +1,6 @@
-"""Machine of a simulated rig in virtual time: the rig in the core's form, its history, and the execution of steps.
+"""Simulated rig in virtual time: the rig in the core's form, its history, and the execution of steps.
 
-The history changes the friction: temperature, run-in, and scatter between cycles and days.
+The history affects friction by temperature, run-in, and scatter between cycles and days.
 """
 
 from __future__ import annotations
@@ -175,7 +175,7 @@ class Past:
     pressure_a_pa, pressure_b_pa : float
         Set pressures.
     state : list of float or None
-        State of the core; None: at rest, with unstressed sensor and the chambers at their set pressures.
+        State of the core. None: at rest, with an unstressed sensor and the chambers at their set pressures.
     shown : dict
         Last true values of the channels.
     levels : dict
@@ -266,8 +266,9 @@ def friction_scale(d: RigDescription, past: Past, seed: int) -> float:
 def friction_in_force(d: RigDescription, past: Past, seed: int) -> Plain:
     """Return the friction of the present step in the core's form.
 
-    As on a drive, run-in and temperature change Coulomb and breakaway force, and only temperature changes viscous
-    friction. Both are evaluated at the beginning of the step, which is assumed to be short compared with the warming.
+    As in a drive, run-in and temperature change Coulomb and breakaway force, while only temperature changes viscous
+    friction. Both effects are evaluated at the beginning of the step, which is assumed to be short compared with the
+    warming.
     """
     table, thermal = core_friction(d, past.levels.get("mounting", RIGID)), d.tables.thermal
     excess, distance = d.tables.run_in.excess, d.tables.run_in.distance
@@ -284,13 +285,13 @@ def friction_in_force(d: RigDescription, past: Past, seed: int) -> Plain:
     return out
 
 
-#: Tolerance of the core: errors of force far below the noise of any force sensor.
+#: Tolerance of the core: force errors are far below the noise of any force sensor.
 RTOL = 1e-6
 #: Shortest move, m.
 SHORTEST_M = 1e-9
-#: Share of the set pressure within which chambers count as settled; longest time of settling, s.
+#: Fraction of the set pressure within which chambers count as settled; longest settling time, s; interval of checks, s.
 SETTLED, LONGEST_S, LOOK_S = 1e-3, 60.0, 0.5
-#: Speed at which friction counts as breakaway, to check whether a released axis stays.
+#: Speed at which friction is evaluated as breakaway, m/s, to check whether a released axis stays.
 CREEP_M_S = 1e-9
 
 
@@ -311,7 +312,7 @@ class Machine:
         self.past = past or Past(commanded_m=d.tables.servo.margin, pressure_a_pa=ambient, pressure_b_pa=ambient)
 
     def motion(self, step: Step) -> Motion | None:
-        """Plan the motion of a step from the present position; None without a motion."""
+        """Plan the motion of a step from the present position. Return None without a motion."""
         at = self.past.commanded_m
         if isinstance(step, Hold):
             return dwell(step.duration_s, at) if step.duration_s > 0.0 else None
@@ -337,7 +338,7 @@ class Machine:
         Raises
         ------
         RigError
-            The axis shall be released, but the pressures would move it away.
+            The axis is to be released, but the pressures would move the piston away.
         SimulationError
             The core cannot continue.
         """

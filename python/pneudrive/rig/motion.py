@@ -36,7 +36,7 @@ class MotionLimits:
     jerk_m_s3: float
 
     def __post_init__(self) -> None:
-        """Refuse limits that are not positive."""
+        """Reject limits that are not positive."""
         for name, value in vars(self).items():
             if not (np.isfinite(value) and value > 0.0):
                 raise CommandError(f"servo limit {name} = {value} must be positive and finite")
@@ -84,7 +84,7 @@ class Motion:
 
     @classmethod
     def of(cls, durations_s: Array, jerks_m_s3: Array, start_m: float) -> Motion:
-        """Return a motion without the segments of no duration."""
+        """Return a motion without segments of zero duration."""
         used = durations_s > 0.0
         return cls(durations_s[used], jerks_m_s3[used], start_m)
 
@@ -132,7 +132,7 @@ def move(distance_m: float, speed_m_s: float, limits: MotionLimits, start_m: flo
     distance_m : float
         Signed distance, not zero.
     speed_m_s : float
-        Largest speed, > 0; a move too short to reach it stays below.
+        Largest speed, > 0. A short move may not reach it.
     limits : MotionLimits
     start_m : float
         Position at the start.
@@ -176,7 +176,7 @@ def brake(position_m: float, speed_m_s: float, acceleration_m_s2: float, limits:
     Returns
     -------
     Motion
-        Motion from that velocity and acceleration; its `at` and `knots`, which assume rest, are not valid.
+        Braking motion. Its `at` and `knots` are not valid, because they assume a start at rest.
 
     Examples
     --------
@@ -235,14 +235,14 @@ def cycles(low_m: float, high_m: float, speed_m_s: float, limits: MotionLimits, 
 def step_times(duration_s: float, moving: bool, sampling: Sampling) -> Array:
     """Return the times of the samples of one step, counted from its beginning.
 
-    The end of the step belongs to the next one.
+    The end of the step belongs to the next step.
 
     Parameters
     ----------
     duration_s : float
         Duration of the step, s; zero gives no samples.
     moving : bool
-        True for a move, with uniform samples. False for a hold at a separate rate.
+        True: move, with uniform samples. False: hold, with a separate rate.
     sampling : Sampling
 
     Returns

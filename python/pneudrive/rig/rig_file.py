@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from typing_extensions import Self
 
 
-#: Channel as a user writes it -> name and SI unit of the channel of an `Identity`.
+#: Channel in a rig file -> name and SI unit of the channel in an `Identity`.
 CHANNELS: dict[str, tuple[str, str]] = WORDS["channels"]
 
 
@@ -172,7 +172,7 @@ class RigFile(Described):
         return file
 
     def beside(self, name: str) -> Path:
-        """Return the path of a file that this file names. A relative name refers to the folder of this file."""
+        """Return the path of a file named in this rig file. A relative name refers to the folder of this rig file."""
         return self._folder / Path(name).expanduser()
 
     def described(self) -> tuple[Identity | None, Envelope | None]:
@@ -186,8 +186,8 @@ class RigFile(Described):
 
 RIGS = Path(__file__).with_name("rigs")
 
-#: kind -> ``module:function`` that makes such a rig, called as function(source, seed, pace). A kind is the scheme of
-#: an address, ``kind = "..."`` at the top of a TOML file, or ``folder``. Imported on first use.
+#: Kind -> ``module:function``, called as function(source, seed, pace), that makes such a rig. A kind is the scheme of
+#: an address, ``kind = "..."`` at the top of a TOML file, or ``folder``. Modules are imported at first use.
 LOADERS: dict[str, str] = {
     "simulated": "pneudrive.rig.simulated:load_session",
     "opc-ua": "pneudrive.rig.opcua.client:load_opcua",
@@ -196,7 +196,7 @@ LOADERS: dict[str, str] = {
     "folder": "pneudrive.campaign.replay:load_replay",
 }
 CODE = "code"
-#: Kinds that a file may name, as they only read data. Others run code, or move an axis and log in.
+#: Kinds that a file may name, because they only read data. Other kinds run code, or move an axis and log in.
 ONLY_DATA = ("simulated", "replay", "folder")
 
 
@@ -220,17 +220,17 @@ def load_rig(
     ----------
     source : str or Path
         Name of a shipped rig (`shipped_rigs`), a rig file (TOML with its ``kind``), a folder of recordings, or an
-        address such as ``opc.tcp://127.0.0.1:4840``. A laboratory's own code is ``own_rig.py:make_rig`` or
+        address such as ``opc.tcp://127.0.0.1:4840``. Custom code is ``own_rig.py:make_rig`` or
         ``package.module:Class``, called without arguments.
     seed : int
         Seed of all random numbers of a simulated rig; other rigs ignore it.
     pace : float, optional
         Speed of a simulated rig or a replay relative to real time: 1 is real time; None is as fast as possible.
     found_in : str, optional
-        File that names `source`, if the user has not named it in this run. Only a simulated rig or a replay is then
-        allowed. The user must name a rig that runs code, moves an axis or logs in.
+        File that names `source`, if the user has not named it. Only a simulated rig or a replay is then allowed: rigs
+        that run code, move an axis or log in must be named by the user.
     allow_code : str, optional
-        SHA-256 of a file of custom code that may run although only a file names it.
+        SHA-256 of a file of custom code that may run although only a file, not the user, names it.
 
     Returns
     -------
@@ -258,7 +258,7 @@ def load_rig(
 
 
 def _own_rig(source: str, make: Callable[[], Any]) -> Rig:
-    """Call a laboratory's code, a function or class without arguments, and check that it returns a rig."""
+    """Call custom code, a function or class, without arguments, and check that it returns a rig."""
     rig: Rig = own_code.guarded(source, RigError, make)
     if not has_verbs(rig, Rig):
         missing = [verb for verb in vars(Rig) if not verb.startswith("_") and not callable(getattr(rig, verb, None))]
@@ -267,7 +267,7 @@ def _own_rig(source: str, make: Callable[[], Any]) -> Rig:
 
 
 def must_be_named(source: str) -> bool:
-    """Return whether only the user of a run may name a rig, not a file."""
+    """Return whether a rig must be named by the user, not only by a file."""
     try:
         return _kind(source)[0] not in ONLY_DATA
     except RigError:

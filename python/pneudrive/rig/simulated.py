@@ -1,4 +1,4 @@
-"""Simulated rig: true motion from the core, recordings from sensor models, and the session for a campaign."""
+"""Simulated rig: true motion from the core, recordings from sensor models, and a session for campaigns."""
 
 from __future__ import annotations
 
@@ -277,16 +277,16 @@ def load_session(source: str, seed: int, pace: float | None) -> RigSession:
     return SimulatedRig.load(source).session(seed, pace)
 
 
-#: Share of a force sensor's accuracy that changes sign with the force, as in the uncertainty budget.
+#: Fraction of a force sensor's accuracy that changes sign with the force, as in the uncertainty budget.
 HYSTERESIS_SHARE = 1.0 / 3.0
 
 
 class Instruments:
     """Sensors with calibration errors drawn once from the rig's seed.
 
-    The stated accuracy is a standard uncertainty. It is the standard deviation of the gain's error at the end of the
-    range, and of the zeros of pressure sensors and thermometer. The zero of the force sensor, which is tared, comes
-    from the rig file. A third of the accuracy is an error that changes sign with the force (hysteresis).
+    The stated accuracy is a standard uncertainty. It is the standard deviation of the gain error at full range, and of
+    the zeros of pressure sensors and thermometer. The zero of the force sensor comes from the rig file. A third of the
+    accuracy is an error that changes sign with the force (hysteresis).
 
     Parameters
     ----------
@@ -330,7 +330,7 @@ class Instruments:
         rng : numpy.random.Generator or None
             Generator of the noise; None: no noise.
         weight_n : float
-            Weight on the force sensor in place of the drive, N.
+            Weight on the force sensor instead of the drive, N.
 
         Returns
         -------
@@ -349,11 +349,11 @@ class Instruments:
         }
 
 
-#: Speed of moves without a chosen speed: going home.
+#: Speed of moves without a stated speed, such as homing.
 HOME_SPEED_M_S = 0.05
-#: Size of the parts of samples from `acquire`: in real time, s; otherwise number of samples.
+#: Size of the parts of samples from `acquire`: s in real time, otherwise number of samples.
 PART_S, PART_SAMPLES = 0.1, 2000
-#: Default range of room temperature for measuring, K about that of the rig file (assumed).
+#: Default range of room temperature for measuring, K relative to that of the rig file (assumed).
 USUAL_TEMPERATURES_K = (-10.0, 15.0)
 
 
@@ -377,8 +377,8 @@ class RigSession:
     """Session of a simulated rig: `Rig`, `Reproducible` and `Changeable`.
 
     Noise depends only on the seed and the key of the cycle. Drifting quantities depend on the history, which `memory`
-    returns. The saved values are clock, distance and temperature of the seal, room temperature, zero of the force
-    sensor, age of the contact, and pressures. Another thread may stop the rig.
+    returns: clock, distance and temperature of the seal, room temperature, zero of the force sensor, contact age, and
+    pressures. Another thread may stop the rig.
 
     Parameters
     ----------
@@ -397,7 +397,7 @@ class RigSession:
         self._instruments = Instruments(rig.description, seed)
         self._rng = stream(seed, "noise", "")
         self._running: _Run | None = None
-        #: Called after each step of a cycle with machine, history before it, step, motion and true signals.
+        #: Called after each step of a cycle with machine, history before the step, step, motion and true signals.
         self.observe: Observer | None = None
         self._lock, self._halted = RLock(), Event()
 
@@ -523,12 +523,12 @@ class RigSession:
     def levels(self) -> dict[str, tuple[str, ...]]:
         """Return the factors that can be changed, with their possible levels.
 
-        For seal and drive any name is possible.
+        Seal and drive accept any name.
         """
         return {"mounting": tuple({RIGID: None, **self.rig.description.tables.mounting})}
 
     def change(self, levels: dict[str, str]) -> None:
-        """Set mounted factor levels; a new seal or drive starts without run-in."""
+        """Set mounted factor levels. A new seal or drive starts without run-in."""
         self._idle()
         past = self.past
         known = self.levels()
@@ -606,7 +606,7 @@ class RigSession:
                 self._halt(run)
 
     def _times(self, duration_s: float, moving: bool, sampling: Sampling | None) -> Array:
-        """Return the times of samples in a step, including its end; without `sampling`, times for a display."""
+        """Return the sample times of a step, including its end. Without `sampling`, return times for a display."""
         if sampling is not None:
             times = step_times(duration_s, moving, sampling)
         elif self.pace is None:
@@ -616,9 +616,9 @@ class RigSession:
         return np.append(times, duration_s)
 
     def _ahead(self, run: _Run, step: Step, motion: Motion, times: Array) -> tuple[Machine, Past, dict[str, Array]]:
-        """Run a step on a copy of the machine, and use the copy at the end unless the axis was stopped.
+        """Run a step on a copy of the machine. At the end, use the copy unless the axis was stopped.
 
-        Threads that stop or display the axis do not wait for this lock.
+        During the step, no lock is held, so that other threads can stop or display the axis.
 
         Returns
         -------

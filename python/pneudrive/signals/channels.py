@@ -46,9 +46,10 @@ class FileChannel:
     unit : str
         Unit of the displayed numbers.
     quantity : str
-        Name that identifies equal columns of two files: from the layout, or the name of the column without its unit.
+        Name that identifies the same quantity in two files: from the layout, or the name of the column without its
+        unit.
     slope, zero : float
-        SI value = slope * shown number + zero, pressures absolute. NaN if the conversion is not known.
+        SI value = slope * displayed number + zero, pressures absolute. NaN if the conversion is unknown.
     said : Column or None
         Conversion from the file's numbers to the unit, from the layout. None: the numbers are already in the unit.
     curve : ForceCalibration or None
@@ -65,7 +66,7 @@ class FileChannel:
     curve: ForceCalibration | None = None
 
     def of(self, raw: Array) -> Array:
-        """Return numbers of the file in the unit, without a copy if they already have it."""
+        """Convert numbers of the file to the displayed unit, without a copy if they are unchanged."""
         if self.said is None:
             return raw
         value = self.said.in_unit(raw)
@@ -75,13 +76,13 @@ class FileChannel:
         return sign * self.curve.force_n(sign * (self.slope * value)) / self.slope
 
     def si(self, shown: Array) -> Array:
-        """Return displayed numbers in SI, without a copy if they already are in SI."""
+        """Convert displayed numbers to SI, without a copy if they are unchanged."""
         return shown if (self.slope, self.zero) == (1.0, 0.0) else self.slope * shown + self.zero
 
 
 @dataclass(frozen=True)
 class ChannelFile:
-    """An open recording: its columns by name, without the samples that its layout skips.
+    """An open recording: columns by name, without the samples skipped by its layout.
 
     Attributes
     ----------
@@ -90,10 +91,10 @@ class ChannelFile:
     table : Table
         Columns of the file, or of the converted file.
     time : FileChannel or None
-        Column of the time; None: sample numbers replace the time.
+        Time column; None: sample numbers replace the time.
     channels : tuple of FileChannel
     first : int
-        Row of the table with the first sample.
+        Row of the first sample in the table.
     origin : datetime64 or None
         Time 0 of dates and times.
     notes : tuple of str
@@ -113,7 +114,7 @@ class ChannelFile:
         return max((self.table.count() or 0) - self.first, 0)
 
     def read(self, names: Sequence[str], rows: tuple[int, int]) -> tuple[Array, dict[str, Array]]:
-        """Return the times of samples, s (without a column of times, their numbers), and columns in their units."""
+        """Return the times of samples, s (or sample numbers without a time column), and columns in their units."""
         wanted = [*names, *([] if self.time is None else [self.time.column])]
         raw = self.table.get(wanted, (self.first + rows[0], self.first + rows[1]))
         by_name = {channel.column: channel for channel in self.channels}
@@ -126,7 +127,7 @@ class ChannelFile:
         return self.time.si(self.time.of(np.asarray(time, float))), values
 
     def counted(self, fall: int) -> ChannelFile:
-        """Return the file without its column of times, because the times do not increase at the given sample."""
+        """Return the file without its time column, because the times do not increase at sample `fall`."""
         return replace(
             self, time=None, notes=(*self.notes, f"the time falls at sample {fall}: sample numbers replace it")
         )
@@ -139,7 +140,7 @@ def first_fall(seconds: Array, before: float) -> int | None:
     ----------
     seconds : ndarray, shape (n,)
     before : float
-        Time of the sample before the first one, if it exists, otherwise of the first one.
+        Time of the sample before the first one; if there is none, time of the first sample.
     """
     falls = ~(np.diff(seconds, prepend=before) >= 0.0)
     return int(np.argmax(falls)) if falls.any() else None
@@ -147,7 +148,7 @@ def first_fall(seconds: Array, before: float) -> int | None:
 
 @dataclass(frozen=True)
 class SharedChannel:
-    """A column of a recording and the same column of another recording, with numbers in the unit of the first."""
+    """A column of a recording and the same column of another recording, in the unit of the first."""
 
     own: FileChannel
     other: FileChannel
@@ -155,7 +156,7 @@ class SharedChannel:
     zero: float
 
     def of(self, values: Any) -> Any:  # noqa: ANN401 - a number or an array
-        """Return numbers of the other file in the unit of this file."""
+        """Convert numbers of the other file to the unit of this file."""
         return values if (self.slope, self.zero) == (1.0, 0.0) else self.slope * values + self.zero
 
 
@@ -178,9 +179,9 @@ def open_channels(path: Path, layout: Layout | None, cache: Path) -> ChannelFile
     ----------
     path : Path
     layout : Layout or None
-        Meaning of the columns. None: the meaning follows from their names.
+        Layout of the columns. None: the meaning of columns follows from their names.
     cache : Path
-        Folder in which a file that is not Parquet is converted, once.
+        Folder for the converted copy of a file that is not Parquet.
 
     Raises
     ------
@@ -311,7 +312,7 @@ def _converted(path: Path, said: FileLayout | None) -> tuple[dict[str, Array], d
 
 
 def _kinds(table: Table) -> dict[str, str]:
-    """Return the kind of each column that holds numbers, or dates and times, by their first rows."""
+    """Return the kind of each column with numbers, or dates and times, according to its first rows."""
     out = {}
     for name in table.names[:MOST_COLUMNS]:
         first = table.get([name], (0, 16)).get(name)

@@ -1,4 +1,4 @@
-"""Columns of foreign files by their headers: units, roles (by names and usual numbers), chambers."""
+"""Columns of foreign files: units, roles (by name and typical values) and chambers, from their headers."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
     from pneudrive.arrays import Array
 
-#: Units in headers, roles of columns, and words of other columns.
+#: Units in headers, roles of columns, and words that exclude a role.
 _TABLES = package_table(__file__, "columns.toml")
 LONGEST_NAME = 200  # characters of a column's name in which a unit is looked for: each bracket is tried in turn
 _BRACKETS = re.compile(r"[\[(<{]([^\[\](){}<>]+)[\])>}]")
@@ -118,7 +118,7 @@ def split_name(name: str) -> tuple[str, HeaderUnit | None]:
 
 
 def _is_side(name: str, group: re.Match[str]) -> bool:
-    """Return whether a letter in brackets is a chamber, as in Pressure (A), and not the unit ampere."""
+    """Return whether a letter in brackets is a chamber, as in "Pressure (A)", rather than the unit ampere."""
     return re.search(r"press|druck|\bp\b", name[: group.start()].lower()) is not None
 
 
@@ -158,7 +158,7 @@ def column_unit(text: str, si_unit: str) -> ColumnUnit:
 
 
 def uncertainty(text: str, si_unit: str) -> float:
-    """Read a standard uncertainty. As a difference, an uncertainty of pressure has neither gauge nor abs."""
+    """Read a standard uncertainty. For a pressure it is a difference, without "gauge" or "abs"."""
     if si_unit == "Pa" and isinstance(text, str) and split_mark(text)[1]:
         raise DescriptionError(f'uncertainty "{text}": gauge and abs do not apply to a difference')
     value = parse(text, si_unit)
@@ -174,11 +174,11 @@ class Role:
     Attributes
     ----------
     words : str
-        Regular expression of its names, in lower-case words without the unit.
+        Regular expression of names of the role, in lower-case words without the unit.
     si : str
-        SI unit of its quantity; a column with the unit of another quantity is not a candidate.
+        SI unit of the role's quantity. A column with the unit of another quantity is not a candidate.
     by_size : tuple of (float, str)
-        Units to assume for numbers without a unit, each up to a largest span (position) or largest value (pressure).
+        Units to assume for numbers without a unit: (largest span of a position or largest value of a pressure, unit).
     scaled : str
         Unit in a layout for volts and counts, which need a scale.
     """
@@ -192,7 +192,7 @@ class Role:
 SIGNALS, SAMPLES = _TABLES["signals"], _TABLES["samples"]
 ROLES = {name: Role(**table) for name, table in _TABLES["roles"].items()}
 SECONDARY, INDEX, NUMBERING = (re.compile(_TABLES["words"][name]) for name in ("secondary", "index", "numbering"))
-#: Least number of columns that are called alike but for their number.
+#: Smallest number of columns whose names differ only in a number, to form a family.
 FAMILY = 3
 
 
@@ -266,7 +266,7 @@ class FileColumn:
     index : int
         Number in the file.
     place : int or str
-        Name or number by which a layout names it.
+        Name or number of the column in a layout.
     name, bare : str
         Name in the header, and without its unit.
     unit : HeaderUnit or None
@@ -274,7 +274,7 @@ class FileColumn:
     unknown : str
         Stated unit that pneudrive does not know.
     values : ndarray
-        Numbers at the times of the table, after slow channels were filled and wraps of counters removed.
+        Numbers at the times of the table, after filling slow channels and removing wraps of counters.
     """
 
     index: int
@@ -287,7 +287,7 @@ class FileColumn:
 
     @property
     def role(self) -> str | None:
-        """The role that the name states; a time also if the name is a unit of time."""
+        """The role stated by the name. A unit of time as name also means time."""
         return role_of(self.bare) or role_of(self.name)
 
     @property
@@ -297,7 +297,7 @@ class FileColumn:
 
     @property
     def may_be_pressure(self) -> bool:
-        """Whether neither name nor unit excludes a pressure, and the numbers change."""
+        """Whether the column may be a pressure: neither name nor unit exclude it, and the numbers change."""
         fits = self.unit is None or self.unit.si == "Pa" or self.is_raw
         is_signal = np.nanmax(self.values) > np.nanmin(self.values) and not NUMBERING.search(words_of(self.name))
         return fits and self.role in (None, "pressure") and bool(is_signal)

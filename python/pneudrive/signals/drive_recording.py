@@ -30,25 +30,26 @@ if TYPE_CHECKING:
 NEEDED = ("time_s", "command", "position_m", "pressure_a_pa", "pressure_b_pa")
 OPTIONAL = ("velocity_m_s", "temperature_a_k", "temperature_b_k", "force_n", "friction_force_n")
 LEAST_SAMPLES = 50
-#: Columns of a fixed volume in SI; the first two are needed.
+#: Columns of a fixed volume in SI. The first two are required.
 OF_VOLUME = ("time_s", "pressure_pa", "command", "inlet_pressure_pa")
 LEAST_OF_VOLUME = 10
-#: Columns that only a simulation has completely.
+#: Columns that are complete only in simulations.
 _SIMULATED = {"acceleration_m_s2", "mass_flow_a_kg_s", "mass_flow_b_kg_s"}
-#: A position beyond the ends by more than this share of the stroke is not an overshoot into an end stop (assumed).
+#: Fraction of the stroke up to which a position beyond the ends counts as overshoot into an end stop (assumed).
 BEYOND_STROKE = 0.1
-#: Pressures below this share of ambient, or above this multiple of the supply, are in another unit or gauge (assumed).
+#: Pressures below this fraction of ambient, or above this multiple of the supply, count as gauge or in another unit
+#: (assumed).
 LOWEST, HIGHEST = 0.5, 3.0
-#: Samples further apart than this do not show a motion, s (assumed).
+#: Largest sampling interval that resolves a motion, s (assumed).
 COARSEST_S = 0.1
-#: A gap is longer than this multiple of the usual step, and than this, s.
+#: A gap exceeds this multiple of the usual sampling interval, and this time, s.
 GAP_STEPS, GAP_S = 5.0, 0.02
 MOST_GAPS = 3
-#: A piston that moves faster within this time of the first sample, s, than this, m/s, was in motion before (assumed).
+#: Time after the first sample, s, and speed, m/s, above which the piston counts as moving at the start (assumed).
 START_S, LEAST_SPEED_M_S = 0.005, 0.02
-#: Time in which any valve settles at a command, s.
+#: Time within which any valve has settled at a command, s.
 SETTLED_S = 10.0
-#: Numbers that a recording shows without motion of the piston.
+#: Parameters that can be identified without motion of the piston.
 AT_REST = ("cylinder.leakage", "cylinder.heat_transfer", "cylinder.wall_temperature", "cylinder.dead_volume")
 
 
@@ -106,7 +107,8 @@ class DriveRecording(Shown):
     def steps(self) -> tuple[Array, Array]:
         """Times at which the command changes, and its new values.
 
-        A valve begins at rest, as in a run, unless the piston moves at the first sample: then it has settled.
+        As in a run, a valve begins at rest. If the piston moves at the first sample, the valve has settled at the
+        command.
         """
         command = self.columns["command"]
         position = self.columns.get("position_m", 0.0 * command)
@@ -122,9 +124,9 @@ class DriveRecording(Shown):
 class VolumeRecording(DriveRecording):
     """A recording of a fixed volume.
 
-    Its columns are ``time_s`` (increasing, from 0), ``pressure_pa`` (absolute) and ``command``. The command is the
-    fraction of the line's full opening, constant from each sample to the next, and 1 if not recorded. If recorded,
-    ``inlet_pressure_pa`` (absolute, between the line and the tube) is included.
+    Columns are ``time_s`` (increasing, from 0), ``pressure_pa`` (absolute), ``command`` and, if recorded,
+    ``inlet_pressure_pa`` (absolute, between line and tube). The command is the opening fraction of the line, constant
+    from each sample to the next, and 1 if not recorded.
     """
 
     @property
@@ -139,7 +141,7 @@ class VolumeRecording(DriveRecording):
 
     @property
     def measured(self) -> dict[str, Array]:
-        """The recorded pressures, by the names of a simulated tank's outputs."""
+        """Recorded pressures, under the names of a simulated tank's outputs."""
         return {name: self.columns[name] for name in ("pressure_pa", "inlet_pressure_pa") if name in self}
 
     def at(self, keep: Bools) -> VolumeRecording:
@@ -290,16 +292,16 @@ def read_drive_recordings(
     Parameters
     ----------
     recordings
-        One or several recordings. Each is a file (.parquet, .csv, .nc as ``pneudrive simulate --out`` writes, or any
-        that a layout reads), a result of ``pn.simulate``, a mapping of SI columns, or a `DriveRecording`.
+        One or several recordings. Each is a file of ``pneudrive simulate --out`` (.parquet, .csv, .nc), a foreign file
+        with a layout, a result of ``pn.simulate``, a mapping of SI columns, or a `DriveRecording`.
     layout
-        Layout of foreign files. None: ``layout.toml`` next to a file that ``simulate`` did not write.
+        Layout of foreign files. None: ``layout.toml`` next to each foreign file.
     needed : sequence of str
         Required columns.
     gaps : bool
         Whether measured columns may contain NaN.
     names : mapping, optional
-        Columns of a circuit -> those of a drive.
+        Column of a circuit -> column of a drive.
 
     Raises
     ------
@@ -391,7 +393,7 @@ def _drive_columns(
 
 
 def _labels(about: object) -> dict[str, str]:
-    """Return the labels of a simulated drive among the data about a run."""
+    """Return the labels of a simulated drive from the attributes of a run."""
     labels = about.get("labels") if isinstance(about, dict) else None
     return {str(key): str(text) for key, text in labels.items()} if isinstance(labels, dict) else {}
 
@@ -427,7 +429,7 @@ def check_plausible(recording: DriveRecording, stroke: float, ambient: float, su
 
 
 def _check_range(recording: DriveRecording, column: str, limits: Interval, rule: str, remedy: str) -> None:
-    """Reject a column, if present, whose values lie outside limits in SI; single outliers are ignored."""
+    """Reject a column with values outside limits in SI. Single outliers are ignored."""
     if column in recording and np.isfinite(recording[column]).any():
         low, high = np.nanquantile(recording[column], QUANTILES)
         if low < limits[0] or high > limits[1]:
@@ -436,7 +438,7 @@ def _check_range(recording: DriveRecording, column: str, limits: Interval, rule:
 
 
 def refuse_standstill(recordings: Sequence[DriveRecording], free: Sequence[str]) -> None:
-    """Reject free numbers that need motion if the piston does not move in any recording.
+    """Reject free parameters that need motion if the piston does not move in any recording.
 
     Raises
     ------

@@ -34,12 +34,12 @@ class ForceCalibration:
     Attributes
     ----------
     reference_n, shown_n : tuple of float
-        Two or more points of the certificate, both rising: force of the standard, and reading of the sensor. The curve
-        is piecewise linear and is extrapolated from its end pieces. Empty: gain and zero apply.
+        Two or more points of the certificate, both increasing: force of the standard, and reading of the sensor. The
+        curve is piecewise linear, and extrapolated from its end segments. Empty: `gain` and `zero_n` apply.
     gain, zero_n : float
         Reading = gain * force + zero, if no points are given.
     u_gain : float
-        Relative standard uncertainty of the gain; with points, that of the reference forces.
+        Relative standard uncertainty of the gain or, with points, of the reference forces.
     u_zero_n : float
         Standard uncertainty of the zero. Zero runs remove it.
     range_n : float
@@ -47,8 +47,8 @@ class ForceCalibration:
     linearity_n : float
         Largest error of the curve (limits).
     hysteresis_n : float
-        Largest difference of readings at one force between rising and falling force. The error is half of it
-        in either direction (limits).
+        Largest difference of readings at the same force between increasing and decreasing force. The limits of the
+        error are plus and minus half this difference.
     creep_n : float
         Change of the reading under the largest force (limits); proportional to the force.
     certificate, date : str
@@ -115,7 +115,7 @@ class ForceCalibration:
         return reference[piece] + slope[piece] * (seen - shown[piece])
 
     def applied(self) -> ForceCalibration:
-        """Return the calibration that remains after the curve was applied."""
+        """Return the calibration after applying the curve: only uncertainties remain."""
         return replace(self, reference_n=(), shown_n=(), gain=1.0, zero_n=0.0, range_n=self.largest_n)
 
     def doubts(self, difference_n: float, sum_n: float) -> dict[str, tuple[float, float, float]]:
@@ -129,8 +129,8 @@ class ForceCalibration:
         Returns
         -------
         dict
-            Source -> standard uncertainty of the force, half the difference, and half the sum, N. Friction reverses
-            with the motion, and the force is reached from the other side each time: hysteresis stays in the difference.
+            Source -> standard uncertainty of the force, half the difference, and half the sum, N. Hysteresis remains in
+            the difference, because the force is approached from opposite sides in both directions.
         """
         creep = self.creep_n / RECTANGULAR / self.largest_n if self.creep_n else 0.0
         line, turn = self.linearity_n / RECTANGULAR, self.hysteresis_n / 2.0 / RECTANGULAR

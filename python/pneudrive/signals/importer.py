@@ -1,4 +1,4 @@
-"""Importer: a foreign file of any format becomes columns in SI, named by a layout.
+"""Importer: converts a foreign file of any format to SI columns, according to a layout.
 
 `read_foreign` reads every column of a file without a layout. `read_channels` reads the columns of a layout in the units
 of the file, each with one value for each time. `import_file` converts them to SI, with absolute pressures. No other
@@ -82,7 +82,7 @@ def read_foreign(path: Path) -> tuple[FileForm, list[Array]]:
 
 
 def _numeric(arrays: Mapping[str, NDArray[Any]], dates: Mapping[str, str], path: Path) -> Columns:
-    """Return the columns of numbers, or dates and times; texts and tables are left out."""
+    """Return the columns of numbers, dates and times, without texts and tables."""
     found = {}
     for name, values in arrays.items():
         with suppress(RecordingError):
@@ -100,7 +100,7 @@ def read_binary(
     path : Path
     layout : FileLayout
     rows : tuple of int, optional
-        First row and the one after the last, for Parquet; None: all.
+        First row and the row after the last, for Parquet; None: all.
     others : bool
         Whether to read every other column of numbers with the same length, after the requested ones.
 
@@ -134,7 +134,7 @@ def read_binary(
 
 
 def names_of(wanted: list[int | str], names: list[str], path: Path) -> dict[int | str, str]:
-    """Return the name of each column given by name or number; a TDMS channel may omit its group if unique.
+    """Return the name of each column given by name or number. A TDMS channel may be given without its group if unique.
 
     Raises
     ------
@@ -149,7 +149,7 @@ def names_of(wanted: list[int | str], names: list[str], path: Path) -> dict[int 
 
 
 def _as_numbers(column: NDArray[Any], name: str, path: Path, date_form: str | None = None) -> Array:
-    """Return a column as float64, dates and times as seconds since the first one.
+    """Return a column as float64; dates and times as seconds since the first.
 
     Raises
     ------
@@ -171,7 +171,7 @@ def _as_numbers(column: NDArray[Any], name: str, path: Path, date_form: str | No
 def read_channels(
     path: Path, layout: FileLayout, data: bytes | None = None, *, others: bool = False
 ) -> tuple[ForeignTable, Columns]:
-    """Read all rows of the columns that a layout names, and its channels with one value for each time.
+    """Read all rows of the columns of a layout, and its channels with one value for each time.
 
     Parameters
     ----------
@@ -185,12 +185,12 @@ def read_channels(
     Returns
     -------
     ForeignTable, dict
-        The columns of the file, and the numbers of each channel, in rows in which all channels have values.
+        The columns of the file, and the numbers of each channel, for rows in which all channels have values.
 
     Raises
     ------
     RecordingError
-        If the layout does not fit the file, many samples share a stamp, or the time restarts in a segment.
+        If the layout does not fit the file, many samples share a time stamp, or the time restarts in a segment.
     """
     if layout.format == "csv":
         data = data or read_bytes(path)
@@ -281,7 +281,7 @@ def import_file(path: Path, layout: FileLayout) -> tuple[Plain, dict[str, int], 
 
 
 def unit_doubts(layout: FileLayout, table: text_table.ForeignTable) -> list[str]:
-    """Return differences between the units of the file and of the layout: size of the unit, and gauge or absolute.
+    """Return messages on units that differ between file and layout: size of the unit, or gauge and absolute.
 
     A file states a unit in the name of the column, or in a row of units below the names.
     """
@@ -318,10 +318,10 @@ def unread_pressures(layout: FileLayout, unread: Iterable[str]) -> list[str]:
 
 
 def si_columns(layout: FileLayout, raw: Columns) -> Plain:
-    """Return raw columns, by channel, in SI on one time base, with stated pressures and parallel forces.
+    """Convert raw columns, by channel, to SI on one time base; add stated pressures and parallel forces.
 
-    Their names are those of `SI_NAMES`, and ``force 1`` for the first ``[[force]]``. A stated pressure is a number.
-    A delayed channel is shifted. Samples at the ends, where it has no values, are left out.
+    Names are those of `SI_NAMES`, and ``force 1`` for the first ``[[force]]``. A stated pressure is a number. Delayed
+    channels are shifted; samples at the ends, where a shifted channel has no values, are left out.
     """
     values = {channel: convert(layout, channel, column) for channel, column in raw.items()}
     time, delay_s = values["time"], layout.time.delay_s

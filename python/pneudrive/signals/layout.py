@@ -44,7 +44,7 @@ if TYPE_CHECKING:
 
 
 class RecordingKind(NamedTuple):
-    """Kind of recording: the SI units of its channels, the required channels, and the requirements in words."""
+    """Kind of recording: SI units of its channels, required channels, and requirements in words."""
 
     units: dict[str, str]
     needed: list[str]
@@ -56,7 +56,7 @@ KINDS = {kind: RecordingKind(**table) for kind, table in package_table(__file__,
 UNITS = KINDS["drive"].units | KINDS["fixed-volume"].units
 RIG_TABLES = ("geometry", "chamber_a", "chamber_b", "force", "window")  # not used by other kinds of recordings
 DELIMITERS = {"whitespace": None, "tab": "\t", "comma": ",", "semicolon": ";", "space": " "}
-#: SI unit -> a unit that a column may have.
+#: SI unit -> example of a unit of a column.
 EXAMPLES = {"Pa": "bar gauge", "m": "mm", "s": "s", "N": "N", "m/s": "mm/s", "K": "degC"}
 
 
@@ -95,7 +95,7 @@ def _delimiter(given: object) -> str | None:
 
 
 class Column(Described):
-    """Keys that the columns of all channels have."""
+    """Keys common to the columns of all channels."""
 
     channel: ClassVar[str] = ""
     column: Annotated[int | str, Reads(_place)]
@@ -123,7 +123,7 @@ class Column(Described):
         return self.unit if isinstance(self.unit, ColumnUnit) else ColumnUnit(1.0)
 
     def in_unit(self, raw: Array) -> Array:
-        """Return raw numbers in the column's unit, towards +x. Unchanged numbers are not copied."""
+        """Return raw numbers in the column's unit, with the sign of +x. Unchanged numbers are not copied."""
         value = raw if self.scale == 1.0 else raw * self.scale
         value = value if self.offset == 0.0 else value + self.offset
         return value if self.positive == "+x" else -1 * value
@@ -143,7 +143,7 @@ class Column(Described):
 
 
 class TimeColumn(Column):
-    """Keys of the time: a column, a date and a time of day in two columns, or the rate of the samples."""
+    """Keys of the time: a time column, date and time of day in two columns, or the sampling rate."""
 
     channel: ClassVar[str] = "time"
     column: _Place = None  # type: ignore[assignment]
@@ -185,7 +185,7 @@ def _cycle(given: object) -> int | str:
 
 
 def _labels(given: object) -> dict[str, str]:
-    """Read labels, and the pattern of labels in file names: each is a column of the friction map."""
+    """Read labels, and the pattern of labels in file names. Each label becomes a column of the friction map."""
     if not isinstance(given, dict):
         raise WrongValueError(f"{given!r} is not a table")
     labels = {key: str(value) for key, value in given.items()}
@@ -205,7 +205,7 @@ _COLUMNS |= {name: (_column_class(name) | None, None) for name in UNITS}
 Columns = create_model("Columns", __base__=Described, **_COLUMNS)
 Columns.table_name = "columns"
 _PRESSURE: Any = _column_class("pressure")
-#: Relative standard uncertainty of the area of a parallel force that the layout does not state (assumed).
+#: Default relative standard uncertainty of the area of a parallel force (assumed).
 ASSUMED_PARALLEL_AREA = 0.05
 
 
@@ -245,7 +245,7 @@ class WindowTable(Described):
 
 
 class ParallelTable(Described):
-    """``[[force]]``: a force in parallel with the rig's, such as that of a hydraulic ram, from measured pressures.
+    """``[[force]]``: a force in parallel with that of the rig, such as from a hydraulic ram, from measured pressures.
 
     The force is ``area (pressure - against)``; the default of `against` is the ambient pressure.
     ``area_accuracy`` is a relative standard uncertainty. All accuracies of a layout are standard uncertainties.
@@ -309,7 +309,7 @@ class FileLayout(Described):
 
     @property
     def time(self) -> TimeColumn:
-        """Column of the time, or the rate of the samples."""
+        """Time column, or sampling rate."""
         return self.channels["time"]  # type: ignore[return-value]
 
     @property
@@ -322,14 +322,14 @@ class FileLayout(Described):
 
     @property
     def places(self) -> list[int | str]:
-        """Columns of the file that are read: columns of the channels, and of their dates and clocks."""
+        """Columns to read from the file: those of the channels, and of their dates and clocks."""
         columns = self.channels.values()
         places = [*(c.column for c in columns), self.time.date, *(c.clock for c in columns)]
         return list(dict.fromkeys(place for place in places if place is not None))
 
     @property
     def is_plain(self) -> bool:
-        """Whether every channel is a column, and each of its rows can be read separately."""
+        """Whether every channel is a column whose rows can be read independently."""
         columns = self.channels.values()
         special = (self.time.rate_hz, self.time.date, *(c.clock for c in columns), *(c.wraps for c in columns))
         return all(value is None for value in special)
@@ -341,13 +341,13 @@ class FileLayout(Described):
 
     @property
     def text_form(self) -> TextForm:
-        """Format of a text table. Without a comment sign, the sign is a character that no text contains."""
+        """Format of a text table. If no comment sign is stated, a character that no text contains is used."""
         form: Plain = {name: getattr(self, name) for name in TextForm.__dataclass_fields__}
         form["comment"] = self.comment or "\0"
         return TextForm(**form)
 
     def problems(self, kind: str, *, is_part: bool) -> Iterator[DescriptionError]:
-        """Return values that a layout for a file of this kind gives twice, and missing keys unless it is a part."""
+        """Yield errors for values given twice, and for missing keys unless the layout may be incomplete."""
         channels, read = KINDS[kind], dict[int | str, str]()
         for channel in channels.units:
             column: Column | None = getattr(self.columns, channel)
@@ -383,7 +383,7 @@ class FileLayout(Described):
         return out
 
     def _channel(self, name: str) -> Column | None:
-        """Return the column of a channel with ``range`` in SI; scale and offset of a command follow from its range."""
+        """Return the column of a channel, ``range`` in SI. For a command, scale and offset follow from the range."""
         column: Column | None = getattr(self.columns, name)
         if column is None or column.range is None:
             return column
@@ -396,7 +396,7 @@ class FileLayout(Described):
         return column.model_copy(update={"range": absolute(column.range, self.ambient_pa)}) if is_pressure else column
 
     def geometry_accuracy(self) -> dict[str, float]:
-        """Return the standard uncertainties of the geometry that the layout gives."""
+        """Return the standard uncertainties of the geometry stated in the layout."""
         g = self.geometry
         said = {"area": g.area_accuracy} if g.bore_m is None else {"bore_m": g.bore_accuracy}
         said["alignment_rad"] = self.rig.alignment_rad
@@ -613,7 +613,7 @@ def labels_from_name(pattern: str, name: str) -> dict[str, str] | None:
 
 
 def where_pattern_ends(pattern: str, name: str) -> tuple[str, str]:
-    """Return the first part of the pattern that does not match a name, and the rest of the name."""
+    """Return the first part of the pattern that does not match, and the rest of the name."""
     parts = _FIELD.split(pattern)
     for count in range(len(parts) - 1, -1, -1):
         part, ends = parts[count], _ends(parts[:count], name, whole=False)
@@ -652,9 +652,9 @@ def _ends(parts: list[str], name: str, *, whole: bool) -> tuple[int, ...] | None
 
 
 def _without(tree: Plain, rest: Plain) -> Plain:
-    """Return a tree of tables without those that an override replaces as a whole.
+    """Return a tree of tables without tables that an override replaces as a whole.
 
-    They are columns given with place and unit, and chamber pressures given in another way.
+    Such tables are columns with place and unit, and chamber pressures given in another way.
     """
     columns, said = tree.get("columns", {}), rest.get("columns", {})
     if not (isinstance(columns, dict) and isinstance(said, dict)):

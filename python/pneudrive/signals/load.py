@@ -37,7 +37,7 @@ MISSING_LAYOUT = "give a layout with --layout LAYOUT.toml; 'pneudrive layout FIL
 
 @dataclass(frozen=True)
 class RecordingFile:
-    """A file, its layout (None: a trajectory file), and the name of its recording."""
+    """A file, its layout (None for a trajectory file), and the name of its recording."""
 
     path: Path
     layout: Layout | None
@@ -60,7 +60,7 @@ class RecordingFile:
         return to_recording(self.name, self.path, self.said, *import_file(self.path, self.said))
 
     def part(self, raw: dict[str, Array], name: str = "") -> Recording:
-        """Return the recording of some rows of the raw columns, without the hash of the file."""
+        """Return a recording from some rows of the raw columns, without the hash of the file."""
         if self.said is None:
             return from_trajectory(raw, self.name, self.path, is_part=True)
         return to_recording(name or self.name, self.path, self.said, si_columns(self.said, raw))
@@ -119,7 +119,7 @@ def load_recordings(paths: Iterable[str | Path], layout: Layout | str | Path | N
 
 
 def hashes_of(path: Path) -> frozenset[str]:
-    """Return the hashes that a recording of a file may carry: of its content, and of the columns of a trajectory.
+    """Return the possible hashes of a recording of a file: of its content, and of the columns of a trajectory.
 
     Raises
     ------
@@ -141,7 +141,7 @@ def find_layout(file: Path) -> Layout | None:
 
 
 def layout_beside(file: Path) -> Layout:
-    """Load ``layout.toml`` from the folder of a file, or from the one above."""
+    """Load ``layout.toml`` from the folder of a file, or from the folder above."""
     if (layout := find_layout(file)) is not None:
         return layout
     if not file.exists():
@@ -190,7 +190,7 @@ class LongFile(RecordingFile):
     def sha256(self, ended: Event) -> str:
         """Return the hash of a recording of the whole file: of its bytes, or of the columns of a trajectory.
 
-        If `ended` is set, the hash covers only the part that was read so far, because no caller needs it.
+        If `ended` is set, the hash covers only the part read so far. No caller then needs the hash.
         """
         if self.said is None:
             parts = [(begin, min(begin + HASHED_ROWS, self.count)) for begin in range(0, self.count, HASHED_ROWS)]
@@ -224,7 +224,7 @@ def to_recording(
     flags: dict[str, int] | None = None,
     sha256: str | None = None,
 ) -> Recording:
-    """Return the recording of the columns in SI that were imported through a layout."""
+    """Return the recording from SI columns that were imported through a layout."""
     curve = layout.force_calibration if "force" in layout.channels else None
     _, *rig_channels = KINDS["rig"].units
     measured = {SI_NAMES[name]: layout.channels[name] for name in rig_channels if name in layout.channels}
@@ -266,7 +266,7 @@ BATCH_SAMPLES = 2_000_000  # samples that a worker holds at once: about 100 MB w
 
 @dataclass(frozen=True)
 class CampaignFile(RecordingFile):
-    """A campaign file: first row of each cycle, row after the last cycle, and numbers of the cycles."""
+    """A campaign file: first row of each cycle, row after the last cycle, and cycle numbers."""
 
     bounds: Ints
     numbers: Ints
@@ -325,7 +325,7 @@ def find_cycles(file: RecordingFile) -> CampaignFile:
 
 # Columns that identify a trajectory file; other files lack some.
 COLUMNS = ("time_s", "position_m", "velocity_m_s", "friction_force_n", "pressure_a_pa", "pressure_b_pa", "command")
-#: Those that a recording is made of.
+#: Columns of a trajectory that form a recording.
 MEASURED = ("time_s", "position_m", "friction_force_n", "pressure_a_pa", "pressure_b_pa")
 VARIABLES = tuple(meaning(column)[0] for column in COLUMNS)
 
@@ -335,8 +335,8 @@ def from_trajectory(
 ) -> Recording:
     """Make a recording from a trajectory's columns; a part of a trajectory has no hash.
 
-    The force is the friction force itself, as from an ideal sensor between rig and piston in steady sliding. The areas
-    are zero, because the force contains no pressure.
+    The force is the friction force, as from an ideal sensor between rig and piston in steady sliding. The areas are
+    zero, because this force does not contain pressure forces.
     """
     return Recording(
         name=name,
@@ -355,7 +355,7 @@ def from_trajectory(
 
 
 def digest_of(columns: Iterable[NDArray]) -> str:
-    """Hash the samples of one column after the other; each column may be given in parts."""
+    """Return the hash of the samples, one column after the other. Each column may be given in parts."""
     total = hashlib.sha256()
     for values in columns:
         total.update(np.ascontiguousarray(values).data)
@@ -363,7 +363,7 @@ def digest_of(columns: Iterable[NDArray]) -> str:
 
 
 def is_run(item: object) -> TypeGuard[xr.Dataset]:
-    """Return whether this is a Dataset, without importing xarray."""
+    """Return whether an object is a Dataset, without importing xarray."""
     kind = getattr(sys.modules.get("xarray"), "Dataset", None)  # none while another thread imports it
     return kind is not None and isinstance(item, kind)
 

@@ -36,8 +36,8 @@ UNIFORM_TOLERANCE = 0.01
 class Stroke:
     """One movement in one direction: samples ``start`` (inclusive) to ``stop`` (exclusive).
 
-    ``dwell_s`` is the time spent at the turning point before it, ``speed_m_s`` the mean speed
-    (signed) over its middle 60 %.
+    ``dwell_s`` is the time at the turning point before the stroke. ``speed_m_s`` is the signed mean speed over the
+    middle 60 % of the stroke.
     """
 
     index: int
@@ -81,7 +81,7 @@ def local_slope(time_s: Array, values: Array, half_width: int = 4) -> Array:
 
 
 def _uniform_slope(values: Array, half_width: int, step_s: float) -> Array:
-    """Return the slope by one convolution, for equal time steps; the ends have the slope of the nearest full window."""
+    """Return the slope by one convolution, for equal time steps. The ends have the slope of the nearest full window."""
     offsets = np.arange(-half_width, half_width + 1)
     kernel = offsets[::-1] / (step_s * float(offsets @ offsets))
     slope = np.empty_like(values)
@@ -113,10 +113,10 @@ def _general_slope(time_s: Array, values: Array, half_width: int) -> Array:
 
 
 def noise_level(values: Array, *, quantisation: bool = True) -> float:
-    """Estimate the standard deviation of white noise from second differences (robust, blind to slow change).
+    """Estimate the standard deviation of white noise from second differences; robust, and insensitive to slow changes.
 
-    If quantisation hides the noise, the uniform distribution over one step replaces it. This can be switched off: in a
-    channel that jumps between a few values, the smallest step is not a quantum.
+    If quantisation hides the noise, the estimate is that of a uniform distribution over one step. Switch this off for a
+    channel that jumps between a few values, whose smallest step is not a quantum.
     """
     if values.size < 3:
         return 0.0
@@ -146,7 +146,7 @@ def straight_line(x: Array, y: Array) -> Pair:
 
 
 def middle(values: Array) -> float:
-    """Return the median of a long array, estimated from a part of its values; the upper one of two middle values."""
+    """Return the median of a long array, estimated from a part of its values; of two middle values, the upper."""
     some = thinned(values)
     return float(np.partition(some, some.size // 2)[some.size // 2])
 
@@ -167,7 +167,7 @@ def quantiles(values: Array, *shares: float) -> list[float]:
 def turning_points(position_m: Array, least_m: float) -> Ints:
     """Find the samples at which the motion reverses by at least ``least_m``, first and last included.
 
-    Among equal extremes the first one counts, and among equal consecutive samples the one in the middle.
+    The first of equal extremes is returned, and the middle of equal consecutive samples.
     """
     return _core.turning_points(np.ascontiguousarray(position_m, dtype=float), least_m)
 
@@ -222,7 +222,7 @@ def find_strokes(name: str, time_s: Array, position_m: Array) -> list[Stroke]:
 
 
 def _travel(name: str, time_s: Array, position_m: Array) -> Pair:
-    """Return travel and position noise, m; refuse too few samples and no motion."""
+    """Return travel and position noise, m. Reject too few samples, or a recording without motion."""
     if time_s.size < MINIMUM_SAMPLES:
         raise RecordingError.of("signals.too-few-samples", where=name, value=time_s.size, fewest=MINIMUM_SAMPLES)
     noise = noise_level(position_m)
@@ -286,7 +286,7 @@ def speed_was_controlled(strokes: list[Stroke]) -> bool:
 def speed_levels(strokes: list[Stroke]) -> Levels:
     """Group strokes into speed classes, slowest first. There is one class if the rig did not set speeds.
 
-    If returns do not have the speed of the stroke before, each class contains strokes of one direction only.
+    If return strokes do not have the speed of the stroke before, each class contains one direction only.
     """
     if not speeds_differ(strokes):
         return [list(strokes)]
@@ -297,7 +297,7 @@ def speed_levels(strokes: list[Stroke]) -> Levels:
 
 
 def speeds_differ(strokes: Sequence[Stroke]) -> bool:
-    """Return whether speeds differ by more than a drift explains. Such strokes do not belong to one level."""
+    """Return whether speeds differ by more than a drift, so that the strokes do not form one level."""
     speeds = [abs(stroke.speed_m_s) for stroke in strokes]
     return max(speeds) > DRIFT_RANGE * min(speeds)
 
@@ -305,8 +305,8 @@ def speeds_differ(strokes: Sequence[Stroke]) -> bool:
 def _one_way_levels(strokes: list[Stroke]) -> Levels:
     """Return the classes of each direction if the speed of one direction was set in steps.
 
-    If several returns have the speed of the stroke before them, they belong to the class of that stroke. The result
-    is empty if neither direction has steps.
+    If several return strokes have the speed of the stroke before them, they belong to its class. The result is empty if
+    neither direction has steps.
     """
     ways = {d: sorted((s for s in strokes if s.direction == d), key=lambda s: abs(s.speed_m_s)) for d in (1, -1)}
     steps = {d: _groups(members, 1.0 + LEVEL_WIDTH) for d, members in ways.items()}
@@ -339,9 +339,9 @@ def _groups(ordered: list[Stroke], width: float) -> Levels:
 
 
 def _are_steps(groups: Levels) -> bool:
-    """Return whether groups of one direction are set speeds: clearly apart, and rising or falling step by step.
+    """Return whether groups of one direction are set speeds: clearly apart, and in ascending or descending order.
 
-    A few steps in the other direction are allowed, such as a first stroke at a usual speed.
+    A few exceptions from the order are allowed, such as a first stroke at a usual speed.
     """
     speeds = [abs(group[0].speed_m_s) for group in groups]
     apart = all(b > a * (1.0 + CONTROLLED_TOLERANCE) for a, b in pairwise(speeds))
@@ -352,9 +352,9 @@ def _are_steps(groups: Levels) -> bool:
 
 
 def _are_levels(groups: Levels) -> bool:
-    """Return whether groups are speeds that were set.
+    """Return whether groups are set speeds.
 
-    Drift or scatter also makes groups, but of one direction only or without gaps between them.
+    Drift or scatter also causes groups, but these have one direction only, or no gaps between them.
     """
     paired = sum(len(group) for group in groups if len({stroke.direction for stroke in group}) == 2)
     if paired < PAIRED_SHARE * sum(map(len, groups)):
@@ -383,7 +383,7 @@ def is_held(values: Array) -> bool:
 
 
 def same_signal(first: Array, second: Array) -> bool:
-    """Return whether two columns are one signal in two units: related by a straight line, except for rounding."""
+    """Return whether two columns are the same signal in different units: linearly related, except for rounding."""
     both = np.isfinite(first) & np.isfinite(second)
     first, second = first[both], second[both]
     if first.size < FEWEST or not np.ptp(first) or not np.ptp(second):
@@ -418,7 +418,7 @@ def unevenness(values: Array, *, is_one_of_many: bool) -> float:
 
 @dataclass(frozen=True)
 class Directions:
-    """Samples at which the piston moves: towards +x, towards -x, and their position along the travel."""
+    """Samples at which the piston moves, towards +x and towards -x, and their position along the travel."""
 
     up: Bools
     down: Bools
@@ -426,7 +426,7 @@ class Directions:
 
     @classmethod
     def of(cls, position: Array) -> Directions:
-        """Find the samples that move, from the position alone."""
+        """Find the samples with motion, from the position alone."""
         good = np.isfinite(position)
         at = np.flatnonzero(good)
         velocity = np.zeros(position.size)

@@ -9,8 +9,8 @@ energy balance is linear in p. The factor V^gamma makes it a first-order lag, wh
 The error of this model changes slowly. Differences of residuals from sample to sample are therefore fitted. Reversals
 and stops then determine the delay, and the slow heat exchange does not bias it.
 
-Areas cancel, because only the ratio of volumes counts: V/A = distance of the piston from its reversal + L. The free
-numbers of each chamber are L, k, the first pressure, the first temperature and the delay.
+Areas cancel, because only the ratio of volumes matters: V/A = distance of the piston from its reversal + L. The free
+parameters of each chamber are L, k, first pressure, first temperature and delay.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ class PressureDelay:
     Attributes
     ----------
     value_s : float
-        Positive if the pressures come after the position.
+        Positive if the pressures lag behind the position.
     half_width_s : float
         Half width of the interval, from correlated residuals and from the difference between both chambers.
     """
@@ -56,11 +56,11 @@ class PressureDelay:
 
     @property
     def is_clear(self) -> bool:
-        """Whether the delay is beyond 50 ms and beyond its own uncertainty."""
+        """Whether the delay exceeds 50 ms and its own uncertainty."""
         return abs(self.value_s) > max(LATE_S, self.half_width_s)
 
     def removed(self, recording: Recording) -> Recording:
-        """Return the recording with its pressures shifted in time to the motion; ends without pressures are cut off."""
+        """Return the recording with its pressures shifted to match the motion. Ends without pressures are cut off."""
         shifted = recording.time_s + self.value_s
         there = (shifted >= recording.time_s[0]) & (shifted <= recording.time_s[-1])
         pressures = {name: np.interp(shifted, recording.time_s, getattr(recording, name)) for name in PRESSURES}

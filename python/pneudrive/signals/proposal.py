@@ -1,4 +1,4 @@
-"""Proposal of a layout for a foreign recording, with roles of columns and their evidence. Every guess is marked."""
+"""Proposal of a layout for a foreign recording, with roles of columns and the evidence. Every guess is marked."""
 
 from __future__ import annotations
 
@@ -43,9 +43,9 @@ class Proposal:
     """A proposed layout, and the data as read, for a picture.
 
     ``kind`` is the kind of recording: a ``rig``, a ``drive``, a ``fixed-volume``. ``columns`` has the raw numbers of
-    every column. ``recording`` and ``strokes`` are the file as read by the layout. For other kinds and an
-    unreadable file, they are None and empty; ``problem`` has the reason. ``unused`` has the columns of numbers
-    that the layout does not use.
+    every column. ``recording`` and ``strokes`` are the file as read by the layout. Other kinds and unreadable files
+    have None and an empty list there, and the reason in ``problem``. ``unused`` has the columns of numbers that the
+    layout does not use.
     """
 
     path: Path
@@ -127,7 +127,7 @@ def propose_layout(path: str | Path, watch: Watch = UNWATCHED) -> Proposal:
 
 
 def _kind(path: Path, roles: RoleSearch) -> str:
-    """Return the kind of recording, from the roles that were found or are open questions.
+    """Return the kind of recording, from roles that are known or open questions.
 
     Raises
     ------
@@ -161,7 +161,7 @@ def _kind(path: Path, roles: RoleSearch) -> str:
 
 
 def _one_pressure(guesses: list[Guess]) -> list[Guess]:
-    """Keep time, command and one pressure, because the pressure of a fixed volume does not belong to a chamber."""
+    """Keep time, command and one pressure. The pressure of a fixed volume does not belong to a chamber."""
     first = next((g for g in guesses if g.role.startswith("pressure")), None)
     kept = [g for g in guesses if g.role in ("time", "command")]
     return kept if first is None else [*kept, replace(first, role="pressure", reason=first.reason.partition(";")[0])]
@@ -226,7 +226,7 @@ def _column_line(guess: Guess, sign: str) -> str:
 
 
 def _signal(unit: str, values: Array) -> str:
-    """Return unit and range of a command that is not an opening fraction: the narrowest usual range around it."""
+    """Return unit and range of a command that is not an opening fraction: the narrowest usual range for its values."""
     low, high = float(np.nanmin(values)), float(np.nanmax(values))
     if low >= -1.0 and high <= 1.0 and not unit:
         return ""
@@ -241,7 +241,7 @@ def _signal(unit: str, values: Array) -> str:
 
 
 def _sign_and_bore(roles: RoleSearch) -> tuple[str, float, str]:
-    """Return the sign of the force for which friction opposes motion, and the bore that closes the force balance."""
+    """Return the force sign with which friction opposes the motion, and the bore that closes the force balance."""
     sign, unknown = "-x" if roles.sign < 0 else "+x", 0.025
     force, values, directions = roles.guess("force"), roles.column("force"), roles.directions
     pressures = [guess for guess in roles.guesses if guess.role.startswith("pressure")]

@@ -28,13 +28,13 @@ CHANNELS = ("position_m", "force_n", "pressure_a_pa", "pressure_b_pa")
 
 
 class ParallelForce(NamedTuple):
-    """A force in parallel with the rig's, computed from measured pressures.
+    """A force in parallel with that of the rig, computed from measured pressures.
 
     Attributes
     ----------
     name : str
     area_m2 : float
-        Area that the pressures act on.
+        Area on which the pressures act.
     uncertainty : float
         Relative standard uncertainty of the area.
     force_n : ndarray
@@ -59,7 +59,7 @@ class Recording(Viewed):
         float64 arrays of one length n. Position grows as chamber a grows. ``force_n`` is the force of the rig on the
         piston, positive in +x. A pressure that was not measured is constant.
     area_a_m2, area_b_m2
-        Piston areas that the chamber pressures act on.
+        Piston areas on which the chamber pressures act.
     ambient_pressure_pa
         Absolute pressure around the rod.
     mass_beyond_sensor_kg
@@ -77,7 +77,7 @@ class Recording(Viewed):
     source, sha256
         File and hash of its bytes, if there is one.
     synthetic, truth
-        Whether a simulated rig made the recording, and its true parameters.
+        Whether the recording comes from a simulated rig, and its true parameters.
     stiffness_n_m
         Stiffness of the rig between its carriage and the piston, if known.
     flags
@@ -89,7 +89,7 @@ class Recording(Viewed):
     force_calibration
         Calibration of the force sensor, already applied to ``force_n``. Its uncertainties are part of the budget.
     parallel
-        Forces in parallel with the rig's, such as that of a hydraulic ram; `balance_n` contains them.
+        Forces in parallel with that of the rig, such as from a hydraulic ram; `balance_n` contains them.
     """
 
     name: str
@@ -118,7 +118,7 @@ class Recording(Viewed):
     parallel: tuple[ParallelForce, ...] = ()
 
     def __post_init__(self) -> None:
-        """Convert the channels to float64 and refuse an invalid recording."""
+        """Convert the channels to float64 and reject an invalid recording."""
         size = np.size(self.time_s)
         for channel in ("time_s", *CHANNELS):
             values = np.asarray(getattr(self, channel), dtype=float)
@@ -222,8 +222,8 @@ def find_faults(recording: Recording) -> dict[str, SampleFault]:
     Returns
     -------
     dict of str to SampleFault
-        Times of faults by kind, with the counts of `clean`. Neighbouring samples count as one time. Faults of reading
-        are left out, because they have no time.
+        Times of faults by kind, with the counts of `clean`. Neighbouring samples count as one occurrence. Reading
+        faults are left out, because they have no time.
 
     Raises
     ------
@@ -320,10 +320,10 @@ def _bad_samples(recording: Recording) -> dict[str, Bools]:
 
 
 def spikes(values: Array) -> Bools:
-    """Return single samples that differ from both neighbours by much more than the noise, while the neighbours agree.
+    """Mark single samples that differ from both neighbours by much more than the noise, while the neighbours agree.
 
-    If the neighbours differ, or the channel changes just before or after, it is a change of level. The overshoot of
-    such a change may be real, for example breakaway after a reversal.
+    If the neighbours differ, or the channel changes just before or after, the sample is part of a change of level. Its
+    overshoot may be real, for example breakaway after a reversal.
     """
     mask = np.zeros(values.size, dtype=bool)
     steps = np.diff(values)
@@ -343,9 +343,9 @@ def spikes(values: Array) -> Bools:
 
 
 def jumps_back(position: Array) -> Bools:
-    """Return the samples before jumps over most of the travel that are opposite to the motion before and after them.
+    """Mark the samples before jumps over most of the travel, opposite to the motion before and after.
 
-    Such jumps come from a counter that wraps or is reset, because a piston cannot move in this way.
+    Such jumps come from a counter that wraps or is reset.
     """
     mask = np.zeros(position.size, dtype=bool)
     steps = np.diff(position)
@@ -383,7 +383,7 @@ def _fill(size: int, starts: NDArray[np.intp], lengths: NDArray[np.intp]) -> Boo
 def _usual_run(lengths: NDArray[np.intp]) -> float:
     """Return the usual length of runs from coarse quantisation, weighted by samples.
 
-    The longest run is excluded: a sensor that is stuck for most of the time must not be mistaken for a coarse one.
+    The longest run is excluded, so that a stuck sensor is not mistaken for a coarse sensor.
     """
     if lengths.size <= 1:
         return 0.0
@@ -396,9 +396,9 @@ def _usual_run(lengths: NDArray[np.intp]) -> float:
 def clipped(values: Array, runs: Runs) -> Bools:
     """Mark samples at the largest or smallest value of a noisy channel, if long runs have this value.
 
-    A channel near its limit also touches it for single samples. These samples are marked like the runs.
+    A channel near its limit may also reach the limit for single samples, which are marked, too.
 
-    A channel that rests at its extremes for most of the time is a smooth signal (a simulation), not a clipped one.
+    A channel that is at its extremes most of the time is a smooth signal (a simulation), not a clipped signal.
     """
     starts, lengths = runs
     extreme = (values[starts] == values.max()) | (values[starts] == values.min())
@@ -430,7 +430,7 @@ def stuck_position(position: Array, runs: Runs) -> Bools:
     return _fill(position.size, starts[hit], lengths[hit])
 
 
-#: Quantiles by which a channel is judged, without outliers.
+#: Quantiles for the plausibility check of a channel, to ignore outliers.
 QUANTILES = (0.01, 0.99)
 # Impossible values are refused. Unusual values become flags of the friction map.
 # Limits of any rig (all assumed): beyond the first of each pair a recording is refused, beyond the second doubted.

@@ -1,4 +1,4 @@
-"""Roles of the columns of a foreign table, from names, units and numbers; doubtful roles become questions."""
+"""Roles of the columns of a foreign table, from names, units and numbers. Doubtful roles become questions."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ CLEAR_STROKES = 0.5  # the same of two signals, in unevenness
 CLEAR_SWING = 2.0  # least ratio of the swings of a force and of the next signal
 CLEAR_PRESSURES = 1.6  # least ratio of two pressures, beyond that of the areas of a piston with a rod
 FOLLOWS = 0.8  # least correlation of a closed chamber's pressure with the position
-#: Chamber -> how its pressure follows the position if it is closed.
+#: Chamber -> dependence of its pressure on position if the chamber is closed.
 CLOSED = {"a": "falls as the position grows", "b": "rises as the position grows"}
 CLEAR_SHARE = 0.5  # least correlation of force and pressure within one direction
 WHOLE_SPAN = 500  # whole numbers over more than this are counts
@@ -141,7 +141,7 @@ class RoleSearch:
             self._ask(" and ".join(sides), why, [Candidate(one, 0.0, ("not used",)) for one in spare])
 
     def candidates(self, role: str) -> list[Candidate]:
-        """Return the columns that may have a role by name or unit, the best first."""
+        """Return the columns that may have a role by name or unit, best first."""
         quantity, found = ROLES[role].si, []
         for column in self.columns:
             unit, score, evidence = column.unit, 0.0, ()
@@ -167,7 +167,7 @@ class RoleSearch:
         return [one for one in free if one.unit is None or one.unit.si == "count"]
 
     def _signals(self) -> list[FileColumn]:
-        """Return the last column of each signal without a role. It may have several, such as volts and newtons."""
+        """Return the last column of each signal without a role. A signal may have columns in volts and in newtons."""
         last: dict[int, FileColumn] = {}  # by the number of the first column
         for column in self._without_role():
             if np.isfinite(column.values).all() and np.ptp(column.values) > 0:
@@ -204,7 +204,7 @@ class RoleSearch:
             self.directions = Directions.of(chosen.column.values)
 
     def _position_by_strokes(self) -> Candidate | None:
-        """Find the signal that moves evenly between its turning points, with little back and forth."""
+        """Find the signal that moves evenly between its turning points, with few small reversals."""
         signals = self._signals()
         ranked = sorted((unevenness(one.values, is_one_of_many=len(signals) > 1), one.index) for one in signals)
         ranked = [(badness, index) for badness, index in ranked if badness < 3.0]
@@ -221,7 +221,7 @@ class RoleSearch:
         return chosen
 
     def _only_one(self, role: str, close: Sequence[int], evidence: str, why: str) -> Candidate | None:
-        """Return the candidate among columns without names; ask the user if there are several."""
+        """Return the only candidate among columns without names; ask the user if there are several."""
         some = [Candidate(self.columns[index], PHYSICS, (evidence,)) for index in close]
         if len(some) > 1:
             self._ask(role, why, some)
@@ -328,7 +328,7 @@ class RoleSearch:
         return () if abs(together) < FOLLOWS else (CLOSED["a" if together < 0 else "b"],)
 
     def _chamber(self, pressures: list[Array]) -> tuple[str, str]:
-        """Return the chamber of the first pressure, and the reason; empty if the force does not show the chamber."""
+        """Return the chamber of the first pressure, and the evidence; empty if the force balance does not show it."""
         directions, force = self.directions, self.column("force")
         if force is None or directions is None:
             return "", ASK_CHAMBER
@@ -436,7 +436,7 @@ class RoleSearch:
 
 
 def _backed(named: list[Candidate], text: str, shows: Callable[[Array], bool]) -> list[Candidate]:
-    """Return the candidates, with further evidence where their numbers show it."""
+    """Return the candidates, with evidence from their numbers added."""
     return [
         Candidate(one.column, one.score + PHYSICS, (*one.evidence, text)) if shows(one.column.values) else one
         for one in named
@@ -488,7 +488,7 @@ def file_column(form: FileForm, index: int, values: Array) -> FileColumn:
 
 # --- The time of a foreign table: its column, its unit, and other clocks.
 
-#: Units that a time without one may have, in s. What fits the bounds below in one of them only is that unit.
+#: Candidate units of a time without a unit, s. A unit is assumed if it is the only one within the bounds below.
 UNITS_S = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "day": 86400.0}
 STEPS_S = (50e-6, 0.5)  # usual steps of samples of a motion (assumed)
 SLOWEST_S = 3600.0  # the same without a motion: the longest step
@@ -502,9 +502,9 @@ INDEX_SHARE = 0.99  # least share of steps of exactly 1 of an index
 class Times:
     """The time of a table.
 
-    ``found`` is the guess of its column or rate, or the question to the user; an unstated unit is empty. ``used`` has
-    the numbers of its columns. Without a column, ``values`` are numbers of samples. ``clocks`` maps columns with
-    another time to the column of that time.
+    ``found`` is the guess of the time column or rate, or the question to the user. An unstated unit is empty. ``used``
+    has the numbers of the time columns. Without a time column, ``values`` are sample numbers. ``clocks`` maps columns
+    with another time to the column of that time.
     """
 
     values: Array
@@ -544,7 +544,7 @@ def find_times(form: FileForm, columns: Sequence[FileColumn], taken: set[int]) -
 def _candidates(
     form: FileForm, columns: Sequence[FileColumn], taken: set[int]
 ) -> tuple[list[Candidate], list[FileColumn], list[FileColumn]]:
-    """Return the columns that may be the time, the best first. Columns of dates only and row counters are separate."""
+    """Return three lists: candidates for the time (best first), columns with dates only, and row counters."""
     found: list[Candidate] = []
     dates: list[FileColumn] = []
     numbered: list[FileColumn] = []
@@ -588,7 +588,7 @@ def _rises(values: Array, moduli: Iterable[float]) -> bool:
 
 
 def _is_even(values: Array) -> bool:
-    """Return whether most steps are equal, as in a time, and unlike a signal that drifts upwards."""
+    """Return whether most steps are equal, as in a time, unlike in a drifting signal."""
     steps = np.diff(values[np.isfinite(values)])
     usual = float(np.median(steps))
     return bool((np.abs(steps - usual) <= EVEN * usual).mean() > EVEN_STEPS)
@@ -601,7 +601,7 @@ def _counts(values: Array) -> bool:
 
 
 def _is_same_clock(form: FileForm, first: FileColumn, second: FileColumn) -> bool:
-    """Return whether two columns show one clock, perhaps in other units or more coarsely."""
+    """Return whether two columns show the same clock, possibly in different units or resolutions."""
     a, b = first.values, second.values
     both = np.isfinite(a) & np.isfinite(b)
     if both.sum() < FEWEST or both.sum() < 0.9 * min(np.isfinite(a).sum(), np.isfinite(b).sum()):
@@ -665,7 +665,7 @@ def unit_by_size(time: Array, position_m: Array | None) -> tuple[str, str]:
     Returns
     -------
     str, str
-        Unit and evidence; an empty unit, and a question.
+        Unit and evidence; or an empty unit and a question.
     """
     steps = np.diff(time[np.isfinite(time)])
     step = float(np.median(steps)) if steps.size else 0.0

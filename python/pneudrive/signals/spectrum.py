@@ -28,7 +28,8 @@ def amplitude_density(time_s: Array, values: Array) -> tuple[Array, Array]:
     Returns
     -------
     frequency_hz, density : ndarray
-        Hz; unit of the values over the root of Hz. Its square, integrated over frequency, is the variance.
+        Frequency, Hz, and density, unit of the values per root Hz. The integral of the squared density over frequency
+        is the variance.
 
     Raises
     ------

@@ -134,7 +134,7 @@ def split_row(line: str, delimiter: str | None) -> Fields:
 
 @lru_cache(maxsize=64)
 def number_pattern(form: TextForm) -> str:
-    """Return the regular expression of a number, with groups of three digits and the signs of the format only."""
+    """Return the regular expression of a number in this format, including groups of three digits."""
     decimal, whole = re.escape(form.decimal), r"\d*"
     if form.thousands == form.decimal:
         whole = rf"\d{{1,3}}(?:{decimal}\d{{3}})*|\d*"
@@ -144,13 +144,13 @@ def number_pattern(form: TextForm) -> str:
 
 
 def _thousands(form: TextForm) -> str:
-    """Return the expression of the separator of thousands. Each blank represents all blanks."""
+    """Return the expression of the thousands separator. Each blank represents all blanks."""
     mark = form.thousands or ""
     return r"[\s\u00a0\u202f]" if mark.isspace() else re.escape(mark)
 
 
 def measurable(values: Array) -> Array:
-    """Return numbers with NaN in place of infinite numbers and numbers with infinite squares."""
+    """Return numbers with NaN instead of infinite numbers and numbers with infinite squares."""
     if values.size and values.min() > -NO_SENSOR and values.max() < NO_SENSOR:  # False if one is NaN
         return values
     return np.where(np.abs(values) < NO_SENSOR, values, np.nan)
@@ -195,9 +195,9 @@ def read_text(
     wanted : list of int or str
         Numbers or names of columns.
     dates : dict, optional
-        Columns of dates and times, with their format. They become seconds since the first one.
+        Columns of dates and times -> format. They become seconds since the first date.
     others : bool
-        Whether to read every other column with numbers, in the same rows; NaN for other values.
+        Whether to read all other columns with numbers, in the same rows; NaN for other values.
 
     Raises
     ------
@@ -269,8 +269,8 @@ def without_headers(
 ) -> tuple[list[int], list[int]]:
     """Return the rows of numbers, without the headers of further segments, and the first row of each segment.
 
-    Programs that append to a file repeat the header. The last header line marks each segment, and the lines between it
-    and the last row of numbers belong to the header.
+    Programs that append to a file repeat the header. The last header line marks each segment. Lines between this line
+    and the previous row of numbers belong to the header.
     """
     if last_of_header is None or not rows:
         return rows, []
@@ -345,7 +345,7 @@ def _fields(rows: Lines, form: TextForm, places: dict[str, int]) -> pl.DataFrame
 
 
 def _number(text: pl.Expr, form: TextForm) -> pl.Expr:
-    """Return the polars expression that reads fields as numbers, without a comment after them; null if not a number."""
+    """Return the polars expression that reads fields as numbers, ignoring a trailing comment; null if not a number."""
     import polars as pl
 
     text = text.str.replace(rf"\s*{re.escape(form.comment)}.*$", "")
@@ -373,9 +373,9 @@ DELIMITERS: tuple[str | None, ...] = ("\t", ";", ",", "|", None)
 TABLE_ROWS = 3  # successive rows of numbers that make a table
 COMMENTS = "#%"  # signs before a header
 _WORD = re.compile(r"[^\W\d_]")  # a text that nobody takes for a number begins with a letter
-#: Groups of three digits behind a sign that is then one of thousands, not of decimals.
+#: Pattern of numbers with groups of three digits, whose separator means thousands, not decimals.
 _GROUPED = re.compile(r"[-+]?[1-9]\d{0,2}(?:([.,'’\s\u00a0\u202f])\d{3})+(?:[.,]\d*)?$")
-#: Names of columns that white space separates, each with a unit in brackets behind more of it.
+#: Pattern of column names separated by white space, each optionally followed by a unit in brackets.
 _LOOSE = re.compile(r"[^\s\[(]+\s*(?:[\[(][^\])]{0,40}[\])])?")
 _CELL = re.compile(r"[-+]?\d[\d.,]*+ ([^\W\d_][\w/()]*)")  # a number and its unit
 _BARE = re.compile(r"[-+]?\d{1,3}$")
@@ -411,12 +411,12 @@ class Preamble:
 
 @dataclass(frozen=True)
 class FileForm:
-    """Format of a file: ``form`` for text, names of the columns if there are any, and their number.
+    """Format of a file: ``form`` of a text, names of the columns (if any), and number of columns.
 
     ``dates`` holds the columns of dates and times, by number, with their formats. ``words`` holds columns of texts,
     with the number of different texts in the first rows.
-    ``preamble`` holds statements of the lines above the table. ``other_lengths`` holds the lengths of channels that do
-    not fit into the table, by name.
+    ``preamble`` holds statements of the lines above the table. ``other_lengths`` has the lengths, by name, of channels
+    that do not fit into the table.
     """
 
     format: str
@@ -432,7 +432,7 @@ class FileForm:
 
 @dataclass(frozen=True)
 class _Reading:
-    """One way to read the lines: fraction of rows of numbers, number of columns, and columns that hold texts."""
+    """One interpretation of the lines: fraction of numeric rows, number of columns, and text columns."""
 
     form: TextForm
     share: float
@@ -441,7 +441,7 @@ class _Reading:
 
     @property
     def worth(self) -> float:
-        """Rating of this way to read the lines: more columns of numbers are better."""
+        """Rating of this interpretation: more columns of numbers are better."""
         return (self.width - len(self.words)) * self.share
 
 
@@ -599,7 +599,7 @@ def _names_above(above: Lines, form: TextForm, width: int) -> tuple[Fields, Fiel
 
     The rows next to the numbers are names, units and descriptions. The row of names is the one that contains names of
     most roles.
-    Among equally good rows, that above the units is taken. Names for fewer than half of the columns are a preamble.
+    If rows are equally good, the row above the units is used. Names for fewer than half of the columns are a preamble.
     """
     rows = list(_rows_above(above, form, width))
     units = next((fields for _, fields, _ in rows if _are_units(fields)), [])
@@ -616,7 +616,7 @@ def _names_above(above: Lines, form: TextForm, width: int) -> tuple[Fields, Fiel
 
 
 def _rows_above(above: Lines, form: TextForm, width: int) -> Iterator[tuple[int, Fields, TextForm]]:
-    """Yield the rows of words above the numbers, beginning with the lowest, with their number and form."""
+    """Yield the rows of words above the numbers, from the lowest up, each with row number and format."""
     filled = [at for at, line in enumerate(above) if line.strip()]
     for at in reversed(filled[-HEADER_ROWS:]):
         sign = next((sign for sign in COMMENTS if above[at].lstrip().startswith(sign)), form.comment)
@@ -660,7 +660,7 @@ def _dates(lines: Lines, form: TextForm, width: int) -> dict[int, str]:
 
 
 def read_preamble(lines: Lines, form: TextForm, width: int) -> Preamble:
-    """Read the lines above a table; the last line of each kind counts."""
+    """Read the lines above a table. The last line of each kind is used."""
     steps: tuple[float, ...] = ()
     source = ""
     starts: dict[int, float] = {}

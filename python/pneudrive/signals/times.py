@@ -1,4 +1,4 @@
-"""Times of samples: dates and times of day, rates, clocks of channels, counters that wrap, slow channels."""
+"""Times of samples: dates and times of day, rates, clocks of channels, wrapping counters, slow channels."""
 
 from __future__ import annotations
 
@@ -133,7 +133,7 @@ SLOW = 2  # least usual distance of the values of a slow channel, in rows
 
 
 def unwrapped(values: Array, moduli: Iterable[float] = COUNTERS, *, forward: bool = False) -> tuple[Array, int]:
-    """Return a counter without its wraps, and their number; other columns are unchanged.
+    """Return a counter without wraps, and the number of wraps. Other columns are unchanged.
 
     An n-bit counter has whole numbers within a range of less than 2^n, and jumps by nearly this range.
 
@@ -144,7 +144,7 @@ def unwrapped(values: Array, moduli: Iterable[float] = COUNTERS, *, forward: boo
     moduli : iterable of float
         Possible heights of a jump.
     forward : bool
-        A counter only grows, like a time. Every jump goes back.
+        Whether the counter only increases, like a time, so that every jump is backwards.
     """
     there = np.flatnonzero(np.isfinite(values))
     some = values[there]
@@ -174,8 +174,8 @@ def clocks_of(form: str | None, factor: float = 1.0) -> list[float]:
 def filled(time: Array, values: Array, *, held: bool = False) -> Array:
     """Return the values of a slow channel at all times, if at most every second row has a value.
 
-    The values are interpolated linearly or held. Before the first value and after the last one there is NaN. A channel
-    that has no isolated values is unchanged.
+    The values are interpolated linearly or held; NaN before the first and after the last value. A channel without
+    isolated values is unchanged.
     """
     there = np.isfinite(values) & np.isfinite(time)
     at = np.flatnonzero(there)
@@ -193,7 +193,7 @@ def filled(time: Array, values: Array, *, held: bool = False) -> Array:
 
 
 def samples_of_a_stamp(time: Array) -> float:
-    """Return the number of samples that share one stamp. The result is 1 if most stamps are new.
+    """Return the number of samples that share one time stamp; 1 if most stamps are different.
 
     Examples
     --------
@@ -224,7 +224,7 @@ def rate_of_stamps(time: Array) -> float | None:
 def on_clock(time: Array, own: Array, values: Array) -> Array:
     """Return the values of a channel with a separate clock at other times.
 
-    The result is NaN before its first value and after its last one.
+    The result is NaN before the first and after the last value of the channel.
     """
     there = np.isfinite(own) & np.isfinite(values)
     if there.sum() < 2 or (np.diff(own[there]) < 0).any():
@@ -233,7 +233,7 @@ def on_clock(time: Array, own: Array, values: Array) -> Array:
 
 
 def overlap(columns: Iterable[Array], size: int) -> slice:
-    """Return the rows from the first to the last one in which all columns have values."""
+    """Return the range of rows, from the first to the last in which all columns have values."""
     first, last = 0, size
     for column in columns:
         there = np.flatnonzero(np.isfinite(column))

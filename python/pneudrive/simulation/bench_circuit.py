@@ -38,7 +38,7 @@ def steady_flow(
     parts : mapping
         Components by name, or their tables.
     way : sequence of (str, str, str)
-        Each component with the ports by which the gas enters and leaves, in the direction of the flow.
+        Each component with its inlet and outlet port, in the direction of the flow.
     before_pa, behind_pa : float
         Pressures at both ends, absolute. The gas before the path has the temperature of ISO 6358.
     gas : Gas
@@ -61,9 +61,9 @@ def steady_flow(
 
 #: Joint of the ambient air.
 AMBIENT = "ambient"
-#: Commanded speed below which a motion has ended at rest, m/s: the remainder of rounding.
+#: Commanded speed below which a motion counts as ended at rest, m/s: the remaining speed is a rounding error.
 AT_REST_M_S = 1e-9
-#: Columns of a run that do not belong to the piston, and their names in the circuit.
+#: Column of a run that does not belong to the piston -> name in the circuit.
 _OTHERS = {
     "time_s": "time_s",
     "carriage_position_m": "carriage.position_m",
@@ -176,14 +176,14 @@ class Dragged:
         times_s : sequence of float
             Times of the samples, s, ascending.
         begin : float or sequence of float
-            A position at rest, the sensor unstressed, or the state at the end of an earlier motion.
+            Start position, at rest with an unstressed sensor; or the state at the end of an earlier motion.
         rtol : float
         released : bool
             Whether the carriage first moves freely until the sensor force is zero. Its position is then the command.
         shut : bool
             Whether the supply is shut off.
         look : callable, optional
-            Called from time to time with the simulated time; an exception that it raises ends the run.
+            Called from time to time with the simulated time. An exception ends the run.
 
         Raises
         ------
@@ -225,7 +225,8 @@ class Dragged:
 def _at_rest(state: dict[str, float], released: bool) -> tuple[list[float], float]:
     """Return the state in which the next motion begins, and its commanded position.
 
-    Rounding errors at the end of a command are removed. The actual position of a released carriage becomes the command.
+    Rounding errors at the end of a command are removed. For a released carriage, the actual position becomes the
+    command.
     """
     position, *rates = [name for name in state if name.startswith("carriage.")][:3]
     if released:

@@ -40,19 +40,19 @@ def steps(command: Command, times: Sequence[float] | None = None, signal: Comman
         and command, or pairs of time and command. A time is in s, or a quantity such as ``"20 ms"``. A function of the
         time in s is evaluated at `times` and held from each to the next, as by a digital controller.
     times : sequence of float, optional
-        Times in s, rising from 0, at which a function is evaluated.
+        Times, s, increasing from 0, at which a function is evaluated.
     signal : Signal, optional
         Electrical input of the valve (``drive.valve.command``), for commands such as ``"0 s: 7.5 V"``.
 
     Returns
     -------
     times, commands : tuple of float
-        s and -; equal lengths, times rising from 0.
+        Times, s, increasing from 0, and commands, of equal length.
 
     Raises
     ------
     CommandError
-        Times are missing, not rising or do not begin at 0 s, or a command is not a number in [-1, 1].
+        Times are missing, do not increase or do not begin at 0 s, or a command is not a number in [-1, 1].
 
     Examples
     --------
@@ -89,8 +89,8 @@ def plans(
     Parameters
     ----------
     given : mapping, str, sequence of str, or anything that `steps` reads; or None
-        Commands by component, or texts with the component in front, ``"valve_l: 0 s: 1, 0.5 s: -1"``. A command alone
-        belongs to the only component that takes one.
+        Commands by component, or texts with the component in front, ``"valve_l: 0 s: 1, 0.5 s: -1"``. A command without
+        a name belongs to the only component with a command.
     commandable : mapping
         Component that takes a command -> its electrical input, if one is described.
     times : sequence of float, optional
@@ -145,9 +145,9 @@ def inputs(
 
 
 def input_of(component: str) -> str:
-    """Return the name of the input that is the command of a component.
+    """Return the name of the command input of a component.
 
-    For an empty name, that of the valve of a drive.
+    An empty name means the valve of a drive.
     """
     return f"{component}.command" if component else "command"
 

@@ -1,4 +1,4 @@
-"""Warnings for a run: outside the stated range of the model, with water in its gas, or with ice in its silencer.
+"""Warnings for a run: states outside the stated range of the model, condensation of water, and ice in the silencer.
 
 The warnings do not change the simulation.
 """
@@ -25,13 +25,14 @@ if TYPE_CHECKING:
 
 #: Largest absolute pressure of the model, Pa: flow functions and cylinders are stated for less (assumed).
 HIGHEST_PA = 20e5
-#: Excess of the heat capacity over that of the model, -, which gives a note (assumed).
+#: Relative excess of the heat capacity over that of the model above which a note is given (assumed).
 CAPACITY_OFF = 0.02
-#: Part of the pressure by which a gas may differ from its law, ideal or with a second coefficient (assumed).
+#: Largest deviation of a gas from its law, as a fraction of the pressure: ideal, and with second virial coefficient
+#: (assumed).
 IDEAL_OFF, VIRIAL_OFF = 0.05, 0.1
-#: Largest acceleration of a piston by the pressure on one side, m/s2: a piston of 6 mm bore and 5 g has 4e3 (assumed).
+#: Largest plausible acceleration of a piston by the pressure on one side, m/s2 (assumed; 6 mm bore and 5 g give 4e3).
 FASTEST_M_S2 = 1e5
-#: Part of the stroke by which rounding may move a piston beyond it.
+#: Fraction of the stroke by which rounding may move a piston beyond its end.
 ROUNDED = 1e-9
 
 
@@ -45,7 +46,7 @@ class GasVolume(NamedTuple):
 
 
 def warnings(described: Drive | Circuit, columns: Keyed) -> list[str]:
-    """Return one warning for each limit that a run leaves, with time, place and limit.
+    """Return one warning for each limit that a run exceeds, with time, place and limit.
 
     Parameters
     ----------
@@ -119,7 +120,7 @@ def _celsius(temperature_k: float, digits: int = 1) -> str:
 
 
 def _gas(described: Drive | Circuit, places: list[GasVolume], time_s: Any) -> Iterator[str]:  # noqa: ANN401 - array or column
-    """Yield a warning if the second virial coefficient contributes more pressure than the gas law in use allows."""
+    """Yield a warning if the contribution of the second virial coefficient is too large for the gas law in use."""
     gas, name = described.gas, _gas_name(described)
     coefficients = VIRIAL.get("nitrogen" if name == "air" else name)  # air is taken as nitrogen
     if coefficients is None:
@@ -146,7 +147,7 @@ def _gas(described: Drive | Circuit, places: list[GasVolume], time_s: Any) -> It
 
 
 def _second_share(coefficients: list[float], pressure_pa: float, temperature_k: float) -> float:
-    """Return B p/(R T): the part of the pressure that the second virial coefficient adds. Source: libretexts-virial."""
+    """Return B p/(R T), the relative contribution of the second virial coefficient [libretexts-virial]."""
     a, b, c = coefficients
     second = 1e-6 * (a - b * math.exp(c / max(temperature_k, 60.0)))
     return second * pressure_pa / (MOLAR_GAS_CONSTANT_J_MOL_K * temperature_k)
@@ -185,7 +186,7 @@ def _pistons(described: Drive | Circuit, columns: Keyed) -> Iterator[str]:
 
 
 def _singular_poses(described: Drive | Circuit, columns: Keyed) -> Iterator[str]:
-    """Yield a warning for each platform that passes a singular pose: the determinant of its Jacobian changes sign."""
+    """Yield a warning for each platform that passes a singular pose (the determinant of its Jacobian changes sign)."""
     kinds = {name: one.kind for name, one in getattr(described, "components", {}).items()}
     if not any(kind.startswith("platform/") and kind != "platform/driven" for kind in kinds.values()):
         return
@@ -211,7 +212,7 @@ def _singular_poses(described: Drive | Circuit, columns: Keyed) -> Iterator[str]
 SOURCES = ("wmo2008", "sonntag1990")
 #: e_s = A exp(B t/(C + t)), Pa, with t in degC, over water and over ice: A, B, C. Source: [wmo2008], Annex 4.B.
 WATER, ICE = (611.2, 17.62, 243.12), (611.2, 22.46, 272.62)
-#: Ratio to saturation below which there is no warning: the accuracy of the formula (assumed).
+#: Ratio to saturation below which no warning is given, for the accuracy of the formula (assumed).
 SATURATED = 1.01
 
 
@@ -249,9 +250,9 @@ def dew_point(vapour_pressure_pa: float) -> float:
 
 
 def water_warnings(described: Drive | Circuit, columns: Keyed) -> Iterator[str]:
-    """Yield the warnings on water in a run: for each volume, at most one for the wall and one for the gas.
+    """Yield warnings on condensation in a run: for each volume, at most one for the wall and one for the gas.
 
-    A gas without a dew point gives no warnings. All gas counts as gas from the supply.
+    Without a stated dew point, no warnings are given. All gas is assumed to come from the supply.
     """
     import numpy as np
 
@@ -288,7 +289,7 @@ def water_share(drive: Drive | Circuit) -> float | None:
 
 
 def _wall_k(described: Drive | Circuit, columns: Keyed, place: GasVolume) -> Any:  # noqa: ANN401
-    """Return the temperature of the wall of a volume, K: a column for a wall that stores heat, or else a number."""
+    """Return the wall temperature of a volume, K: a column for a wall that stores heat, otherwise a number."""
     own = place.column.partition(".")[0] if "." in place.column else "cylinder"
     wall = columns.get(f"{own}.wall_temperature_k") if "." in place.column else None
     wall = getattr(described.circuit.components[own], "wall_temperature_k", None) if wall is None else wall
@@ -306,9 +307,10 @@ def _point(vapour_pressure_pa: float) -> str:
 
 # --- Temperature of the exhaust air, and ice in the silencer.
 
-#: Exhausts from which the mean temperature counts for ice (assumed): ice needs repeated strokes.
+#: Smallest number of exhausts for a note on ice (assumed): ice needs repeated strokes.
 LEAST_EXHAUSTS = 10
-#: An exhaust leads from above the first of these fractions of the highest gauge pressure to below the second (assumed).
+#: An exhaust counts if the gauge pressure falls from above the first to below the second fraction of its highest value
+#: (assumed).
 FULL, EMPTY = 0.5, 0.25
 
 
@@ -323,7 +325,7 @@ class ExhaustAir:
     coldest_k : float
         Lowest temperature of gas that leaves, K.
     exhausts : int
-        Number of exhausts: the gauge pressure of a chamber falls from half of its highest value to a quarter.
+        Number of exhausts, in which the gauge pressure of a chamber falls from half of its highest value to a quarter.
     """
 
     mean_k: float

@@ -30,7 +30,7 @@ def run_view(columns: Keyed, provenance: Keyed, described: Drive | Circuit | Non
     columns : mapping
         Name of a column in a file -> array, SI.
     provenance : mapping
-        Attributes of the run; a run from a CSV file has none.
+        Attributes of the run; empty for a run from a CSV file.
     described : Drive or Circuit, optional
         Simulated drive or circuit, whose gas defines the volume at the reference atmosphere (ANR). Default: air.
     """

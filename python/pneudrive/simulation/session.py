@@ -58,8 +58,8 @@ class Linear(Shown):
     A, B, C, D : numpy.ndarray
         Shapes (states, states), (states, inputs), (outputs, states), (outputs, inputs). Exact derivatives, in SI.
     states, inputs, outputs : tuple of str
-        Names. A state has the name of its column: ``"position_m"``, ``"mass_a_kg"``; in a circuit with its component:
-        ``"left.position_m"``, ``"hose.cell_3.internal_energy_j"``.
+        Names. A state has the name of its column: ``"position_m"``, ``"mass_a_kg"``; in a circuit, the name begins with
+        the component: ``"left.position_m"``, ``"hose.cell_3.internal_energy_j"``.
     state, rates, output : numpy.ndarray
         State x0, its rates and its outputs.
     """
@@ -79,9 +79,9 @@ class Linear(Shown):
 class Session:
     """A running drive or circuit. `Drive.start` and `Circuit.start` make it.
 
-    An input is set by name and holds until it is set again. The integration ends exactly on the times of `advance` and
-    `schedule` and keeps its step size. Short calls use a method of lower order, which needs less work at the same
-    tolerance. A wrong call raises an error and leaves the session unchanged.
+    An input is set by name, and holds until it is set again. The integration ends exactly at the times of `advance` and
+    `schedule`, and then continues with its step size. Short calls use a method of lower order, which needs less work at
+    the same tolerance. An invalid call raises an error and leaves the session unchanged.
 
     Examples
     --------
@@ -125,7 +125,7 @@ class Session:
         )
 
     def set(self, name: str, value: float) -> None:
-        """Set an input from now on.
+        """Set an input from the present time on.
 
         Parameters
         ----------
@@ -148,15 +148,15 @@ class Session:
             self._refuse(error, [name], value)
 
     def schedule(self, name: str, entries: Iterable[tuple[float, float]]) -> None:
-        """Set an input at future times. The integration ends exactly on each of them.
+        """Set an input at future times. The integration ends exactly at each of these times.
 
         Parameters
         ----------
         name : str
             Name of an input.
         entries : iterable of (float, float)
-            Pairs of a time in s, not before the present, and a value. If several entries have one time, the last one
-            holds.
+            Pairs of a time in s, not before the present, and a value. If several entries have the same time, the last
+            one holds.
 
         Raises
         ------
@@ -181,7 +181,7 @@ class Session:
     ) -> None:
         """Integrate until a time, with the inputs as set and scheduled. Then `read` the outputs.
 
-        The integration ends exactly on `until` and keeps its step size. A call costs less than 2 us in addition to the
+        The integration ends exactly at `until` and keeps its step size. A call takes less than 2 us in addition to the
         integration. The integration takes 0.3 to 1 us of processor time for each attempted step of a drive, and more
         for circuits. `statistics` counts the attempts. `control` is faster for a sampled controller.
 
@@ -222,14 +222,14 @@ class Session:
         progress: Progress | None = None,
         cancel: Flag | None = None,
     ) -> dict[str, np.ndarray]:
-        """Run a sampled controller: each command holds for a period.
+        """Run a sampled controller, whose commands hold for one period each.
 
         Parameters
         ----------
         controller : callable
-            ``controller(t, *values)`` gets the time in s and the outputs `reads`, and returns the command. A function
-            compiled by ``numba.cfunc("float64(float64, CPointer(float64))")``, or one of `ctypes` with these types,
-            needs no call of Python.
+            ``controller(t, *values)`` receives the time in s and the outputs `reads`, and returns the command. A
+            function compiled by ``numba.cfunc("float64(float64, CPointer(float64))")``, or a `ctypes` function with
+            these types, is called without Python.
         period : float
             Time between two samples, s.
         until : float
@@ -321,7 +321,8 @@ class Session:
         Parameters
         ----------
         saved : bytes
-            From `save` of this session, or of another one with the same drive, tolerance and version of pneudrive.
+            Result of `save` of this session, or of another session with the same drive, tolerance and version of
+            pneudrive.
 
         Raises
         ------
@@ -343,8 +344,8 @@ class Session:
         Parameters
         ----------
         inputs : sequence of str, optional
-            Inputs for B and D. The default for a circuit is all inputs except its commands. For a drive, it is the
-            command, the force of the load and the pressure of the supply. A always covers all states.
+            Inputs for B and D. Default for a circuit: all inputs except commands. Default for a drive: command, load
+            force and supply pressure. A always covers all states.
 
         Raises
         ------
@@ -368,9 +369,9 @@ class Session:
         )
 
     def _refuse(self, error: Exception, names: Sequence[object], value: object, *, readable: bool = False) -> NoReturn:
-        """Raise an error of the core with the names that users know.
+        """Raise an error of the core, with the names that users know.
 
-        `readable` states whether names of outputs are valid too.
+        `readable` states whether names of outputs are also valid.
         """
         if "borrowed" in str(error):  # the core lends a session to one call at a time
             raise SimulationError("another thread advances the session", remedy="Use one thread only.") from None

@@ -30,12 +30,12 @@ if TYPE_CHECKING:
     from pneudrive.free.parameters import Sensitivities
 
 MOST_BUDGET = 10**15
-#: Error of a ledger above which there is a warning: absolute, and as a multiple of the tolerance (assumed).
+#: Residual of a ledger above which a warning is given: absolute, and as a multiple of the tolerance (assumed).
 ENERGY_CLOSES, ENERGY_RTOL = 1e-3, 300.0
 SOLVER = "Rodas5P"
-#: Steps of a command up to which a run keeps them.
+#: Largest number of command steps that a run stores.
 MOST_STEPS = 1000
-#: Columns that are given, not solved for.
+#: Columns without derivatives, because they are inputs.
 UNDIFFERENTIATED = ("time_s", "command")
 
 
@@ -79,8 +79,9 @@ class Run(Shown):
 def _dataset(variables: dict[str, xr.Variable], attrs: Plain) -> xr.Dataset:
     """Make a data set of columns over time.
 
-    xarray's public constructor compares and aligns variables, although all have the same length and index. This takes
-    longer than half a simulation. If the inner constructor is missing or has changed, the public one is used.
+    xarray's public constructor compares and aligns variables, which takes longer than half a simulation, although all
+    variables have the same index. If the internal constructor is missing or has changed, the public constructor is
+    used.
     """
     import xarray as xr
     from xarray.indexes import PandasIndex
@@ -118,7 +119,7 @@ def simulate(
     command : number, str, path, sequence of (time, command) or callable
         Valve command in [-1, 1]: a number for the whole run, ``"0 s: 0.6, 1 s: -0.6"``, a CSV file (time_s, command),
         or pairs with the time in s. Each entry holds until the next, and the first is at 0 s. A function of the time in
-        s is evaluated at every sample and held until the next one, as by a controller at `sample_rate`.
+        s is evaluated at every sample and held until the next sample, as by a controller at `sample_rate`.
     duration : str or float
         ``"2 s"``, or a number of seconds.
     initial : Initial, dict or str, optional
@@ -132,14 +133,14 @@ def simulate(
         Also integrate the balances of mass, energy and entropy. The states keep the same bits, and ``attrs["ledger"]``
         reports how well the balances close. Not for the chamber law ``as-printed``, which does not conserve energy.
     sensitivities : sequence of str
-        Numbers of the drive file, such as ``"friction.coulomb"``. For each variable, the result then has its exact
-        derivatives by these numbers, ``sensitivity_position`` with dimensions parameter and time. They are derivatives
-        of the discrete solution, through impacts, sticking and slipping. The start is fixed. Not for a circuit, nor for
-        a command that is a function.
+        Parameters of the drive file, such as ``"friction.coulomb"``. For each variable, the result then also has the
+        exact derivatives by these parameters, such as ``sensitivity_position`` with dimensions parameter and time. They
+        are derivatives of the discrete solution, through impacts, sticking and slipping, for a fixed start state. Not
+        for circuits, and not for commands that are functions.
     budget : int, optional
-        Limit on the attempted steps of the run. The default is 220,000 for the run, 100,000 for each second of motion
-        and 100 for each entry of the command. It is larger below rtol = 1e-6, and falls to one half above 11 states.
-        Ordinary drives take 200 to 10,000 attempts for each second.
+        Limit on the attempted steps of the run. Default: 220,000, plus 100,000 for each second of motion and 100 for
+        each entry of the command; more below rtol = 1e-6, and down to one half above 11 states. Ordinary drives take
+        200 to 10,000 attempts per second.
     progress, cancel : optional
         See `pneudrive.progress.Watch`: a callback that gets the number of simulated seconds, and a flag that ends the
         run.
@@ -150,11 +151,11 @@ def simulate(
         Dimension time (round(duration * sample_rate) + 1 samples, the last one at the duration). The variables are
         position, velocity, acceleration, pressure_a, temperature_a, ..., each with ``units`` and ``long_name``, in SI
         with absolute pressure. Its ``attrs`` hold description_hash, version, solver, rtol, statistics, warnings,
-        citations and assumed. command_steps of a drive has time in s and command of each change, up to 1000 of them.
-        impacts has each contact with an end stop as a dict. Its entries are time_s, end ("a" or "b"), speed_m_s (at
-        first touch), energy_j (kinetic, of the moving mass and load), depth_m, peak_force_n (the largest until it
-        leaves), and met_cover (whether the stop was fully compressed). A contact slower than 1 mm/s that does not fully
-        compress the stop is not listed.
+        citations and assumed. command_steps of a drive has time in s and command of each change (at most 1000). impacts
+        has each contact with an end stop as a dict. Its entries are time_s, end ("a" or "b"), speed_m_s (at first
+        touch), energy_j (kinetic, of the moving mass and load), depth_m, peak_force_n (the largest until it leaves),
+        and met_cover (whether the stop was fully compressed). A contact slower than 1 mm/s that does not fully compress
+        the stop is not listed.
 
     Raises
     ------
@@ -254,7 +255,7 @@ def run(
 
 
 def _steps(times: Sequence[float], values: Sequence[float]) -> dict[str, list[list[float]]]:
-    """Return the exact times of the changes of a command for the provenance, because samples show a change late."""
+    """Return the exact times of command changes for the provenance. Samples show a change with a delay."""
     found = [[t, values[i]] for i, t in enumerate(times) if not i or values[i] != values[i - 1]]
     return {"command_steps": found} if len(found) <= MOST_STEPS else {}
 
@@ -286,7 +287,7 @@ def _provenance(drive: Drive | Circuit, result: SimulationResult, rtol: float) -
 
 
 def made_from(described: Drive | Circuit, rtol: float) -> Plain:
-    """Return the description and the solver that a run was made with."""
+    """Return the description and the solver of a run."""
     names = {"title": described.name, "description_hash": described.description_hash}
     return names | {"version": __version__, "solver": SOLVER, "rtol": rtol}
 
@@ -298,7 +299,7 @@ def _label(column: str, said: str | None) -> tuple[str, tuple[tuple[str, str], .
 
 
 def require(given: object, has: str, what: str, instead: str) -> None:
-    """Raise an error for a path or a dict in place of the described object; the check does not import its class."""
+    """Reject a path or a dict instead of the described object, without importing its class."""
     if not hasattr(given, has):
         raise DescriptionError(f"{what} is a {type(given).__name__}", remedy=f"Write {instead}.")
 

@@ -37,7 +37,7 @@ def ready(described: Drive | Circuit, initial: Any) -> tuple[CoreCircuit, dict[s
 
 
 def check_tolerance(rtol: float) -> None:
-    """Raise an error for a relative tolerance that no simulation can keep."""
+    """Reject a relative tolerance that no simulation can achieve."""
     low, high = RTOL_BOUNDS
     if isinstance(rtol, (bool, str)) or not low <= rtol <= high:
         raise CommandError(f"rtol = {rtol} is out of bounds", rule=f"{low:g} <= rtol <= {high:g}")

@@ -1,7 +1,7 @@
 """Trajectories: meaning of their columns, and reading and writing of their files.
 
-In memory a trajectory is an `xarray.Dataset`: each variable has its unit in its attributes. In a file the names of the
-columns carry the unit. A file is written completely or not at all.
+In memory, a trajectory is an `xarray.Dataset`, in which each variable has its unit as attribute. In a file, the names
+of the columns contain the unit. A file is written completely or not at all.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ TABLES = {".parquet": "parquet", ".nc": "netcdf"}
 
 
 def meaning(column: str) -> tuple[str, str, str]:
-    """Return (variable, units, long name) of a column; an inner state outside the table is named by its suffix.
+    """Return (variable, units, long name) of a column, from the table or from the suffix of the name.
 
     Examples
     --------
@@ -88,7 +88,7 @@ def check_si(run: xr.Dataset) -> None:
 
 
 def check_target(path: str | Path, suffixes: tuple[str, ...] = SUFFIXES) -> Path:
-    """Raise an error for a file that cannot be written, before any work is done.
+    """Reject a file that cannot be written, before any work is done.
 
     Raises
     ------
@@ -144,8 +144,7 @@ def save(run: xr.Dataset, path: str | Path) -> Path:
     run : xarray.Dataset
         From `pneudrive.simulate`.
     path : path-like
-        ``.parquet``, ``.csv`` or ``.nc``. Provenance goes into Parquet's metadata and netCDF's attributes; CSV has no
-        place for provenance.
+        ``.parquet``, ``.csv`` or ``.nc``. Parquet and netCDF also store the provenance; CSV does not.
 
     Raises
     ------
@@ -210,7 +209,7 @@ def write_frame(frame: pl.DataFrame, target: Path, metadata: dict[str, str] | No
 
 
 def columns_in(path: str | Path, asked: Iterable[str]) -> list[str]:
-    """Return those of the given columns that a file written by `save` has; empty for another kind of file.
+    """Return the columns in `asked` that a file written by `save` contains; empty for another kind of file.
 
     Raises
     ------
@@ -236,7 +235,7 @@ def read_columns(
     ----------
     path : path-like
     wanted : iterable of str
-        Names of existing columns, in the form of CSV and Parquet, for netCDF too.
+        Names of existing columns, in the form of CSV and Parquet even for netCDF.
     rows : tuple of int, optional
         First row and the row after the last, not for CSV; None: all rows.
     table : Table, optional
@@ -272,14 +271,14 @@ def read_columns(
 
 
 def _name_in(path: Path, column: str) -> str:
-    """Return the name of a column in the file: names of netCDF variables carry no unit."""
+    """Return the name of a column in the file. Names of netCDF variables do not contain the unit."""
     return meaning(column)[0] if path.suffix == ".nc" else column
 
 
 def attributes(run: xr.Dataset) -> dict[str, Any]:
-    """Return the attributes of a run in the form of `pneudrive.simulate`, also for a run from netCDF.
+    """Return the attributes of a run in the form of `pneudrive.simulate`, even for a run from netCDF.
 
-    In netCDF, lists and tables are texts (JSON).
+    netCDF stores lists and tables as JSON.
     """
     out = dict(run.attrs)
     for name in STRUCTURED & out.keys():

@@ -1,9 +1,9 @@
-"""Candidates of a search: the results of a choice of parts so far, and their uncertainty.
+"""Candidates of a search: preliminary results of a choice of parts, and their uncertainty.
 
-A pair is a cylinder with a tube. It determines the air of a cycle. A probe simulates a pair with the widest valve and
-no flow control. Its air holds for all choices with this pair, and its stroke time is a lower bound for them. A choice
-then passes three stages: nominal runs on a coarse grid of settings, tuned settings, and spreads with more and more
-samples.
+A pair is a cylinder with a tube, which determine the air consumption of a cycle. A probe simulates a pair with the
+widest valve and without flow control. Its air consumption applies to all choices with this pair, and its stroke time is
+a lower bound. A choice then passes three stages: nominal runs on a coarse grid of settings, tuned settings, and spreads
+with an increasing number of samples.
 """
 
 from __future__ import annotations
@@ -24,19 +24,19 @@ if TYPE_CHECKING:
 
     from pneudrive.sizing.task import SizingTask
 
-#: Least air of a cycle over that which fills both sides, before a pair is probed (assumed).
+#: Lower bound of the air of a cycle before a pair is probed, as a fraction of the air that fills both sides (assumed).
 LEAST_AIR = 0.7
-#: Reserve of the air that a stage knows, and of its margin (assumed; the study of random tasks holds them to it): after
-#: the probe, the nominal grid, the tuning. That of simulated spreads falls with the root of the number of draws.
+#: Uncertainty of the estimated air and margin after the probe, the nominal grid and the tuning (assumed, checked by a
+#: study of random tasks). That of simulated spreads falls with the root of the number of samples.
 AIR_SLACK = {"probed": 0.04, "rough": 0.02, "tuned": 0.015}
 MARGIN_SLACK = {"rough": 0.05, "tuned": 0.03}
 SPREAD_SLACK, SPREAD_AIR, HARDEST_AIR = 0.4, 0.1, 0.002
-#: Margin by which a narrower valve or flow control may be better than the widest one (assumed, as above): the needle is
-#: set.
+#: Largest gain in margin by a narrower valve or flow control, compared with the widest one with a tuned needle
+#: (assumed, as above).
 VALVE_SLACK = 0.04
-#: Standard deviations by which the failures of a part of the draws may pass what is allowed.
+#: Number of standard deviations by which failures in a part of the samples may exceed the allowed number.
 DOUBT = 3.0
-#: Margin that counts fully in the order of choices that were not run yet, and what the spreads take of a nominal one.
+#: Margin above which choices that were not run yet rank equally, and typical loss of a nominal margin by the spreads.
 ENOUGH, RESERVE = 0.3, 0.1
 
 
@@ -53,13 +53,13 @@ class TubedCylinder:
     tube_flow : float
         Conductance of the tube, m3/(s Pa).
     open_checks : int
-        Least number of open checks of its choices.
+        Smallest number of open checks of choices with the pair.
     air : float or None
         Air of a nominal cycle with the widest valve, kg; None before the probe.
     times : tuple of float
         Times of the nominal strokes, out and back, s.
     late : Shortage or None
-        Reason why no choice with the pair does the task; None as long as one may.
+        Reason why no choice with the pair can do the task; None while a choice may.
     """
 
     cylinder: PartChoice
@@ -80,7 +80,7 @@ class TubedCylinder:
 
     @property
     def rank(self) -> Rank:
-        """Best possible beginning of the ranking key of its choices."""
+        """Lower bound of the first part of the ranking key of its choices."""
         return rank_of(self.open_checks, self.least_air, 1.0)
 
     @property
@@ -142,7 +142,7 @@ class TubedCylinder:
         return made
 
     def _opened(self, choice: DriveChoice) -> float:
-        """Return the conductance of the exhaust path with open needles; its parts are in series."""
+        """Return the conductance of the exhaust path with open needles, from its parts in series."""
         needle = choice.flow_control.numbers["needle_conductance"] if choice.is_throttled else math.inf
         return sum(size**-2.0 for size in (_exhaust(choice.valve), self.tube_flow, needle)) ** -0.5
 
@@ -162,8 +162,8 @@ class SizingCandidate:
     guess : float
         Margin of the stroke time, estimated from the conductances in series.
     lead : SizingCandidate or None
-        The same choice with the widest valve and flow control, which is run first: the needle limits the flow anyway.
-        A choice without flow controls has such a lead if its valve is narrower than the lead with open needles.
+        The same choice with the widest valve and flow control. It is run first, because the needle limits the flow
+        anyway. A choice without flow controls has a lead if its valve is narrower than the lead with open needles.
     rough, tuned : Tuned or None
         Rough settings, and refined ones.
     drives : dict
@@ -173,7 +173,7 @@ class SizingCandidate:
     hardest : Hardest or None
         Results of the samples with the smallest margins.
     lost : str
-        Reason why the choice does not do the task; empty as long as it may.
+        Reason why the choice cannot do the task; empty while it may.
     """
 
     strokes: DriveStrokes
@@ -199,7 +199,7 @@ class SizingCandidate:
 
     @property
     def open_checks(self) -> int:
-        """Number of its open checks; before its spreads are simulated, the least number."""
+        """Number of its open checks; before its spreads are simulated, a lower bound."""
         return self.pair.open_checks if self.drive is None else self.drive.open_checks
 
     @property
@@ -244,7 +244,7 @@ class SizingCandidate:
 
     @property
     def is_slow(self) -> bool:
-        """Whether a stroke with fully open needles is too slow even in the fast case; so it is with narrower parts."""
+        """Whether a stroke with fully open needles is too slow even in the fast case, also with narrower parts."""
         if self.rough is None and self.tuned is None:
             return self.lead is not None and self.lead.is_slow
         return self.rough is not None and not self.rough.times
@@ -255,7 +255,7 @@ class SizingCandidate:
         return self.known is None and self.lead is not None and not self.lead.lost and self.lead.known is None
 
     def look_at_reach(self, final: int) -> None:
-        """Leave the candidate out if its runs, or runs with the widest valve, show that it cannot do the task."""
+        """Reject the candidate if its runs, or runs with the widest valve, show that it cannot do the task."""
         if self.reach(final) < 0.0:
             of = "" if self.rough or self.tuned or self.lead is None else f" with {self.lead.choice.valve.name}"
             self.lost = f"spreads: margin of {100.0 * self.reach(final):.0f} % at most{of}"
@@ -303,7 +303,7 @@ class SizingCandidate:
     def take_drive(self, found: SizedDrive, final: int) -> None:
         """Store simulated spreads.
 
-        The candidate is left out if more samples fail than are allowed, or than is likely for a choice that passes.
+        The candidate is rejected if more samples fail than allowed, or than is likely for a passing choice.
         """
         self.drives[found.draws] = found
         allowed, failed = 1.0 - PROBABILITY, found.draws - found.met
@@ -325,12 +325,12 @@ class Dropped(NamedTuple):
     parts : dict
         Slot -> part, or "*" for any.
     choices : int
-        Number of them.
+        Number of choices.
     limit : str
     said : str
-        The reason in words.
+        Reason in words.
     share : float
-        Largest possible value over the needed one, see `Shortage`.
+        Largest possible value divided by the required value, see `Shortage`.
     """
 
     parts: Mapping[str, str]

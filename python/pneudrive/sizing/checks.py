@@ -1,7 +1,7 @@
-"""Whether drives do a task: margins over samples of the spreads, ranking, and checks before a drive is ordered.
+"""Check of drives for a task: margins over samples of the spreads, ranking, and checks before an order.
 
-Each check names the standard or the maker's rule that it follows. If the data sheet of the part does not give a
-needed value, the check reports this.
+Each check names its standard or the maker's rule. If the data sheet of a part does not give a needed value, the check
+reports this.
 """
 
 from __future__ import annotations
@@ -29,13 +29,13 @@ if TYPE_CHECKING:
 
 # --- Whether drives meet a task: margins in each sample, the worst 1 %, and the probability with its bound.
 
-#: The requirement is met with this probability; what is called worst is passed by the rest of the draws.
+#: Required probability of meeting the task. A worst value is exceeded with the remaining probability.
 PROBABILITY = 0.99
 #: Confidence of the bound of Clopper and Pearson, one-sided.
 CONFIDENCE = 0.95
-#: Of a number of draws.
+#: Tolerance for rounding of a number of samples.
 ROUNDING = 1e-9
-#: Margin of a draw that does not arrive.
+#: Margin of a sample whose stroke does not end.
 NEVER = -1.0
 
 
@@ -63,7 +63,7 @@ class LimitMargin(NamedTuple):
 
     @property
     def margin(self) -> float:
-        """Margin that 99 % of the samples reach."""
+        """Margin reached by 99 % of the samples."""
         return float(np.quantile(self.margins, 1.0 - PROBABILITY, method="lower"))
 
 
@@ -135,7 +135,7 @@ def interval(values: Array) -> Interval:
 
 
 def is_met(found: list[LimitMargin]) -> Bools:
-    """Return whether each sample keeps all limits."""
+    """Return whether each sample meets all limits."""
     return np.all([one.margins >= 0.0 for one in found], axis=0)
 
 
@@ -173,14 +173,14 @@ def explained(draws: Array, margins: Array) -> dict[str, float]:
 
 
 class Shortage(NamedTuple):
-    """Missed limit of a choice.
+    """Limit that a choice misses.
 
     Attributes
     ----------
     limit : str
         Missed limit.
     share : float
-        Largest possible value over the needed one, below 1. It is 0 if no change of the task helps.
+        Largest possible value divided by the required value, below 1. 0: no change of the task helps.
     said : str
         The shortage in words.
     """
@@ -197,16 +197,16 @@ class Shortage(NamedTuple):
 
 #: Modulus of elasticity of a steel rod, Pa (assumed: usual for steel).
 STEEL_PA = 210e9
-#: Safety of the rod against buckling (assumed: usual in makers' diagrams for pneumatic cylinders).
+#: Safety factor of the rod against buckling (assumed: usual in makers' diagrams for pneumatic cylinders).
 BUCKLING_SAFETY = 5.0
-#: Free length over stroke of a rod whose cylinder is fixed at its front and whose end is guided, and whose end is free
-#: (Euler: effective length 0.7 and 2 times the free length).
+#: Effective buckling length over stroke by guide of the load, with the cylinder fixed at its front (Euler): 0.7 with a
+#: guided rod end, 2 with a free rod end.
 EFFECTIVE = {"none": 2.0, "ball": 0.7, "plain": 0.7}
 #: Highest supply pressure of usual cylinders and valves, above ambient (assumed: 1.0 MPa in most catalogues).
 USUAL_SUPPLY_PA = 1e6
-#: Highest peak of the pressure in a cylinder without a data sheet of it, above ambient (assumed: 1.5 times as much).
+#: Highest peak pressure in a cylinder whose data sheet states none, above ambient (assumed: 1.5 times as much).
 USUAL_PEAK_PA = 1.5e6
-#: Remedy of a value that no data sheet of the catalogue states.
+#: Remedy for a value that no data sheet of the catalogue states.
 CATALOGUE = "of the maker's sheet in a catalogue of your own (--catalogue)"
 
 
@@ -217,14 +217,14 @@ class MachineCheck(NamedTuple):
     ----------
     name : str
     value : float
-        In the unit.
+        Value in `unit`.
     limit : float or None
         None if no data sheet states it.
     unit : str
     is_kept : bool or None
-        None if it cannot be decided: no data sheet states the limit, or it is assumed.
+        None if undecided, because no data sheet states the limit, or the limit is assumed.
     rule : str
-        Standard or rule that it follows.
+        Standard or rule of the check.
     remedies : tuple of str
         Changes of task or catalogue. Any one of them lets the drive pass the check.
     """
@@ -262,7 +262,7 @@ class MachineCheck(NamedTuple):
 
 
 def buckling_n(cylinder: PartChoice, task: SizingTask) -> float | None:
-    """Return the buckling force of the rod divided by the safety, N; None for a cylinder without a pushing rod.
+    """Return the buckling force of the rod divided by the safety factor, N; None for a cylinder without a pushing rod.
 
     Euler: F = pi^2 E I / (k L)^2 with I = pi d^4/64, L the stroke.
     """
@@ -274,13 +274,13 @@ def buckling_n(cylinder: PartChoice, task: SizingTask) -> float | None:
 
 
 def _check(name: str, value: float, limit: float | None, unit: str, rule: str, *remedies: str) -> MachineCheck:
-    """Compare a value with its limit; the check is undecided if the limit is assumed or missing."""
+    """Compare a value with its limit. The check is undecided if the limit is assumed or missing."""
     is_kept = None if limit is None or rule.startswith("assumed") else value <= limit
     return MachineCheck(name, value, limit, unit, is_kept, rule, remedies)
 
 
 def mechanical_checks(cylinder: PartChoice, task: SizingTask) -> Iterator[MachineCheck]:
-    """Yield the checks that depend on the cylinder only: side load against its sheet, and buckling of its rod.
+    """Yield the checks that depend only on the cylinder: side load against its data sheet, and buckling of its rod.
 
     Without a guide, the cylinder carries the weight of the load across its axis. The largest force on the rod results
     from the highest supply pressure on the whole piston.
@@ -302,9 +302,9 @@ def mechanical_checks(cylinder: PartChoice, task: SizingTask) -> Iterator[Machin
 
 
 def machine_checks(choice: DriveChoice, task: SizingTask, drive: SizedDrive | None = None) -> list[MachineCheck]:
-    """Return the checks of a choice of parts: failed ones first, then undecided ones, then passed ones.
+    """Return the checks of a choice of parts: failed first, then undecided, then passed.
 
-    Before its simulation (`drive`), no check of energy and pressure fails.
+    Without a simulation (`drive`), checks of energy and pressure do not fail.
     """
     cylinder, most_energy, peak = choice.cylinder, 0.0, 0.0
     if drive is not None:
@@ -365,17 +365,17 @@ def _hanging_load(choice: DriveChoice, task: SizingTask) -> MachineCheck:
 
 # --- Simulation results of a choice of parts, over the spreads or from nominal runs, and the ranking key.
 
-#: Unit -> factor from SI, and unit in which people read it.
+#: Unit -> factor from SI, and displayed unit.
 READ = {"Pa": (1e-5, "bar abs")}
 
 
 def read(value: float, unit: str) -> str:
-    """Return a stored value, in SI, as a number; infinite if the stroke does not end."""
+    """Return a stored SI value as a number; infinite if the stroke does not end."""
     factor, shown = READ.get(unit, (1.0, unit))
     return f"{factor * value:.3g} {shown}" if value < math.inf else "the stroke does not end"
 
 
-#: Airs that differ by less than this factor rank by margin.
+#: Ratio of air consumption below which choices rank by margin.
 SAME_AIR = 1.02
 
 
@@ -396,15 +396,15 @@ class SizedDrive:
     setting : dict
         Openings of the needles as fractions of fully open.
     draws, met : int
-        Number of samples, and number of samples that keep all limits.
+        Number of samples, and number of samples that meet all limits.
     probability_bound : float
-        One-sided lower bound of the probability that a drive keeps all limits, 95 % confidence.
+        One-sided lower bound of the probability that a drive meets all limits, 95 % confidence.
     time_out, time_back, end_speed, energy, peak_pressure : float
-        Values that 1 % of the samples exceed; the last three for the worse stroke. Infinite: the stroke does not end.
+        Values that 1 % of the samples exceed, the last three for the worse stroke. Infinite if the stroke does not end.
     air : float
         Mean mass drawn from the supply in a cycle, kg.
     margins : dict
-        Limit -> margin that 99 % of the samples reach.
+        Limit -> margin reached by 99 % of the samples.
     worst : dict
         Limit -> (value that 1 % of the samples exceed, limit, unit).
     measure : str
@@ -418,7 +418,7 @@ class SizedDrive:
         end_speed, energy, peak_pressure, air, load_ratio_out, load_ratio_back (`DriveStrokes.load_ratio`). Empty in
         folders of earlier versions.
     open_checks : int
-        Number of checks that forbid to order it (`machine_checks`). 0 in folders of earlier versions.
+        Number of open checks, which prevent an order (`machine_checks`). 0 in folders of earlier versions.
     """
 
     parts: Mapping[str, str]
@@ -442,7 +442,7 @@ class SizedDrive:
 
     @property
     def load_ratio(self) -> float | None:
-        """Ratio of load to supply force that 1 % of the samples exceed, for the worse of both strokes."""
+        """Ratio of load to supply force exceeded by 1 % of the samples, for the worse of both strokes."""
         ends = [self.intervals[name][1] for name in ("load_ratio_out", "load_ratio_back") if name in self.intervals]
         return max(ends, default=None)
 
@@ -483,12 +483,12 @@ class SizedDrive:
 
     @property
     def binding(self) -> str:
-        """Limit with the least margin."""
+        """Limit with the smallest margin."""
         return min(self.margins, key=lambda name: self.margins[name])
 
     @property
     def margin(self) -> float:
-        """Least margin that 99 % of the samples reach."""
+        """Smallest margin over all limits, each reached by 99 % of the samples."""
         return self.margins[self.binding]
 
     @property
@@ -529,8 +529,8 @@ class Provisional:
 
 # --- One choice of parts with its settings over the spreads of a task.
 
-#: Draws that are simulated for a limit beside those that may fail, and the estimated margin, over the least one, up to
-#: which a limit may decide.
+#: Number of samples simulated for a limit in addition to those that may fail; and estimated margin above the smallest
+#: up to which a limit is considered.
 HARD, NEAR = 16, 0.15
 
 
@@ -543,7 +543,7 @@ class DrawResults(NamedTuple):
 
 
 class Hardest(NamedTuple):
-    """Bounds of a choice over all samples: largest margin, least number of failing samples, and estimated air, kg."""
+    """Bounds of a choice over all samples: largest margin, smallest number of failing samples, estimated air, kg."""
 
     margin: float
     failed: int
@@ -599,9 +599,9 @@ def simulated(strokes: DriveStrokes, setting: Setting, draws: Array, rtol: float
 def hardest(strokes: DriveStrokes, setting: Setting, known: DrawResults, draws: Array) -> Hardest:
     """Return upper bounds of a choice's results over all samples, from a few of the samples.
 
-    The first samples give a linear estimate of all margins. The samples with the lowest estimates are simulated. The
-    result is always a bound, because samples that are not simulated can only reduce the margin. The mean air is
-    estimated.
+    The first samples give a linear estimate of the margins of all samples. The samples with the smallest estimates are
+    simulated. The result is always a bound, because samples that are not simulated can only reduce the margin. The mean
+    air is estimated.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Catalogue parts for a task: cylinders, valves, tubes and flow controls, and assumed values for gaps in their sheets.
+"""Catalogue parts for a task: cylinders, valves, tubes and flow controls, with assumed values for gaps in data sheets.
 
 A value that a data sheet does not give is assumed by a rule of this module. Every file and result marks it as assumed.
 """
@@ -33,20 +33,20 @@ SLOTS: dict[str, tuple[str, ...]] = {
     "tube": (TUBE,),
     "flow_control": (FLOW_CONTROL,),
 }
-#: Name of a drive without flow controls in their slot.
+#: Name in the slot of flow controls for a drive without flow controls.
 WITHOUT = "none"
 #: Density of steel, kg/m3 (assumed: 7850), for the mass of a rod.
 STEEL_KG_M3 = 7850.0
-#: Pressure at which makers print forces, Pa above ambient.
+#: Pressure at which makers state forces, Pa above ambient.
 CATALOGUE_PA = 6e5
-#: A cushion as short as this is a rubber element, m (assumed).
+#: Length up to which a cushion counts as a rubber element, m (assumed).
 RUBBER_M = 5e-3
-#: Cushions longer than this share of the stroke are left out: both would overlap.
+#: Largest length of a cushion as a fraction of the stroke: longer cushions would overlap, and are left out.
 LONGEST_CUSHION = 0.45
-#: Stiffness of the end stops, N/m (assumed): less than 0.1 mm under the force of a piston; and their damping over that
-#: which just keeps a mass on a spring from swinging: a piston does not rebound, the contact takes few steps.
+#: Stiffness of the end stops, N/m (assumed; less than 0.1 mm deflection under the force of a piston), and damping
+#: relative to critical damping (a piston does not rebound, and the contact takes few steps).
 STOP_N_M, STOP_DAMPING = 1e7, 8.0
-#: Strokes are equal within this share.
+#: Relative difference below which strokes count as equal.
 SAME_STROKE = 1e-3
 
 
@@ -69,7 +69,7 @@ class PartChoice:
     printed : dict
         Further figures of the sheet.
     alike : tuple of str
-        Names of parts of the catalogue that give the same results as this one.
+        Names of catalogue parts that give the same results.
     """
 
     name: str
@@ -193,7 +193,7 @@ def grouped(parts: Sequence[PartChoice]) -> list[PartChoice]:
     Parameters
     ----------
     parts : sequence of PartChoice
-        Parts that keep the limits of their sheets.
+        Parts within the limits of their data sheets.
     """
     groups: dict[tuple[Any, ...], list[PartChoice]] = {}
     for one in parts:
@@ -296,7 +296,7 @@ def _guided(entry: Entry, choice: PartChoice, guide_n: float) -> PartChoice:
 
 
 def _friction(entry: Entry, bore: float) -> dict[str, tuple[Any, str]]:
-    """Return the assumed friction if the sheet gives none: a Stribeck law."""
+    """Return the assumed friction, a Stribeck law, for a data sheet without friction."""
     area = math.pi / 4.0 * bore**2
     own = {value.key: value.value for value in entry.values}
     printed = {value.key: value.value for value in entry.printed}
@@ -320,7 +320,7 @@ def _friction(entry: Entry, bore: float) -> dict[str, tuple[Any, str]]:
 
 
 def _cushion(entry: Entry, bore: float, stroke: float) -> dict[str, tuple[Any, str]]:
-    """Return assumed values of adjustable cushions that the sheet does not give.
+    """Return assumed values of adjustable cushions that the data sheet does not give.
 
     Empty if the cylinder has no cushions or no room for them.
     """

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 ABOUT, LINES, LOCK, PROVISIONAL = "sizing.json", "choices.jsonl", "sizing.lock", "provisional.txt"
 
 
-#: Number of the rules of a ranking. From 2 on, every choice has a limit of the energy; from 3 on, open checks count.
+#: Version of the ranking rules. From 2 on, every choice has a limit of the energy; from 3 on, open checks count.
 RULES = 3
 
 
@@ -129,7 +129,7 @@ class SizingFolder:
 def read_stages(path: Path) -> dict[tuple[str, int], tuple[str, Any]]:
     """Return the finished stages of choices: name and number of samples -> line, and drive (`Tuned` for 0 samples).
 
-    An incomplete line is left out. The search was killed while it wrote the line, or is still writing it.
+    An incomplete line is left out: the search was killed while writing it, or is still writing it.
     """
     stages: dict[tuple[str, int], tuple[str, Any]] = {}
     for line in read_text(path, CommandError).splitlines() if path.is_file() else ():
@@ -147,7 +147,7 @@ def read_stages(path: Path) -> dict[tuple[str, int], tuple[str, Any]]:
 
 
 def read_choices(path: Path) -> tuple[list[SizedDrive], int]:
-    """Return the simulated drives, each with its largest number of samples, and how many choices miss the task."""
+    """Return the simulated drives, each with its largest number of samples, and the number of failed choices."""
     drives: dict[str, SizedDrive] = {}
     stages = read_stages(path)
     for (name, draws), (_, drive) in stages.items():
@@ -157,7 +157,7 @@ def read_choices(path: Path) -> tuple[list[SizedDrive], int]:
 
 
 def read_drive(content: Plain) -> SizedDrive:
-    """Return a simulated drive from plain data; earlier versions wrote no intervals."""
+    """Return a simulated drive from plain data. Data of earlier versions have no intervals."""
     read: Plain = content | {"sizes": tuple(content["sizes"])}
     for name in ("worst", "intervals"):
         read[name] = {key: tuple(values) for key, values in content.get(name, {}).items()}

@@ -1,4 +1,4 @@
-"""Safe bounds without simulation. The bounds exclude choices that cannot do the task with any setting.
+"""Safe bounds without simulation, which exclude choices that cannot do the task with any setting.
 
 Every bound uses the favourable end of each spread, so a removed choice fails in all samples.
 """
@@ -24,8 +24,8 @@ if TYPE_CHECKING:
     from pneudrive.sizing.task import SizingTask, TaskSupply
 
 
-#: By this factor the gas ahead of a piston is compressed, at most, over a whole stroke (assumed): 1.5 leaves room for
-#: drives that run ahead of their choked speed.
+#: Largest factor by which the gas ahead of a piston is compressed over a whole stroke (assumed): 1.5 allows for drives
+#: faster than their choked speed.
 COMPRESSED = 1.5
 
 
@@ -62,7 +62,7 @@ class SafeBounds:
         return self.cylinder(choice.cylinder) or self.fits(choice)
 
     def part(self, part: PartChoice) -> Shortage | None:
-        """Compare the task with the printed limits on the sheet of a part."""
+        """Compare the task with the limits on the data sheet of a part."""
         most = part.printed_si("maximum_pressure", "Pa")
         if most is not None and self.gauge > most:
             return Shortage("supply pressure", 0.0, f"{part.name} takes {1e-5 * most:g} bar gauge at most")
@@ -86,7 +86,7 @@ class SafeBounds:
         return Shortage("stroke", 0.0, f"the stroke of the part is {1e3 * stroke:g} mm")
 
     def _sheet(self, choice: DriveChoice) -> Shortage | None:
-        """Compare the task with the sheet of the cylinder."""
+        """Compare the task with the data sheet of the cylinder."""
         if (found := self.part(choice.cylinder)) is not None:
             return found
         for check in mechanical_checks(choice.cylinder, self.task):
@@ -148,7 +148,7 @@ class SafeBounds:
         return math.sqrt(2.0 * self.task.stroke_m * mass / force) if force > 0.0 else math.inf
 
     def _flow_s(self, choice: DriveChoice, area: float, outward: bool) -> float:
-        """Return the least time in which the gas ahead of the piston leaves; its flow is always choked."""
+        """Return the least time in which the gas ahead of the piston can leave, assuming choked flow."""
         wide = 1.0 + 2.0 * self.task.spread.conductance
         valve = choice.valve.numbers
         sizes = [self.tubes[choice.tube.name]]
@@ -162,14 +162,14 @@ class SafeBounds:
         return max(area * self.task.stroke_m - kept, 0.0) / (compressed * speed)
 
 
-#: Steps in which the nearest possible value of a quantity is searched, and its largest factor.
+#: Number of bisections for the nearest possible value of a quantity, and its largest factor.
 HALVINGS, FARTHEST = 12, 100.0
 
 
 def nearest_possible(task: SizingTask, found: Mapping[str, Sequence[PartChoice]], bounds: SafeBounds) -> list[str]:
     """Return as text, for each single quantity, the value at which a choice would pass the safe bounds.
 
-    A smaller change cannot suffice. With spreads, a larger value may be needed.
+    A smaller change cannot suffice. With spreads, a larger change may be needed.
     """
     gauge = task.supply_pa - task.ambient.pressure_pa
     back = task.return_time_s
@@ -242,7 +242,7 @@ def air_estimate_kg(cylinder: PartChoice, tube: PartChoice, task: SizingTask) ->
 
 
 def misfit(choice: DriveChoice) -> Shortage | None:
-    """Return the part whose connectors need another tube diameter. A part without a stated diameter fits any tube."""
+    """Return the shortage of a part whose connectors need another tube diameter. Parts without a diameter fit."""
     tube = choice.tube.tube_diameter_m
     for part in (choice.cylinder, choice.valve, choice.flow_control):
         takes = part.tube_diameter_m

@@ -1,4 +1,4 @@
-"""Result of a sizing: answer in words, open checks, nearest miss, savings of air, and folder."""
+"""Result of a sizing: answer, open checks, nearest miss, air savings, and folder."""
 
 from __future__ import annotations
 
@@ -36,14 +36,14 @@ if TYPE_CHECKING:
     from pneudrive.sizing.strokes import DriveStrokes
     from pneudrive.views import View
 
-#: Electricity for a cubic metre of air (ANR) at 6 to 8 bar gauge, kWh, lowest, usual, highest (assumed: screw
-#: compressors with 6 to 7.5 kW for a cubic metre in a minute, without leaks of the mains).
+#: Electricity per cubic metre of air (ANR) at 6 to 8 bar gauge, kWh: lowest, usual, highest (assumed: screw compressors
+#: with 6 to 7.5 kW per m3/min, without leaks of the network).
 KWH_PER_M3 = (0.10, 0.11, 0.125)
 LITRES_PER_M3 = 1e3
-#: Places of the ranking whose files are written.
+#: Number of drives of the ranking whose files are written.
 WRITTEN = 10
 TABLE, SUMMARY, REASONS = "ranking.csv", "result.json", "left_out.csv"
-#: Heads of the numbers in ranking.csv, in the order of `values_of`.
+#: Column heads of the numbers in ranking.csv, in the order of `values_of`.
 RANKING = ("time out s", "back s", "end m/s", "energy J", "peak bar abs", "air l ANR")
 RANKING += ("met", "at least", "margin", "binds")
 #: Word in the name of a limit -> unit.
@@ -54,7 +54,7 @@ _UNITS = {"speed": "m/s", "energy": "J", "pressure": "Pa", "force": "N"}
 
 
 def maker_type(name: str) -> str:
-    """Return maker and type of a part: its title up to the first word with a figure.
+    """Return maker and type of a part: its title up to the first word with a digit.
 
     Examples
     --------
@@ -100,7 +100,7 @@ def values_of(drive: SizedDrive, place: int) -> list[ShownValue]:
 
 @dataclass(frozen=True)
 class NearestMiss:
-    """Choice that comes nearest to an infeasible task, and the change that would make the task feasible.
+    """Choice nearest to meeting an infeasible task, and the change that would make the task feasible.
 
     Attributes
     ----------
@@ -129,7 +129,7 @@ class SizingResult(Viewed):
     enumerated, left : int
         Choices of parts before and after pruning.
     pruned : dict
-        Limit -> number of choices that cannot keep it with any settings.
+        Limit -> number of choices that cannot meet it with any settings.
     tuned : int
         Choices whose settings were searched.
     simulated : tuple of SizedDrive
@@ -139,13 +139,13 @@ class SizingResult(Viewed):
     miss : NearestMiss or None
         Nearest miss, if nothing meets the task.
     complete : bool
-        Whether it is certain that no choice left out ranks before the best one.
+        Whether it is certain that no other choice ranks before the best one.
     provisional : tuple of Provisional
         Ranking by nominal runs, before the spreads were simulated.
     dropped : tuple of Dropped
         Choices that were left out, with the reason.
     savings : tuple of Saving
-        Changes that were tried on the best choice to save air.
+        Tried changes of the best choice to save air.
     checks : tuple of MachineCheck
         Checks of the best choice, open ones first: side load, buckling, energy, life, hanging load.
     interrupted : bool
@@ -214,7 +214,7 @@ class SizingResult(Viewed):
 
     @property
     def cheaper(self) -> list[SizedDrive]:
-        """Simulated choices that miss a limit and use less air than the best one, least air first."""
+        """Simulated choices that miss a limit but use less air than the best choice, sorted by air."""
         most = math.inf if self.best is None else self.best.air
         missed = (drive for drive in self.simulated if not drive.is_feasible and drive.air < most)
         return sorted(missed, key=lambda drive: drive.air)
@@ -274,7 +274,7 @@ class SizingResult(Viewed):
 
     @property
     def extent(self) -> str:
-        """Number of choices that are left after each stage of the search."""
+        """Number of remaining choices after each stage of the search."""
         cut = ", ".join(f"{name} {count}" for name, count in sorted(self.pruned.items(), key=lambda cut: -cut[1]))
         return (
             f"{self.enumerated} choices of parts, {self.left} left after pruning ({cut or 'none pruned'}); "
@@ -378,7 +378,7 @@ def nearest_miss(
     short: list[tuple[Any, Any]],
     pruned: list[Dropped],
 ) -> NearestMiss:
-    """Return the choice that is nearest to the task: a simulated one, otherwise a tuned one, otherwise a pruned one.
+    """Return the choice nearest to meeting the task: simulated if possible, otherwise tuned, otherwise pruned.
 
     Parameters
     ----------
@@ -433,7 +433,7 @@ def _gives(name: str, limit: float, value: float, unit: str, source: str) -> str
 
 # --- The folder.
 
-#: Fields of a result that its file holds as they are.
+#: Fields of a result that its file stores unchanged.
 _STORED = ("feasible", "ready", "complete", "enumerated", "left", "pruned", "tuned", "interrupted", "notes", "asked")
 
 
@@ -455,12 +455,12 @@ def _summary(result: SizingResult) -> Plain:
 
 # --- Changes of the best drive that save air: a lower pressure for the return stroke, shorter tubes.
 
-#: Shares of the gauge pressure that the way back is tried with, and of the length of the tubes.
+#: Tried fractions of the gauge pressure for the return stroke, and of the tube length.
 RETURN_SHARES, TUBE_SHARE = (0.5, 0.7), 0.5
 
 
 class Saving(NamedTuple):
-    """A change of the best drive that is tried to save air.
+    """A change of the best drive that was tried to save air.
 
     Attributes
     ----------
@@ -482,7 +482,7 @@ class Saving(NamedTuple):
 
 
 def savings(best: DriveStrokes, sized_best: SizedDrive, draws: Array) -> Iterator[Saving]:
-    """Try changes of the best drive; each is tuned and simulated over samples of the spreads."""
+    """Try changes of the best drive. Each is tuned and simulated over samples of the spreads."""
     task, half = best.task, best.task.tube_length_m * TUBE_SHARE
     shorter = task.model_copy(update={"tube_length_m": half})
     tube = next(part for part in choices(shorter)["tube"] if part.name == best.choice.tube.name)

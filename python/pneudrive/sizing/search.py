@@ -1,8 +1,8 @@
 """The search: a provisional ranking by nominal runs, then spreads for the choices that may still be the best.
 
-Every choice has a bound: its best possible place in the ranking. The search advances the choices whose
-bound is better than the best result, and ends when none is left. All results are pure functions of the task and the
-parts, so an interrupted search resumes with the missing choices.
+Every choice has a bound, its best possible rank. The search advances the choices whose bound is better than the best
+result, and ends when no such choice is left. All results are pure functions of the task and the parts, so an
+interrupted search resumes with the missing choices.
 """
 
 from __future__ import annotations
@@ -31,26 +31,26 @@ if TYPE_CHECKING:
 
     from pneudrive.arrays import Array, Keyed
 
-#: Draws of each leader, and of those that may be the best.
+#: Number of samples of each leading choice, and of choices that may be the best.
 DRAWS, DRAWS_BEST = 256, 1024
-#: The same as a factor, which the command takes for any number of draws.
+#: Ratio of both numbers, which the command line uses for any number of samples.
 DRAWS_BEST_OF = DRAWS_BEST // DRAWS
-#: A first part of the draws, as a divisor, and the fewest draws that are worth it.
+#: Divisor for a first part of the samples, and smallest number of samples for which a first part is worthwhile.
 FIRST_OF, FIRST_LEAST = 4, 32
-#: Choices that are simulated over the spreads at least, where there are so many.
+#: Smallest number of choices that are simulated over the spreads, if available.
 LEAST = 10
-#: Choices that are tuned at most.
+#: Largest number of choices that are tuned.
 MOST = 160
-#: Choices that advance together, and pairs that are probed together.
+#: Number of choices that advance together, and number of pairs that are probed together.
 TOGETHER, PROBED = 16, 48
-#: The provisional ranking looks at cylinders by their air, so many together, until so many promise to do the task: with
-#: so many tubes of each, at so many choices with each tube.
+#: Provisional ranking, in the order of air: number of cylinders per batch, number of promising cylinders at which it
+#: stops, number of tubes per cylinder, and number of choices per tube.
 BATCH, PROMISING, ROUNDS, CHOICES = 6, 6, 2, 2
-#: Margin of rough settings in the worst case from which on a choice promises to do the task: tuning adds about as much.
+#: Worst-case margin with rough settings above which a choice counts as promising: tuning adds about as much.
 PROMISES = -0.08
-#: A choice is held against its hardest draws before all of them where these are so many times the first ones.
+#: Ratio of all samples to the first samples from which a choice is first simulated for its hardest samples.
 WORTH = 8
-#: Cylinders that are ranked, where so many do the task, and choices of one, other than the best one, that are tried.
+#: Number of cylinders to rank, if so many do the task; and number of further choices tried per cylinder.
 LISTED, TRIED = 4, 2
 
 
@@ -82,7 +82,7 @@ def size(
     task : SizingTask, dict or path-like
         The task, its keys as a dict, or its TOML file.
     least : int
-        Least number of choices of parts that are simulated over the spreads.
+        Smallest number of choices of parts that are simulated over the spreads.
     most : int
         Largest number of choices that are tuned. The result states if this limit ended the search.
     draws, draws_best : int
@@ -96,7 +96,7 @@ def size(
         See `pneudrive.progress.Watch`. A search that is cancelled, or ended by Ctrl-C, after the provisional ranking
         returns its results so far (`complete` is false).
     provisional : callable, optional
-        Called with the provisional ranking as soon as a choice is ranked, and when another one leads.
+        Called with the provisional ranking when the first choice is ranked, and when the leading choice changes.
 
     Returns
     -------
@@ -158,7 +158,7 @@ class Search:
     folder: SizingFolder | None
 
     def __post_init__(self) -> None:
-        """Prune the catalogue; nothing is simulated yet."""
+        """Prune the catalogue, without simulation."""
         first = self.asked[0] // FIRST_OF
         self.draws = [count for count in (first, *self.asked) if count >= FIRST_LEAST or count != first]
         self.final = self.draws[-1]
@@ -193,7 +193,7 @@ class Search:
         return made
 
     def _rank(self, best: Iterable[SizingCandidate], tell: Callable[[SizingResult], None] | None) -> None:
-        """Rank the best choices of cylinders, and tell the first one if it is another one than before."""
+        """Rank the best choices of cylinders, and report the first if it has changed."""
         before = self.provisional[:1]
         self.provisional = tuple(one.provisional() for one in sorted(best, key=self._promise))
         if self.provisional[:1] != before:
@@ -235,7 +235,7 @@ class Search:
         )
 
     def _notes(self, complete: bool, interrupted: bool) -> tuple[str, ...]:
-        """Return remarks on a search that was not completed."""
+        """Return remarks on an incomplete search."""
         if interrupted:
             return ("The search was interrupted: the ranking is that of the results so far.",)
         more = f"--max-candidates {2 * self.most} (in Python: most={2 * self.most})"
@@ -260,7 +260,7 @@ class Search:
         self.unseen = [one for one in self.unseen if id(one) not in gone]
 
     def _first_ranking(self, tell: Callable[[SizingResult], None] | None) -> None:
-        """Rank cylinders by nominal runs, and tell the ranking after each batch."""
+        """Rank cylinders by nominal runs, and report the ranking after each batch."""
         waiting: dict[str, list[TubedCylinder]] = {}
         for pair in self.unseen:
             waiting.setdefault(pair.cylinder.name, []).append(pair)
@@ -278,7 +278,7 @@ class Search:
             self._rank(best.values(), tell)
 
     def _next_of(self, every: Sequence[SizingCandidate]) -> list[SizingCandidate]:
-        """Return the most promising choices of a cylinder with one of the tubes that were not yet run with it."""
+        """Return the most promising choices of a cylinder with a tube that was not yet run with it."""
         run = {one.choice.tube.name for one in every if one.rough}
         left = [one for one in every if not one.lost and one.choice.tube.name not in run]
         if not left:
@@ -376,7 +376,8 @@ class Search:
         ----------
         every : sequence of SizingCandidate
         is_leading : bool
-            Whether they may be the best. Such choices run the samples with the smallest margins next, then all samples.
+            Whether the choices may be the best. Such choices run the samples with the smallest margins next, then all
+            samples.
         """
         stages: list[list[SizingCandidate]] = [[], [], []]
         for one in every:

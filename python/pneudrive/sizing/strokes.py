@@ -1,9 +1,8 @@
 """Both strokes of one choice of parts in the core, from samples and settings to times, speeds and air.
 
 Times and speeds are defined as in a datasheet (`pneudrive.datasheet.strokes`). The time runs from the command to the
-first contact with the end. The speed at the end is that of the fastest contact. This module computes these numbers in
-the core, without trajectories, for hundreds of thousands of runs. The datasheet reads them from a trajectory or a
-recording. A test checks that both agree within 1e-6.
+first contact with the end. The speed at the end is that of the fastest contact. For speed, this module computes these
+numbers in the core, without trajectories. A test checks that both methods agree within 1e-6.
 """
 
 from __future__ import annotations
@@ -31,7 +30,7 @@ if TYPE_CHECKING:
     from pneudrive.arrays import Array, Keyed, Plain
     from pneudrive.sizing.task import SizingTask
 
-#: What is drawn, in the order of the columns of a draw.
+#: Sampled quantities, in the order of the columns of a sample.
 DRAWN = (
     "supply pressure",
     "load",
@@ -46,17 +45,17 @@ DRAWN = (
     "cushion",
     "heat transfer",
 )
-#: Of the draws.
+#: Random seed of the samples.
 SEED = 0
-#: Relative tolerances of a run of the ten best, and of all others: times differ by less than 0.01 % from those at 1e-6,
-#: end speeds and air, with the coarse one, by less than 0.1 % and 0.2 %; a test holds them to that.
+#: Relative tolerances of runs of the ten best, and of all others. Compared with 1e-6, times differ by less than 0.01 %;
+#: with the coarse tolerance, end speeds and air by less than 0.1 % and 0.2 % (tested).
 RTOL, COARSE = 1e-4, 1e-3
-#: A run lasts so many times the longest time that the task allows, and so much longer, s: slower draws count as not
+#: Duration of a run: multiple of the longest time that the task allows, plus a time, s. Slower samples count as not
 #: arriving.
 LONGEST, LONGER_S = 1.4, 0.1
-#: Power of a tube's bore that its conductance follows, near enough for its spread.
+#: Exponent of the conductance of a tube over its bore, accurate enough for its spread.
 BORE_POWER = 2.3
-#: Power of the factor of the heat transfer in chambers that gives that in tubes: 1.4 for 2.
+#: Exponent that converts the factor of heat transfer in chambers to that in tubes: 2 becomes 1.4.
 TUBE_HEAT_POWER = 0.485
 
 
@@ -118,7 +117,7 @@ class DriveStrokes:
     threads : int, optional
         Default: all processors.
     return_share : float
-        Gauge pressure for the return stroke over that of the supply; below 1 with a regulator.
+        Gauge pressure for the return stroke divided by that of the supply; below 1 with a regulator.
     """
 
     choice: DriveChoice
@@ -131,7 +130,7 @@ class DriveStrokes:
         return run_all([StrokeRuns(self, outward, draws, settings)], rtol)[0]
 
     def load_ratio(self, outward: bool, draws: Array) -> Array:
-        """Return the ratio of load to supply force at rest, shape (n,); above 1 the load does not move.
+        """Return the ratio of load to supply force at rest, shape (n,). Above 1, the load does not move.
 
         The load is the weight of load and piston, the external force, and the friction of cylinder and guide. For the
         outward stroke it is at least the holding force. The supply's force is its gauge pressure times the piston
@@ -174,7 +173,7 @@ class DriveStrokes:
         return self.task.template_key, *(part.form for part in parts)
 
     def template(self, outward: bool) -> tuple[System, dict[str, float]]:
-        """Return the circuit of a stroke in the core's form, and its start. This choice differs only in numbers."""
+        """Return the circuit of a stroke in the core's form, and its start. Equal keys differ only in numbers."""
         key = self.template_key(outward)
         if key not in _TEMPLATES:
             circuit = _opened_circuit(self.choice, self.task, outward)
@@ -297,7 +296,7 @@ class StrokeRuns(NamedTuple):
     ----------
     strokes : DriveStrokes
     outward : bool
-        Whether the stroke is towards the end of chamber b, not back.
+        Whether the stroke is outward, towards the end of chamber b.
     draws : ndarray, shape (n, len(DRAWN))
         Positions in each range, 0 to 1.
     settings : ndarray, shape (n, 4)
@@ -331,8 +330,8 @@ def run_all(asked: Sequence[StrokeRuns], rtol: float = COARSE) -> list[StrokeRes
 def _run_alike(asked: Sequence[StrokeRuns], rtol: float) -> list[StrokeResults]:
     """Run strokes whose circuits differ only in numbers.
 
-    The command is constant, so a valve is described by two fixed paths that open at one time. Nothing moves before.
-    Without a schedule of commands, members run in the lanes of a register.
+    The command is constant, so a valve is modelled by two fixed paths that open at the same time, before which nothing
+    moves. Without a command schedule, members run in SIMD lanes.
     """
     first, outward = asked[0].strokes, asked[0].outward
     limit = first.task.outward_s if outward else first.task.back_s

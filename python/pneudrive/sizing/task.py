@@ -189,7 +189,7 @@ class SizingTask(Described):
 
     @property
     def template_key(self) -> str:
-        """Parts of the task in a circuit, except for sampled numbers."""
+        """Properties of the task that determine a circuit, except for sampled numbers."""
         return (
             f"{self.stroke_m!r} {self.incline_rad!r} {self.external_force_n!r} {self.supply} {self.ambient.to_dict()}"
         )
@@ -234,7 +234,7 @@ def task_schema() -> dict[str, Any]:
 
 
 class TaskValue(NamedTuple):
-    """One value of a task: its key, its text, whether the task or a default gives it, and its meaning."""
+    """One value of a task: key, text, whether it is given or a default, and meaning."""
 
     key: str
     text: str
@@ -262,7 +262,7 @@ def _brief(text: str) -> str:
 
 
 def follows_from(task: SizingTask) -> list[tuple[str, float, str]]:
-    """Return the values that follow from a task: name, value, unit."""
+    """Return the values derived from a task: name, value, unit."""
     return [
         ("force against the outward stroke at rest, without friction", task.static_force_n, "N"),
         ("friction of the guide under the load", task.guide_friction_n, "N"),

@@ -1,8 +1,8 @@
-"""Settings of needles and cushions of one choice of parts that maximise the least margin of a few cases.
+"""Tuning of needles and cushions of one choice of parts: maximises the smallest margin over a few cases.
 
-The search uses a grid that is refined twice, without derivatives: arrivals, impacts and check valves cause kinks. All
-grid points run in parallel. The cases are nominal, slow and fast. About 1 % of the samples are slower than the slow
-case, and 1 % are faster than the fast case.
+The search refines a grid twice, without derivatives, because arrivals, impacts and check valves cause kinks. All grid
+points run in parallel. The cases are nominal, slow and fast. About 1 % of the samples are slower than the slow case,
+and 1 % are faster than the fast case.
 """
 
 from __future__ import annotations
@@ -24,34 +24,35 @@ if TYPE_CHECKING:
     from pneudrive.sizing.choices import DriveChoice
     from pneudrive.sizing.task import SizingTask
 
-    #: Yields runs, takes their results.
+    #: Generator that yields runs, receives their results, and returns the settings.
     Search = Generator[StrokeRuns, StrokeResults, Any]
 
-#: Conductances of the needle that are tried first in the nominal case, over that through which the gas leaves choked
-#: just in time; and openings of the cushion.
+#: First grid in the nominal case: conductances of the needle, relative to the one that is just sufficient with choked
+#: flow; and openings of the cushion.
 NEEDLES = (0.75, 0.92, 1.12, 1.4, 1.8, 2.5, 4.0)
 CUSHIONS = (0.06, 0.25, 1.0)
-#: Factors of needle and cushion in two refinements about the best of them in all cases.
+#: Factors of needle and cushion in two refinements about the best settings, over all cases.
 FINER = (((0.8, 1.0, 1.25), (0.5, 1.0, 2.0)), ((0.86, 0.93, 1.0, 1.07, 1.15), (0.8, 1.0, 1.22)))
-#: Draws that are run before the last refinement, and how many of them, the worst of each limit, become cases of it.
+#: Number of samples that are run before the last refinement, and number of worst samples per limit that become its
+#: cases.
 MORE, WORST = 24, 5
-#: Rounds of this refinement, which ends where the settings stay, or with this margin of the worst case.
+#: Largest number of rounds of this refinement, and worst-case margin at which it ends early.
 ROUNDS, SETTLED = 3, 0.1
-#: Cases of pairs that run together when few pairs are left: the lanes of two processors.
+#: Number of cases that run together when few pairs are left: the SIMD lanes of two processors.
 AT_ONCE = 16
-#: Limits whose least margin is so far above that of the worst one do not decide about a pair first (assumed).
+#: Excess over the smallest margin above which a limit is not considered first for a pair (assumed).
 DECIDES = 0.3
-#: Margin of the time by which a smaller opening may be faster: errors of the solver, and bounces (assumed).
+#: Time margin by which a smaller opening may be faster, due to solver errors and rebounds (assumed).
 TIME_SLACK = 0.03
-#: With a nominal margin below this, nothing is refined, and the other stroke is not looked at.
+#: Nominal margin below which settings are not refined, and the other stroke is not considered.
 SMALL = -0.15
-#: With a margin of the worst case below this, rough settings are not refined further.
+#: Worst-case margin below which rough settings are not refined further.
 FAR = -0.15
-#: Shares of each range in the slow and in the fast case (assumed: several numbers at once there are as rare as 1 %).
+#: Position in each range for the slow and the fast case (assumed: about 1 % of the samples are more extreme).
 SLOW, FAST = 0.15, 0.85
-#: What is drawn, where a low value makes a stroke slow; the others the other way round.
+#: Sampled quantities of which a low value makes a stroke slow. For all others, a high value makes it slow.
 _HELPS = ("supply pressure", "valve conductance", "tube conductance", "needle", "cushion")
-#: Margin of a case that does not arrive.
+#: Margin of a case whose stroke does not end.
 NEVER = -10.0
 
 
@@ -64,8 +65,8 @@ class Tuned(NamedTuple):
     nominal : float
         Least margin of the nominal case over both strokes; below 0 if no setting does the task.
     short : tuple
-        Name of the limit with the least margin, the limit, and the value, SI: in the nominal case if that misses the
-        task, otherwise in all cases.
+        Limit with the smallest margin: name, limit and value, SI. It refers to the nominal case if this case misses the
+        task, otherwise to all cases.
     least : float
         Least margin of all cases.
     air : float
@@ -110,7 +111,7 @@ def is_worth_more(rough: Tuned) -> bool:
 
 
 def tune_all(every: Sequence[DriveStrokes], rough: Sequence[Tuned] | None = None) -> list[Tuned]:
-    """Find the settings of choices of one task; their next runs are simulated together.
+    """Find the settings of choices of one task. Their next runs are simulated together.
 
     Parameters
     ----------
@@ -145,8 +146,8 @@ def _sent(search: Search, result: StrokeResults) -> StrokeRuns | Tuned:
 def _rough(strokes: DriveStrokes) -> Search:
     """Search rough settings of a choice: yield runs, receive their results, return the settings.
 
-    If a stroke with fully open needles is too slow even in the fast case, nothing is searched, because no setting makes
-    it faster.
+    If a stroke with fully open needles is too slow even in the fast case, no search is made, because no setting is
+    faster.
     """
     task = strokes.task
     for outward, limit in ((True, task.outward_s), (False, task.back_s)):
@@ -232,8 +233,8 @@ def _best(
 ) -> Search:
     """Return the pair of needle and cushion whose worst case has the largest margin.
 
-    Pairs that cannot be the best are not run in all cases. The result is that of running all pairs in all cases, as
-    long as no smaller opening is faster by more than `TIME_SLACK`.
+    Pairs that cannot be the best are not run in all cases. The result is the same as with all runs, as long as no
+    smaller opening is faster by more than `TIME_SLACK`.
     """
     places = ("needle_out", "cushion_out") if outward else ("needle_back", "cushion_back")
     openings = np.array(list(pairs))
@@ -269,8 +270,8 @@ def _best(
 def _next_runs(table: Array, is_run: Bools, openings: Array) -> Bools:
     """Return the cases of the pairs that may be the best, shape (pairs, cases); none if the best pair is known.
 
-    The bound of a pair is its least margin in the cases that have run. In the nominal case, the time margin with a
-    cushion and a needle that are wider is a bound as well. A half-closed cushion gives no such bound: a needle that
+    The bound of a pair is its smallest margin in the cases that have run. In the nominal case, the time margin of a
+    pair with wider cushion and needle is also a bound. This does not hold for a half-closed cushion: a needle that
     slows the piston down before the cushion may shorten the stroke.
 
     Parameters

@@ -1,1 +1,1 @@
-"""Studies, which use only the public interface, like a study of a user."""
+"""Studies. They use only the public interface, like the study of a user."""

@@ -1,8 +1,7 @@
 """Quantities with units, converted to SI once, at the boundary.
 
 A quantity is written as a number and a unit, ``"25 mm"``. A pressure is also marked as absolute or gauge, ``"3 bar
-abs"`` or ``"2 bar gauge"``. `pneudrive.units.table` has common units, pint converts all others. A test compares the
-table with pint.
+abs"`` or ``"2 bar gauge"``. `pneudrive.units.table` has common units. pint converts all others.
 """
 
 from __future__ import annotations
@@ -80,7 +79,7 @@ class Pressure:
 class UnitFloat(float):
     """Number in SI that is displayed in a common unit.
 
-    Arithmetic uses the plain SI number; only the displayed text has the common unit.
+    Arithmetic uses the plain SI number. Only the displayed text has the common unit.
 
     Attributes
     ----------
@@ -153,7 +152,7 @@ def _in_unit(si: float, si_unit: str, unit: str) -> float:
 
 
 def is_unit(text: str) -> bool:
-    """Return whether a text is a common unit; a pressure may have ``abs`` or ``gauge``.
+    """Return whether a text is a common unit. A pressure may have ``abs`` or ``gauge``.
 
     Examples
     --------
@@ -164,7 +163,7 @@ def is_unit(text: str) -> bool:
 
 
 def suffix(si_unit: str) -> str:
-    """Return the suffix of names of numbers in an SI unit; empty for a pure number.
+    """Return the suffix of names of values in an SI unit; empty for a pure number.
 
     Examples
     --------
@@ -176,7 +175,7 @@ def suffix(si_unit: str) -> str:
 
 @lru_cache(maxsize=4096)
 def without_unit(name: str, units: tuple[str, ...]) -> tuple[str, str]:
-    """Return a name without the suffix of its unit, and the unit, "1" without a suffix. The longest suffix counts.
+    """Return a name without the suffix of its unit, and the unit ("1" without a suffix). The longest suffix is used.
 
     Examples
     --------
@@ -309,7 +308,7 @@ def write_share(value: float) -> str:
 
 
 def si_name(unit: str) -> str:
-    """Return an SI unit in the package's notation (``m2`` -> ``m^2``, ``kg/s`` -> ``N s/m``), others unchanged.
+    """Return an SI unit in the package's notation (``m2`` -> ``m^2``, ``kg/s`` -> ``N s/m``). Others stay unchanged.
 
     Examples
     --------
@@ -380,7 +379,7 @@ def write(value: float, si_unit: str, unit: str | None = None) -> str:
 
 
 def like(unit: str) -> list[str]:
-    """Return the common units for the quantity of a unit; units of pressure are absolute or gauge like the given one.
+    """Return the common units for the quantity of a unit. Pressure units are absolute or gauge like the given unit.
 
     Examples
     --------
@@ -406,7 +405,7 @@ def in_unit(text: str, unit: str) -> str:
     text : str
         Number and unit; a pressure may have ``abs`` or ``gauge``.
     unit : str
-        One of the units that `like` returns for its unit.
+        One of the units that `like` returns for the unit of the quantity.
 
     Raises
     ------

@@ -18,12 +18,12 @@ _FACTORS = ((si, unit, line) for si, about in _UNITS.items() for unit, line in a
 TABLE: dict[str, tuple[str, float, float]] = {
     unit: (si, *line) if isinstance(line, list) else (si, line, 0.0) for si, unit, line in _FACTORS
 }
-#: SI unit -> its quantity in messages, with an example that a user can copy.
+#: SI unit -> name of the quantity in messages, with an example that a user can copy.
 KINDS = {si: (about["quantity"], about["example"]) for si, about in _UNITS.items() if "quantity" in about}
-#: SI unit -> the usual unit of its numbers.
+#: SI unit -> usual unit for display.
 USUAL: dict[str, str] = {si: about["usual"] for si, about in _UNITS.items() if "usual" in about}
 
-#: Rules of messages for a pressure, and for a difference of two, which has neither abs nor gauge.
+#: Rules in messages for a pressure, and for a pressure difference, which has neither abs nor gauge.
 PRESSURE_NEEDED = 'a pressure is needed, e.g. "7 bar abs" or "95 psi gauge"'
 DIFFERENCE_NEEDED = 'a difference of pressures is needed, without abs or gauge, e.g. "0.3 bar"'
 
@@ -39,13 +39,13 @@ def needed(si_unit: str) -> str:
     return DIFFERENCE_NEEDED if si_unit == "Pa" else kind(si_unit).replace(", e.g.", " is needed, e.g.", 1)
 
 
-#: A unit, and the mark after it that a pressure counts from ambient or from vacuum: barg, psia, kPa(a), bar gauge.
+#: Pattern of a pressure unit followed by a mark for gauge or absolute: barg, psia, kPa(a), bar gauge.
 MARKED = re.compile(r"(.*[^\s_.(-])[\s_.-]*+\(?(g|gauge|gage|rel|relative?|ü|a|abs|absolute?)\.?\)?\.?")
 _NUMBER = re.compile(r"[\s\d.+-]*(?:[eE][+-]?\d+\s*)?")
 
 
 def split_mark(text: str) -> tuple[str, str]:
-    """Split a pressure or its unit from its mark: ``"6 barg"`` and ``"6 bar gauge"`` into ``"6 bar"`` and ``" gauge"``.
+    """Split the mark from a pressure or its unit: ``"6 barg"`` and ``"6 bar gauge"`` into ``"6 bar"`` and ``" gauge"``.
 
     The mark is empty for other units.
     """

@@ -1,7 +1,7 @@
-"""Signals of a recording, balances along the recording, runs of its command, and metrics of their residuals.
+"""Signals of a recording, balances along the recording, runs with its command, and metrics of their residuals.
 
-The residual is measurement minus model. Bounds of correlations are valid for white residuals. The residual of a wrong
-model's free run is never white, and the test shows this. Sources of the tests: [ljung1978], [mathworks-residuals].
+A residual is measurement minus model. Bounds of correlations assume white residuals. The free run of a wrong model
+never has white residuals, which the test shows. Sources of the tests: [ljung1978], [mathworks-residuals].
 """
 
 from __future__ import annotations
@@ -70,7 +70,7 @@ class Whiteness:
     autocorrelation : ndarray, shape (LAGS,)
         Values at lags 1 to LAGS.
     bound : float
-        1.96 / sqrt(N): 95 % of the values of white noise are within it.
+        1.96 / sqrt(N), the 95 % bound of the values for white noise.
     outside : float
         Fraction of the lags with a value beyond the bound.
     ljung_box, p : float
@@ -86,7 +86,7 @@ class Whiteness:
 
 @dataclass(frozen=True)
 class CrossCorrelation:
-    """Strongest correlation of a residual with a signal within +/- LAGS samples. `lag_s` > 0: the residual is later."""
+    """Strongest correlation of a residual with a signal within +/- LAGS samples. `lag_s` > 0: the residual lags."""
 
     signal: str
     value: float
@@ -163,7 +163,7 @@ NONE_HELD_OUT = "no recording was held out: all of them made the fit, so nothing
 
 
 def sources_of(drive: Drive) -> dict[str, str]:
-    """Return the recordings of the identified values of a drive, without hashes. A drive file lists the first six."""
+    """Return the recordings of the identified values of a drive, without hashes. A drive file lists at most six."""
     texts = {origin.source for origin in drive.provenance.values()} - {"not stated"}
     return {name: "" for text in texts for name in text.partition(" and ")[0].split(", ")}
 
@@ -176,7 +176,7 @@ def badge_of(name: str, sha256: str, fitted: Mapping[str, str]) -> str:
     name, sha256 : str
         Name and hash of the recording.
     fitted : mapping
-        Name of each recording of the fit -> its hash, empty if unknown. Hashes decide if there are any.
+        Name of each recording of the fit -> its hash, empty if unknown. Recordings are compared by hash, if known.
     """
     if not fitted:
         return ""
@@ -185,7 +185,7 @@ def badge_of(name: str, sha256: str, fitted: Mapping[str, str]) -> str:
 
 
 def held_out_notes(badges: Iterable[str]) -> list[str]:
-    """Return a sentence if no recording was held out, or if the verdicts leave out recordings of the fit."""
+    """Return a note if no recording was held out, or if the verdicts ignore recordings of the fit."""
     found = list(badges)
     if MADE not in found:
         return []
@@ -196,13 +196,13 @@ def held_out_notes(badges: Iterable[str]) -> list[str]:
 
 # --- Signals derived from a recording: velocity, acceleration, start states of a model.
 
-#: Half of the window of the polynomial for velocity and acceleration, s (assumed: shorter than a servo drive needs to
-#: change its acceleration).
+#: Half width of the polynomial window for velocity and acceleration, s (assumed: shorter than changes of acceleration
+#: of a servo drive).
 HALF_WINDOW_S = 8e-3
 LEAST_HALF = 3
 #: Samples on each side over which a pressure is averaged.
 PRESSURE_HALF = 2
-#: Standard deviations of its noise above which a speed counts as motion.
+#: Multiple of the noise of speed above which the piston counts as moving.
 MOVES = 4.0
 
 
@@ -252,7 +252,7 @@ class Signals:
 
     @cached_property
     def velocity_unsure_m_s(self) -> Array:
-        """Uncertainty of the velocity at each sample due to its window: the change if the window is halved."""
+        """Uncertainty of the velocity at each sample due to the window: its change if the window is halved."""
         if "velocity_m_s" in self.recording:
             return np.zeros_like(self.position_m)
         halved = self.smooth(self.position_m, 1, max(self.half // 2, LEAST_HALF - 1))
@@ -260,7 +260,7 @@ class Signals:
 
     @cached_property
     def velocity_m_s(self) -> Array:
-        """Measured velocity, or slope of a local cubic."""
+        """Measured velocity, or otherwise slope of a local cubic."""
         if "velocity_m_s" in self.recording:
             measured = self.recording["velocity_m_s"]
             same = measured.size == self.time_s.size
@@ -326,7 +326,7 @@ def corrected(
     Raises
     ------
     FitError
-        The recording lacks a channel, or a number is free.
+        The recording does not have a channel, or a property is free.
     """
     if not sensors:
         return recording, []
@@ -368,14 +368,14 @@ def corrected(
 
 Values = tuple["Array", "Array", "Array"]
 BALANCES = ("force", "pressure a", "pressure b")
-#: Half of the kernel's support, s, and its least number of samples (assumed: longer than the window of the velocity's
-#: derivative, shorter than a motion).
+#: Half width of the kernel, s, and its smallest number of samples (assumed: longer than the window for derivatives,
+#: shorter than a motion).
 HALF_SUPPORT_S, LEAST_SAMPLES = 0.02, 5
-#: Command over which the leakage of a valve falls to 1/e, as in the core (assumed).
+#: Change of the command over which the leakage of a valve falls to 1/e, as in the core (assumed).
 LEAKAGE_WIDTH = 0.05
-#: Share of the terms below which errors are irrelevant (assumed).
+#: Fraction of the terms below which errors are irrelevant (assumed).
 FLOOR = MODEL_SHARE
-#: Travel before steady friction, as a multiple of the bristles' deflection in sliding.
+#: Travel after a reversal until friction is steady, as a multiple of the bristle deflection in sliding.
 BENT = 4.0
 MOST_BENDING_M, LEAST_BENDING_M = 5e-3, 2e-4
 #: Largest relative change of speed while bristles adapt (assumed).
@@ -408,7 +408,7 @@ class Terms(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Scene:
-    """Inputs of the balances, which a cause may change, and the residuals. Derived quantities are evaluated once.
+    """Inputs of the balances, which a cause may change, and the resulting residuals. Derived quantities are cached.
 
     Attributes
     ----------
@@ -420,7 +420,7 @@ class Scene:
     opened : ndarray, shape (n, 4)
         Open fraction of the full conductance of each edge of the valve.
     explained : tuple of ndarray, or of 0.0
-        Part of the residuals that is explained by causes which a description cannot contain.
+        Part of the residuals explained by causes that a description cannot contain.
     """
 
     drive: Drive
@@ -437,7 +437,7 @@ class Scene:
         return cls(drive, signals, signals.position_m, pressures, at_samples(openings(drive, signals.command)))
 
     def less(self, values: Values) -> Scene:
-        """Return the scene with a further explained part of the residuals."""
+        """Return the scene with a further part of the residuals marked as explained."""
         return replace(self, explained=tuple(a + b for a, b in zip(self.explained, values, strict=True)))
 
     @cached_property
@@ -459,7 +459,7 @@ class Scene:
 
     @property
     def kernel(self) -> tuple[Array, Array, Array]:
-        """Kernel and its derivatives."""
+        """Kernel, and its first and second derivative."""
         return kernel(self.half, self.signals.step_s)
 
     @property
@@ -500,7 +500,7 @@ class Scene:
     def scale(self) -> Values:
         """Standard deviations of the residuals, at least `FLOOR` of the terms.
 
-        They contain the noise of the sensors and the finite time of velocities.
+        The residuals contain sensor noise and the effect of the finite window for velocities.
         """
         drive, signals, terms, (k0, k1, k2) = self.drive, self.signals, self.terms, self.kernel
         cylinder, x, unsure = drive.cylinder, signals.position_m, signals.velocity_unsure_m_s
@@ -546,7 +546,7 @@ def moving_mass(drive: Drive) -> float:
 
 
 def at_samples(held: Array) -> Array:
-    """Return the mean of the values before and after each sample, so that sums are right at steps of the command."""
+    """Return the mean of the values before and after each sample, so that sums are correct at command steps."""
     return 0.5 * (held + np.vstack([held[:1], held[:-1]]))
 
 
@@ -555,7 +555,7 @@ def kernel(half: int, step_s: float) -> tuple[Array, Array, Array]:
     """Return (1 - s^2)^4 on 2 half + 1 samples with unit sum, and its first and second derivative by time.
 
     Sums are corrected to equal the integrals: the first derivative is 0 for a constant and 1 for a ramp, and the second
-    derivative of t^2/2 is 1. Without this correction, a position of 0.3 m at 500 Hz would act like a force.
+    derivative of t^2/2 is 1. Without this correction, a constant position would appear as a force.
     """
     s = np.arange(-half, half + 1) / (half + 1)
     width = (half + 1) * step_s
@@ -569,7 +569,7 @@ def kernel(half: int, step_s: float) -> tuple[Array, Array, Array]:
 
 
 def near_stops(drive: Drive, signals: Signals) -> Bools:
-    """Return a mask of samples at which the piston may touch an end stop, widened by the window of derivatives."""
+    """Return a mask of samples with possible contact with an end stop, widened by the window of derivatives."""
     margin = STOP_MARGIN_M + MARGIN_NOISE * noise_level(signals.position_m)
     x = signals.position_m
     return _widened((x < margin) | (x > drive.cylinder.stroke_m - margin), signals.half)
@@ -604,13 +604,13 @@ def bending_m(drive: Drive) -> float:
 # --- Simulation of a recorded command: free runs, runs with resets to measured states, and breakaway after stops.
 
 RTOL = 1e-6
-#: Number and duration, s, of runs with the valve shut that settle the bristles, which are not measured.
+#: Number and duration, s, of runs with shut valve in which the unmeasured bristles settle.
 SETTLING_RUNS, SETTLING_S = 200, 5e-3
 #: Columns of a run.
 RUN_COLUMNS = ["position_m", "velocity_m_s", "pressure_a_pa", "pressure_b_pa", "friction_force_n"]
 #: Shortest stop, s; shorter rests are reversals.
 LEAST_STOP_S = 0.05
-#: Longest simulated part of a rest before its end, s.
+#: Longest simulated part of a rest, before its end, s.
 MOST_STOP_S = 1.0
 
 
@@ -647,7 +647,7 @@ class RecordedBreakaway:
     measured_n, model_n : float
         Peak of the friction force in the direction of motion, N.
     model_moved : bool
-        Whether the model broke away before the next stop. If not, its peak is its largest force at rest.
+        Whether the model broke away before the next stop. If not, `model_n` is its largest force at rest.
     """
 
     start_s: float
@@ -663,12 +663,12 @@ class RecordedBreakaway:
 
 
 def run_model(drive: Drive, signals: Signals, restarts: Ints | None = None) -> ModelRun:
-    """Simulate the recorded command with resets to the measured state at the given samples; None: only the first.
+    """Simulate the recorded command with resets to the measured state at given samples (None: the first sample only).
 
     A reset sets position, velocity and pressures. Temperatures, inner states of friction and the gas of tubes and
     joints continue. At the start, temperatures are measured or ambient. In a drive without tubes, the bristles start
-    with a deflection that balances the pressures, otherwise undeflected. A failed segment ends the run of a drive with
-    tubes, because the state of their gas is unknown after it.
+    with a deflection that balances the pressures, otherwise undeflected. In a drive with tubes, a failed segment ends
+    the run, because the state of the gas in the tubes is then unknown.
     """
     at = np.zeros(1, dtype=np.int64) if restarts is None else np.asarray(restarts, dtype=np.int64)
     states = np.array([signals.state(int(i)) for i in at])
@@ -718,10 +718,10 @@ def run_model(drive: Drive, signals: Signals, restarts: Ints | None = None) -> M
 
 
 def breakaways(drive: Drive, signals: Signals) -> tuple[RecordedBreakaway, ...]:
-    """Compare the model's breakaway with the measured one at each stop; the model starts from the measured state.
+    """Compare modelled and measured breakaway at each stop. The model starts from the measured state.
 
-    The peak occurs before the piston has moved by the deflection of bristles. Forces and positions are smoothed in the
-    same way; the first samples of a stop also contain the motion before it, so they are left out.
+    The peak occurs before the piston has moved by the bristle deflection. Forces and positions are smoothed in the same
+    way. The first samples of a stop are left out, because smoothing mixes them with the motion before the stop.
     """
     still, touching = ~signals.moving, near_stops(drive, signals)
     edges = np.flatnonzero(np.diff(np.r_[False, still, False].astype(int)))

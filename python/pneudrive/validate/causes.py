@@ -1,7 +1,7 @@
 """Possible causes of model errors. Each is a change of one quantity, with its effect on the balances.
 
 A cause changes the scene (drive, sensors, openings of the valve) by an amount, or adds a term to a residual. Its column
-in the regression is the difference quotient of the residuals, evaluated by the core. causes.toml has units and texts.
+in the regression is the difference quotient of the residuals. causes.toml has units and texts.
 """
 
 from __future__ import annotations
@@ -25,16 +25,16 @@ if TYPE_CHECKING:
 
     Rows = dict[str, Row]
 
-#: A change of the scene by an amount. Rows hold what depends on the drive in a cause: arguments of `Cause`.
+#: Change of the scene by an amount; and drive-dependent arguments of `Cause`.
 Change = Callable[[Scene, float], Scene]
 
-#: Bounds of a change as a share of the present value.
+#: Bounds of a change as a fraction of the present value.
 SHARE = (-0.95, 20.0)
 #: Bounds of a critical pressure ratio.
 RATIO = (0.01, 0.95)
-#: Bounds of an amount that physics allows in one sense only: a leak does not blow, a supply does not rise with flow.
+#: Bounds of an amount with one possible sign, such as a leak or a drop of the supply pressure.
 NOT_NEGATIVE = (0.0, np.inf)
-#: Lag of the supply pressure behind the flow where a volume lies between regulator and valve, s (assumed).
+#: Lag of the supply pressure behind the flow if a volume is between regulator and valve, s (assumed).
 SLOW_SAG_S = 0.5
 #: Number of polynomials for friction along the stroke, including the constant.
 PROFILE_ORDERS = 5
@@ -66,13 +66,13 @@ class Cause:
     profile : callable or None
         Scene -> columns, for a cause with several coefficients.
     parts : int
-        Number of coefficients. More coefficients explain more by chance.
+        Number of coefficients; more coefficients explain more by chance.
     bounds : tuple of float
-        Least and greatest amount that a description allows.
+        Smallest and largest amount that a description allows.
     described : bool
-        Whether a drive file or the data of the sensors can describe it.
+        Whether a drive file or the sensor data can describe the cause.
     free : tuple of str
-        Values of the drive file that `pneudrive identify` should set free to correct the error.
+        Values of the drive file to identify, to correct the error.
     """
 
     key: str
@@ -104,7 +104,7 @@ def causes(drive: Drive) -> list[Cause]:
 
 
 def _value(key: str, si_unit: str, value: Callable[[Drive, float], float]) -> Change:
-    """Change one value of the description: (drive, amount) -> value, SI."""
+    """Make a change of one value of the description, from a function (drive, amount) -> value, SI."""
     return _drive(lambda drive, amount: {key: write(value(drive, amount), si_unit)})
 
 
@@ -161,7 +161,7 @@ def _direction(drive: Drive, amount: float) -> Plain:
 
 
 def _along_stroke(scene: Scene) -> list[Values]:
-    """Return the effect of friction along the stroke on the residuals, per N: Legendre polynomials over the travel."""
+    """Return the effects of friction along the stroke (Legendre polynomials) on the residuals, per N."""
     x, out = scene.position, []
     for order in range(PROFILE_ORDERS):
         shape = np.polynomial.legendre.Legendre.basis(order, domain=[float(x.min()), float(x.max())])(x)
@@ -182,7 +182,7 @@ def _of_load(drive: Drive) -> Rows:
 
 
 def _mass(drive: Drive, share: float) -> Plain:
-    """Change the masses of piston and load by the same fraction, so that each stays above zero."""
+    """Change the masses of piston and load by the same fraction, so that both stay positive."""
     masses = {"cylinder.moving_mass": drive.cylinder.moving_mass_kg, "load.mass": drive.carried.mass_kg}
     return {key: write((1.0 + share) * mass, "kg") for key, mass in masses.items() if mass or key != "load.mass"}
 
@@ -224,7 +224,7 @@ def _supply(scene: Scene, amount: float) -> Scene:
 
 
 def _opened(how: Callable[[Array, Array], Array], *edges: int) -> Change:
-    """Change the openings of some edges of the valve: (openings, amount at each edge) -> openings."""
+    """Make a change of the openings of valve edges from a function (openings, amount at each edge) -> openings."""
 
     def change(scene: Scene, amount: float) -> Scene:
         amounts = np.zeros(4)
@@ -235,17 +235,17 @@ def _opened(how: Callable[[Array, Array], Array], *edges: int) -> Change:
 
 
 def _edges(*edges: int) -> Change:
-    """Change the conductance of some edges of the valve by a fraction."""
+    """Make a change of the conductance of valve edges by a fraction."""
     return _opened(lambda opened, share: np.maximum(opened * (1.0 + share), 0.0), *edges)
 
 
 def _leak(*edges: int) -> Change:
-    """Keep some edges open by at least this fraction of the full conductance."""
+    """Make a change that keeps valve edges open by at least a fraction of the full conductance."""
     return _opened(np.add, *edges)
 
 
 def _command(how: Callable[[Array, float, float], Array]) -> Change:
-    """Change the openings by a change of the command: (command, amount, step) -> command."""
+    """Make a change of the openings from a function (command, amount, step) -> command."""
 
     def change(scene: Scene, amount: float) -> Scene:
         return _reopened(scene, scene.drive, how(scene.signals.command, amount, scene.signals.step_s))
@@ -260,7 +260,7 @@ def _overlap(scene: Scene, amount: float) -> Scene:
 
 
 def _reopened(scene: Scene, drive: Drive, command: Array) -> Scene:
-    """Return the scene of another drive. The openings change by the difference of both valves under the command."""
+    """Return the scene of another drive. The openings change by the difference between both valves at this command."""
     before, after = at_samples(openings(scene.drive, scene.signals.command)), at_samples(openings(drive, command))
     return replace(scene, drive=drive, opened=np.maximum(scene.opened + after - before, 0.0))
 
@@ -272,7 +272,7 @@ def _delayed(command: Array, delay_s: float, step_s: float) -> Array:
 
 
 def _sag(lag_s: float) -> Change:
-    """Lower the supply pressure with the flow into the drive, through a first-order lag: Pa at the lowest pressure."""
+    """Make a drop of the supply pressure with the flow, through a first-order lag. Amount: largest drop, Pa."""
 
     def change(scene: Scene, amount: float) -> Scene:
         step = 1e-3 * scene.drive.supply_pressure_pa
@@ -308,7 +308,7 @@ def _of_leaks(drive: Drive) -> Rows:
 
 
 def _to_ambient(chamber: int) -> Callable[[Scene], tuple[Array, float]]:
-    """Return the pressure ratio over a leak to the ambient air; its flow follows the law of the valve."""
+    """Return a function for the pressure ratio of a leak to the ambient air, and its critical ratio."""
     return lambda scene: (
         scene.drive.ambient.pressure_pa / scene.pressures[chamber],
         scene.drive.valve.critical_pressure_ratio,
@@ -316,7 +316,7 @@ def _to_ambient(chamber: int) -> Callable[[Scene], tuple[Array, float]]:
 
 
 def _past_piston(scene: Scene) -> tuple[Array, float]:
-    """Return the pressure ratio over a leak past the piston, and the critical ratio of `cylinder.leakage`."""
+    """Return the pressure ratio of a leak past the piston, and the critical ratio of `cylinder.leakage`."""
     a, b = scene.pressures
     return np.minimum(a, b) / np.maximum(a, b), LEAK_CRITICAL_RATIO
 
@@ -344,7 +344,7 @@ def _dead_volume(sides: str) -> Change:
 
 
 def _sensor(position: float = 0.0, a: float = 0.0, b: float = 0.0) -> Change:
-    """Sensors that read too high by an amount, so that true values are lower."""
+    """Make a change for sensors that read too high by an amount, so that true values are lower."""
 
     def change(scene: Scene, amount: float) -> Scene:
         p_a, p_b = scene.pressures

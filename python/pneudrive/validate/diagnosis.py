@@ -6,10 +6,10 @@ The cause that explains the most is added to the model, and the search continues
 
     share explained = 1 - |e(changed model)|^2 / |e(model)|^2
 
-A search for values, such as `identify`, compensates an unmodelled effect by wrong values. A cause that explains little
-is therefore also fitted together with these values. The joint fit is used if its residual is much smaller.
+A search for values, such as `identify`, compensates an unmodelled effect by wrong values. The best causes are therefore
+also fitted together with these values. The joint fit is used if its residual is much smaller.
 
-Standard errors come from the scores of blocks of 0.25 s, as neighbouring samples are correlated.
+Standard errors come from the scores of blocks of 0.25 s, because neighbouring samples are correlated.
 """
 
 from __future__ import annotations
@@ -37,23 +37,24 @@ if TYPE_CHECKING:
     from pneudrive.describe.drive import Drive
 
 BLOCK_S = 0.25
-#: Normalised residual below which a balance closes: sensor noise and irrelevant errors.
+#: Normalised residual up to which a balance closes, by sensor noise and irrelevant errors.
 CLEAN = 1.0
-#: Normalised residual above which causes are tested: an error common to many samples is found within the noise.
+#: Normalised residual above which causes are tested. It is below 1, because an error common to many samples can be
+#: found within the noise.
 SOUGHT = 0.7
 MOST_CULPRITS = 3
-#: Least explained share of the residual for a cause, and least number of standard errors.
+#: Smallest explained fraction of the residual for a cause, and smallest amount in standard errors.
 LEAST_SHARE, LEAST_T = 0.15, 4.0
 #: Number of causes whose linear fit is refined.
 REFINED = 8
-#: A cause is indistinguishable from the best one if its squared residual is within this factor.
+#: Ratio of squared residuals up to which a cause is indistinguishable from the best cause.
 RIVAL = 2.0
 NEWTON_STEPS = 3
-#: Critical pressure ratios that a leak may have; least flow function by which the effect of a leak is divided.
+#: Possible critical pressure ratios of a leak; lower limit of the flow function in the divisor of a leak's effect.
 LEAK_RATIOS, LEAST_FLOW = (0.0, 0.2, 0.4, 0.528), 0.05
-#: Causes that are fitted together with their companions.
+#: Number of causes that are fitted together with compensating values.
 JOINT = 4
-#: Values that compensate an unmodelled effect, if the drive does not say which of its values were identified.
+#: Values that may compensate an unmodelled effect, if the drive does not state which values were identified.
 COMPENSATING = frozenset({"valve.conductance", "friction.coulomb", "friction.viscous"})
 
 
@@ -70,11 +71,11 @@ class Culprit:
     share : float
         Explained fraction of the squared residual before this cause.
     rivals : tuple of (str, float)
-        Causes that explain nearly as much, with their fraction: the records cannot distinguish them.
+        Causes that the records cannot distinguish from this cause, each with its explained fraction.
     laws : tuple of float or None
         For a leak, lowest and highest amount over the flow laws that the recordings do not distinguish.
     moved : tuple of str
-        Identified values that clearly moved as they were fitted together with the cause, in words.
+        Identified values that changed significantly when fitted together with the cause, in words.
     """
 
     cause: Cause
@@ -103,7 +104,7 @@ class Culprit:
 
     @property
     def text(self) -> str:
-        """Sentence for people: explained fraction, cause and size, indistinguishable causes, remedy."""
+        """Finding as text: explained fraction, cause and size, indistinguishable causes, remedy."""
         cause = self.cause
         text = (
             f"{100.0 * self.share:.0f} % of the residual is explained by {_in_words(cause, self.amount, self.stderr)}"
@@ -164,13 +165,14 @@ class Diagnosis(Shown):
 
 @dataclass(frozen=True, eq=False)
 class _Fit:
-    """Fitted cause, the last one of several causes that were fitted together.
+    """Fitted cause, which is the last of the causes fitted together.
 
     Attributes
     ----------
     causes : list of Cause
     amounts, columns : ndarray, shape (causes,), (causes, n)
-        Amounts, and effect of a unit of each on the stacked residual, without the part that other causes can replace.
+        Amounts, and effect of a unit of each cause on the stacked residual, without the part that other causes can
+        replace.
     after : ndarray
         Stacked residual that remains.
     share : float
@@ -211,7 +213,7 @@ class _Regression:
     Attributes
     ----------
     scenes : list of Scene
-        Model under test: the drive with the causes that were found.
+        Model under test: the drive with the causes found so far.
     left : ndarray
         Stacked residual of this model.
     """
@@ -259,7 +261,7 @@ class _Regression:
         return residual if np.isfinite(residual).all() else None
 
     def accept(self, fit: _Fit) -> None:
-        """Add a cause, and the causes that were fitted together with it, to the model."""
+        """Add a cause, and the causes fitted together with it, to the model."""
         self.scenes = self.changed(fit.causes, fit.amounts)
         self.left = self.stacked(scene.residuals for scene in self.scenes)
 
@@ -305,7 +307,7 @@ class _Regression:
         return out
 
     def fits(self, skipped: set[str], number: int) -> list[_Fit]:
-        """Fit each cause separately, then the best ones together with values that compensate them; best first."""
+        """Fit each cause separately, then the best causes with compensating values. Return the fits, best first."""
         wanted = [cause for key, cause in self.causes.items() if key not in skipped]
         columns = self.columns(f"causes tested after {number} found")
         linear = []
@@ -326,10 +328,10 @@ class _Regression:
         return [*joint, *alone]
 
     def together(self, share: float, wanted: list[Cause], columns: dict[str, Array]) -> list[_Fit]:
-        """Fit each cause together with values that compensate it.
+        """Fit each cause together with compensating values.
 
-        Return these fits if one of them leaves a much smaller residual than any single cause. A fit of the companions
-        without the cause is also considered, so that a wrong value is not mistaken for another cause.
+        Return these fits only if one of them leaves a much smaller residual than any single cause. A fit of the
+        companions without the cause is also considered, so that a wrong value is not mistaken for another cause.
         """
         values = frozenset(self.scenes[0].drive.provenance) or COMPENSATING
         companions = [c for c in self.causes.values() if c.free and values.issuperset(c.free)]
@@ -355,7 +357,7 @@ class _Regression:
         return [fit for fit in fits if self.is_shown(fit)]
 
     def newton(self, start: _Fit) -> _Fit:
-        """Refine the amounts of causes by Gauss-Newton; a cause that makes the description invalid explains nothing."""
+        """Refine the amounts of causes by Gauss-Newton. A cause that makes the description invalid explains nothing."""
         every = start.causes
         amounts = start.amounts
         best = replace(start, amounts=0.0 * start.amounts, after=self.left, share=0.0)
@@ -381,7 +383,7 @@ class _Regression:
         return best
 
     def profile(self, cause: Cause) -> list[_Fit]:
-        """Fit a cause of several columns; its amount is the amplitude over the travelled range."""
+        """Fit a cause of several columns. Its amount is the amplitude over the travelled range."""
         profile = cause.profile
         assert profile is not None
         shapes = [profile(scene) for scene in self.scenes]  # columns of each recording
@@ -425,9 +427,9 @@ class _Regression:
     def over_flow_laws(self, fit: _Fit) -> Interval | None:
         """Return the range of amounts of a leak over its possible critical pressure ratios; None for other causes.
 
-        The shape of a leak is not known. The ratio is 0 for a narrow gap and 0.53 for a nozzle [iso6358-2013]. The
-        effect of the leak is scaled at each sample by the flow of the other law. A law counts if its residual is
-        close to the smallest one.
+        The shape of a leak is unknown. Its critical ratio is 0 for a narrow gap and 0.53 for a nozzle [iso6358-2013].
+        For each flow law, the effect of the leak is rescaled at each sample. Laws with a residual close to the smallest
+        one are included.
         """
         if fit.cause.ratio is None:
             return None

@@ -1,6 +1,6 @@
-"""Validation of a friction law, a circuit along recorded motions, and a regulator; balance of measured forces.
+"""Validation of a friction law, of a circuit along recorded motions, and of a regulator; balance of measured forces.
 
-Along motions, only start and delay of each recording are fitted.
+For a circuit along motions, only start and delay of each recording are fitted.
 """
 
 from __future__ import annotations
@@ -44,9 +44,9 @@ if TYPE_CHECKING:
 # --- Validation of a friction law against measured sliding friction: a friction map or the curves of a campaign.
 
 OF_MAPS = ("friction_n", "velocity_m_s", "balance_n")
-#: Flag of a row of a map that knows one direction only.
+#: Flag of a row of a map with only one direction.
 UNPAIRED = "unpaired"
-#: Target (assumed, as those of free runs).
+#: Target of the fit, % (assumed, as for free runs).
 STATIC_FIT_PERCENT = 98.0
 
 
@@ -241,14 +241,15 @@ class Closure:
     ----------
     name : str
     rms_n, share : float
-        RMS residual at stated areas, with offset and friction ``d + e |v|`` per direction; in N, and over the range.
+        RMS residual at stated areas, with offset and friction ``d + e |v|`` for each direction: in N, and as a fraction
+        of the range.
     friction_n : dict
-        Direction -> friction at rest and its slope over speed, N and N s/m.
+        Direction -> friction at zero speed, N, and slope over speed, N s/m.
     offset_n : float
     gains : dict
-        Parallel force -> its gain as a free parameter, with 95 % interval; ``gas`` for the gas force.
+        Parallel force -> its gain, fitted as a free parameter, with 95 % interval. ``gas`` is the gas force.
     viscous : Estimate
-        Slope of the friction in +x while the gains are free, N s/m.
+        Slope of friction over speed in +x, fitted together with the gains, N s/m.
     correlation : float or None
         Correlation of the first parallel force's gain with that slope.
     range_n, fastest_m_s : float
@@ -258,9 +259,10 @@ class Closure:
     doubts : tuple of str
         Likely causes of a balance that does not close.
     delay : PressureDelay or None
-        Delay of the pressures of closed chambers relative to the motion. A clear delay was removed before the balance.
+        Delay of the pressures of closed chambers relative to the motion. A significant delay was removed before the
+        balance.
     recorded : Closure or None
-        Balance without this correction, if a clear delay was removed.
+        Balance without this correction, if a delay was removed.
     """
 
     name: str
@@ -310,8 +312,8 @@ class Closure:
 def close_balance(recording: Recording) -> Closure:
     """Return the force balance of a recording.
 
-    A clear delay between the pressures of closed chambers and the motion is removed first. Force and position are
-    assumed to have one clock.
+    A significant delay between the pressures of closed chambers and the motion is removed first. Force and position are
+    assumed to have the same clock.
 
     Parameters
     ----------
@@ -325,7 +327,7 @@ def close_balance(recording: Recording) -> Closure:
 
 
 def _balance(recording: Recording, begin_s: float) -> Closure:
-    """Return the balance of a recording without a correction of delays; times count from `begin_s`."""
+    """Return the balance of a recording without a correction of delays. Times are relative to `begin_s`."""
     time = recording.time_s - begin_s
     sliding = _sliding(recording, time)
     found, residual, power = sliding.closed(recording)
@@ -345,7 +347,7 @@ def _balance(recording: Recording, begin_s: float) -> Closure:
 
 
 class _Sliding(NamedTuple):
-    """Samples in sliding, the named regression columns of friction, and the signed speed."""
+    """Samples in sliding, named regression columns of friction, and signed speed."""
 
     use: Bools
     base: Array
@@ -377,7 +379,7 @@ def _sliding(recording: Recording, time: Array) -> _Sliding:
 
 
 def _friction(value: dict[str, float]) -> tuple[dict[int, Pair], float]:
-    """Return friction at rest and its slope by direction, and the offset: half the sum of both directions."""
+    """Return friction at zero speed and its slope by direction, and the offset (half the sum of both directions)."""
     both = "d1" in value and "d-1" in value
     offset = 0.5 * (value["d1"] + value["d-1"]) if both else 0.0
     found = {
@@ -395,7 +397,7 @@ def _gas(recording: Recording) -> Array:
 def _free_gains(
     time_s: Array, sliding: _Sliding, balance: Array, extra: dict[str, Array]
 ) -> tuple[dict[str, Estimate], Estimate, float | None]:
-    """Return gains of forces relative to their stated areas; their covariance comes from blocks of time."""
+    """Return gains of forces relative to their stated areas. Their covariance comes from blocks of time."""
     base, names = sliding.base, sliding.names
     matrix = np.column_stack([base, *extra.values()])
     scale = np.sqrt(np.mean(matrix**2, axis=0))
@@ -468,7 +470,7 @@ class MotionValidation(Viewed):
     closures : tuple of Closure
         Force balance of each recording with a force.
     open : tuple of str
-        Recordings whose chambers are open: their pressures are not compared.
+        Recordings with open chambers, whose pressures are not compared.
     doubts : tuple of str
         Likely causes of differences.
     solution : FollowSolution or None
@@ -486,7 +488,7 @@ class MotionValidation(Viewed):
 
     @property
     def verdicts(self) -> tuple[tuple[bool, str], ...]:
-        """Whether each target is met, with a sentence. Pressures are judged by held-out recordings, if any."""
+        """Whether each target is met, with a sentence. Pressures are compared in held-out recordings, if any."""
         found = []
         for record in self.records:
             if self.badges.get(record.name) == MADE and HELD_OUT in [self.badges[r.name] for r in self.records]:
@@ -540,7 +542,7 @@ def validate_motion(
     progress: Progress | None = None,
     cancel: Flag | None = None,
 ) -> MotionValidation:
-    """Compare a circuit with recordings of its driven piston, and the measured forces with each other.
+    """Compare a circuit with recordings of its driven piston, and check the balance of the measured forces.
 
     Start pressures, start temperatures and the delay of the pressures are fitted for each recording. All other numbers
     are fixed. Recordings with open chambers test the force balance only.
@@ -587,7 +589,7 @@ def validate_motion(
 
 
 def _late(records: tuple[motions.FollowRecord, ...]) -> list[str]:
-    """Return the data loggers whose clock differs from that of the position."""
+    """Return notes on data loggers whose clock differs from that of the position."""
     return [
         f"{r.name}: the pressures come {abs(r.delay_s[0]):.3f} ± {r.delay_s[1]:.3f} s "
         f"{'after' if r.delay_s[0] > 0 else 'before'} the position: the clocks of the loggers differ"
@@ -601,7 +603,7 @@ def _late(records: tuple[motions.FollowRecord, ...]) -> list[str]:
 
 @dataclass(frozen=True)
 class RegulatorRun:
-    """One run: RMS of measured minus simulated pressure, in Pa and relative to the range, badge, and both pressures."""
+    """One run: RMS of measured minus simulated pressure (Pa, and relative to the range), badge, both pressures."""
 
     name: str
     rms_pa: float
@@ -612,14 +614,14 @@ class RegulatorRun:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class RegulatorValidation(Viewed):
-    """The fit of a regulator compared with runs. All values are fixed, and each run starts at its first pressure."""
+    """The fit of a regulator compared with runs. All values are fixed. A run starts at its first measured pressure."""
 
     fit: RegulatorFit
     runs: tuple[RegulatorRun, ...]
 
     @property
     def notes(self) -> list[str]:
-        """Sentences on the runs that were held out, and on the residual of the fit itself."""
+        """Sentences on the held-out runs, and on the residual of the fit itself."""
         made = all(run.badge == MADE for run in self.runs)
         size = self.fit.statistics["rms"]
         return [*(NONE_HELD_OUT,) * made, f"the fit itself has an rms of {100 * size:.2f} % of the range"]

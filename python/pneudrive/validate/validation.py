@@ -46,11 +46,12 @@ HEAD = "# Validation of a drive against recordings. SI; nrmse and share are frac
 CHANNELS = {"position_m": "position", "pressure_a_pa": "pressure a", "pressure_b_pa": "pressure b"}
 #: Length of the runs from measured states, s.
 WINDOW_S = 0.5
-#: Targets (assumed; what a good model of a servo drive should reach).
+#: Targets (assumed: reached by a good model of a servo drive).
 POSITION_FIT_PERCENT, PRESSURE_NRMSE, BREAKAWAY_ERROR = 90.0, 0.03, 0.05
-#: The free run deviates from where its error stays beyond this share of the measured span.
+#: Fraction of the measured span. The free run deviates from the time at which its error stays larger.
 OFF_SHARE = 0.1
-#: Fit of runs from measured states, %, below which a free run worse than the mean counts as moving another way.
+#: Fit of runs from measured states, %, below which a free run with negative fit counts as moving in the wrong
+#: direction.
 WAY_PERCENT = 50.0
 
 
@@ -70,7 +71,7 @@ class ChannelResult:
     window_rms : ndarray
         Root mean square residual of each run from a measured state, SI.
     off_s : float or None
-        Time from which the free run deviates, None if it never does.
+        Time from which the free run deviates, s; None if it does not.
     """
 
     channel: str
@@ -158,7 +159,7 @@ class Validation(Viewed):
 
     @cached_property
     def verdicts(self) -> tuple[Verdict, ...]:
-        """Verdicts on all targets, from the recordings that were held out of the fit, if there are any."""
+        """Verdicts on all targets, from held-out recordings, if any."""
         held_out = tuple(r for r in self.records if self.badge(r) == balance.HELD_OUT)
         if 0 < len(held_out) < len(self.records):
             return replace(self, records=held_out).verdicts
@@ -181,7 +182,7 @@ class Validation(Viewed):
 
     @cached_property
     def conditions(self) -> list[Plain]:
-        """Return the metrics of free runs and of runs from measured states for each value of each label that varies."""
+        """Return the metrics of free runs and of runs from measured states, for each value of each varying label."""
         rows = []
         for key in dict.fromkeys(key for r in self.records for key in r.recording.labels):
             values = sorted({r.recording.labels.get(key, "-") for r in self.records})
@@ -324,9 +325,9 @@ def validate(
     window_s : float
         Length of the runs that start from measured states, s.
     sensors : DriveFit or mapping, optional
-        Known sensor errors, for which the recordings are corrected: those of a fit, or channel -> offset, gain, and for
-        the command its delay (``{"offset": "0.02 bar"}``). Errors from a fit apply to its own recordings. For a new
-        recording, their mean is used.
+        Known sensor errors, for which the recordings are corrected: a fit, or channel -> offset, gain (``{"offset":
+        "0.02 bar"}``), and delay for the command. A fit has errors for each of its recordings; their mean is used for a
+        new recording.
     progress : callable, optional
         Called as ``progress(done, total, task)``, see `pneudrive.progress.Watch`.
     cancel : object with ``is_set()``, optional
@@ -336,7 +337,7 @@ def validate(
     -------
     Validation
         Free runs from the first measured state, runs with resets to measured states every `window_s`, metrics,
-        verdicts; ``diagnosis()`` gives the causes that explain the residuals.
+        verdicts. ``diagnosis()`` gives the causes that explain the residuals.
 
     Raises
     ------
@@ -416,7 +417,7 @@ def _notes(records: Sequence[RecordResult]) -> Iterator[str]:
 
 
 def _is_crossed(record: RecordResult) -> bool:
-    """Return whether the pressures of the free run fit only the recordings of the other chamber (swapped columns)."""
+    """Return whether the pressures of the free run fit only the other chamber (swapped columns)."""
     a, b = "pressure_a_pa", "pressure_b_pa"
     crossed = [balance.metrics(getattr(record.signals, p), record.free[q]).nrmse for p, q in ((a, b), (b, a))]
     return max(crossed) < PRESSURE_NRMSE < max(record.channels[p].free.nrmse for p in (a, b))

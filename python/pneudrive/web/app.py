@@ -1,7 +1,7 @@
 """Routes of the server. Every route answers with JSON or with a frame of `messages`.
 
-Modules that the first curves do not need are imported at their first use. `BEHIND` lists these modules, so that they
-can be loaded in advance.
+Modules that are not needed for the first curves are imported at their first use. `BEHIND` lists these modules, so that
+they can be loaded in advance.
 """
 
 from __future__ import annotations
@@ -42,8 +42,9 @@ if TYPE_CHECKING:
 
 PLATFORM = f"{platform.system()} {platform.machine()}"
 BUILD_FILE, FRAME = "build.json", "application/octet-stream"
-#: Method and address -> function that answers. Its parameters are the model of the request: ``workspace``, ``control``
-#: and ``build`` are those of the server, ``given`` is the whole table, and any other is checked by its annotation.
+#: Method and address -> function that answers. The parameters of the function define the request: ``workspace``,
+#: ``control`` and ``build`` come from the server, ``given`` is the whole table, and all others are validated by their
+#: annotations.
 ANSWERS: dict[str, str] = {
     route: f"{module}:{function}"
     for module, routes in package_table(__file__, "routes.toml").items()
@@ -137,7 +138,7 @@ def _route(name: str, function: str, known: Keyed) -> Route:
 
 
 def _answer(name: str, query: Mapping[str, str], body: bytes | None, known: Keyed) -> Any:  # noqa: ANN401 - plain data, or a frame
-    """Call a function of `ANSWERS` with the values of a request. A text that is missing in a GET request is empty."""
+    """Call a function of `ANSWERS` with the values of a request. Texts missing in a GET request are empty."""
     function, names, fields, models = _door(name)
     texts = [key for key, each in fields.model_fields.items() if each.is_required()]
     table = {**dict.fromkeys(texts, ""), **query} if body is None else {**query, **_table(body)}

@@ -17,11 +17,11 @@ from pneudrive.web.workspace import TABLES, Workspace
 if TYPE_CHECKING:
     from collections.abc import AsyncIterator
 
-#: What stays free on the disk, bytes.
+#: Space that stays free on the disk, bytes.
 RESERVE = 1 << 30
-#: Bytes between two looks at the free disk.
+#: Number of bytes between two checks of the free disk space.
 LOOK_BYTES = 1 << 26
-#: Recordings with their layout, in every installation, and the folder that gets them.
+#: Folder of recordings with their layout, part of every installation, and name of the folder for their copies.
 SHIPPED, EXAMPLE = Path(__file__).parents[1] / "data" / "demo", "example"
 
 

@@ -29,7 +29,7 @@ MOST_SOCKETS = 8
 PROTOCOL = "pneudrive"  # subprotocol of the socket; a second subprotocol carries the token
 TOKEN_PROTOCOL = "token."
 REPORTS = "/report/"  # the secret of one report follows
-#: Files that are dropped here may have any length; what takes them writes each piece as it comes.
+#: Address for dropped files. They may have any length, because each piece is written when it arrives.
 DROP = "/api/drop"
 NAMES = ("127.0.0.1", "localhost", "[::1]")
 READING = ("GET", "HEAD")
@@ -208,7 +208,7 @@ def address(port: int, token: str) -> str:
     return f"http://{NAMES[0]}:{port}/#token={token}"
 
 
-#: Files with a hash of what is in them in their name, which a browser may keep: they hold no data.
+#: Prefix of files with a hash in their name, and headers that allow a browser to cache them. They contain no user data.
 HASHED, KEPT = "/assets/", [(b"cache-control", b"max-age=31536000, immutable")]
 TYPES = {
     ".js": "text/javascript; charset=utf-8",

@@ -114,7 +114,7 @@ class Lineage:
         return replace(one, path=path, state=state)
 
     def _path(self, one: Edge, of: str) -> str:
-        """Return the file of an input, from the folder of the result or the workspace; for a recording, by its name."""
+        """Return the file of an input, from the folder of the result or the workspace. A recording is found by name."""
         if one.kind == "drive" and is_in_catalogue(one.file):
             return one.file
         file, root = Path(one.file), self.workspace.root
@@ -156,7 +156,7 @@ class Lineage:
         return list(dict.fromkeys(names))
 
     def tree(self, path: str, seen: tuple[str, ...] = ()) -> list[Plain]:
-        """Return the inputs of a file, and the inputs of these, as plain tables."""
+        """Return the inputs of a file, and recursively their inputs, as plain tables."""
         return [
             {
                 **{key: getattr(edge, key) for key in ("kind", "name", "path", "state")},

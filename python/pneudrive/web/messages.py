@@ -1,7 +1,7 @@
-"""Requests of the page as models, lines that repeat requests elsewhere, and answers: problems, plain data and frames.
+"""Requests of the page as models, command and Python lines that repeat requests, and answers: problems, data, frames.
 
-A frame is a head of JSON, then arrays that the page reads in place. It has the length of the head (4 bytes,
-little-endian), the head, then each array on a multiple of 8 bytes.
+A frame consists of the length of its head (4 bytes, little-endian), the head (JSON), and arrays, each aligned to 8
+bytes, which the page reads in place.
 """
 
 from __future__ import annotations
@@ -89,7 +89,7 @@ def number(value: object) -> float | None:
     return float(value) if isinstance(value, int | float) and math.isfinite(value) else None
 
 
-#: Exceptions of code that meets a table without a key, a value of another kind, or damaged bytes.
+#: Exceptions caused by a missing key, a value of another kind, or damaged bytes.
 _OF_CONTENT = (LookupError, TypeError, ValueError, AttributeError, ArithmeticError, EOFError, zlib.error, struct.error)
 
 
@@ -114,9 +114,9 @@ def fault_of(error: BaseException, path: str = "") -> CommandError:
 # --- Requests, whose fields are checked once, and the lines that repeat them elsewhere.
 
 MOST_PIXELS, LEAST_PIXELS = 4000, 10
-#: Width of a drawing; one that is out of bounds is cut to them.
+#: Width of a drawing, clipped to its bounds.
 Pixels = Annotated[StrictInt, AfterValidator(lambda width: max(LEAST_PIXELS, min(width, MOST_PIXELS)))]
-#: Text or number of a value that a field of the page changes; a truth is a number.
+#: Text or number of a value that a field of the page changes. A boolean is a number.
 Value = StrictStr | StrictInt | FiniteFloat
 
 
@@ -167,7 +167,7 @@ def python(name: str, **values: Any) -> str:  # noqa: ANN401 - any value
 
 
 def words(command: str, /, *names: str, **options: Any) -> list[str]:  # noqa: ANN401 - texts, numbers, lists of them
-    """Return the words of a command: its arguments, then its options without the empty ones.
+    """Return the words of a command: its arguments, then its non-empty options.
 
     Examples
     --------
@@ -190,7 +190,7 @@ def shell(command: str, /, *names: str, **options: Any) -> str:  # noqa: ANN401 
 
 
 def call(function: str, /, *positional: str, **options: Any) -> str:  # noqa: ANN401 - any value
-    """Return a call in Python: arguments as they are, then the options without the empty ones.
+    """Return a call in Python: arguments unchanged, then the non-empty options.
 
     Examples
     --------
@@ -201,7 +201,7 @@ def call(function: str, /, *positional: str, **options: Any) -> str:  # noqa: AN
 
 
 def keywords(**options: Any) -> str:  # noqa: ANN401 - any value
-    """Return keyword arguments in Python, each after a comma, without the empty ones."""
+    """Return the non-empty keyword arguments in Python, each after a comma."""
     return "".join(f", {name}={value!r}" for name, value in options.items() if not _is_empty(value))
 
 

@@ -10,7 +10,7 @@ from pneudrive.report.page import FIGURES, POLICY, REPORT
 from pneudrive.web.guard import REPORTS, new_token
 from pneudrive.web.workspace import Workspace
 
-#: What a browser allows a report to do: nothing but to be seen, saved and left.
+#: Permissions of a report in a browser: only to be viewed and saved.
 SANDBOX = f"{POLICY}; frame-ancestors 'none'; sandbox allow-same-origin allow-downloads"
 _PICTURE = re.compile(rf"{FIGURES}/[\w.+-]+\.(?:png|svg)")
 
@@ -18,8 +18,8 @@ _PICTURE = re.compile(rf"{FIGURES}/[\w.+-]+\.(?:png|svg)")
 class OpenReports:
     """Addresses of reports. A report never runs code.
 
-    A tab that is opened by a link has no token. The address itself therefore contains a secret as long as a
-    token. It is valid for one folder until the server stops.
+    A tab that is opened by a link has no token. The address itself therefore contains a secret of the same length. The
+    secret is valid for one folder until the server stops.
 
     Attributes
     ----------

@@ -50,7 +50,7 @@ def view_at(workspace: Workspace, path: str) -> View:
     Raises
     ------
     PneudriveError
-        The file is not a result, or lacks a part of it.
+        The file is not a result, or is incomplete.
     """
     try:
         return results.view_of(load_at(workspace, path))

@@ -38,7 +38,7 @@ if TYPE_CHECKING:
 
 MOST_RECORDINGS = 500
 LAYOUT = "layout"  # missing from a recording whose channels are not known
-#: Endings of files, by the kind of an input.
+#: Kind of an input -> suffixes of its files.
 FILES = {"map": (".parquet", ".csv"), **dict.fromkeys(("model", "fit", "task"), DESCRIPTIONS)}
 TYPES = {"flag": bool, "recordings": list, "number": int}
 
@@ -65,7 +65,7 @@ class CommandInput:
     option : str
         Parameter of the command; empty if it equals the key.
     start : object
-        Value that a form begins with.
+        Initial value in a form.
     choices : tuple of (str, str)
         Values and their titles.
     most : int
@@ -145,7 +145,7 @@ def _check_recordings(given: list[Any], workspace: Workspace, hint: str) -> None
 
 
 def _missing(path: Path, workspace: Workspace, hint: str) -> list[str]:
-    """Return the channels that a command needs and a recording lacks; only ``layout`` if the channels are unknown."""
+    """Return the needed channels that a recording does not have; only ``layout`` if its channels are unknown."""
     if path.suffix in SUFFIXES:
         columns = columns_in(path, NEEDED)
         if is_trajectory(path) if hint == "rig" else len(columns) == len(NEEDED):

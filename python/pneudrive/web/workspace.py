@@ -1,6 +1,6 @@
 """The folder of the page: its accessible files, safe writing of files, and the cache of this user.
 
-The import of this module must be fast, because the address is printed only after it. Modules for descriptions are
+The import of this module must be fast, because the address is printed only afterwards. Modules for descriptions are
 therefore imported in functions.
 """
 
@@ -42,7 +42,7 @@ BUILT = Path(__file__).parent / "built"  # the page
 LONGEST = 1024  # longest name, characters
 MOST_FILES = 20_000
 LONGEST_UNUSED_S = 30 * 86400.0  # a recording that was not opened for so long is removed from the cache, s
-#: Signs that no name of a file has in the page, and those of a name on the disk that cannot be sent to it.
+#: Characters that are not allowed in file names of the page, and characters on disk that cannot be sent to the page.
 _FORBIDDEN, _NO_UTF8 = re.compile(r"[\x00-\x1f\x7f\\\ud800-\udfff]"), re.compile(r"[\ud800-\udfff]")
 
 
@@ -182,8 +182,8 @@ class Workspace:
     def write(self, name: str, text: str, known: str | None) -> str:
         """Write a file that has not changed since the page read it, and return its new version.
 
-        A version is the SHA-256 of the text. If the text is unchanged, a random word is appended to the version.
-        Otherwise a second writer with the same version would not notice the save.
+        A version is the SHA-256 of the text. If the text is unchanged, a random word is appended, so that a second
+        writer with the same version notices the save.
 
         Parameters
         ----------
@@ -226,7 +226,7 @@ class Workspace:
 
 
 class NewNames:
-    """Names of files that copied commands write. Existing names are avoided, so that no file is overwritten."""
+    """Generator of file names for copied commands. Existing names are avoided, so that no file is overwritten."""
 
     def __init__(self, workspace: Workspace) -> None:
         self._root = workspace.root

@@ -316,7 +316,7 @@ class Speeds(ProtocolTable):
     order: Literal["ascending", "descending", "up-and-down"] = "ascending"
     """order of the speeds; up-and-down measures each speed twice"""
     settled_time_s: DurationOrZero = 1.0
-    """minimum total time at constant speed in each direction; strokes are repeated to reach it; 0 s: one stroke each"""
+    """minimum total time at constant speed in each direction, reached by repeated strokes; 0 s: one stroke each"""
     most_strokes: Count = 20
     """highest number of these strokes"""
     return_speed_m_s: Speed = 0.1

@@ -14,8 +14,8 @@ non-negative least squares. The best scale is refined between its neighbours.
 
 The friction curve as one function of a PLC (IEC 61131-3, structured text), for a feed-forward.
 
-Between the lowest and the highest speed, the curve is a cubic spline over ln v with evenly spaced knots, so that the
-interval is found without a search::
+Between the lowest and the highest speed, the curve is a cubic spline over ln v. Even knots allow finding the interval
+without a search::
 
   u = (ln |v| - ln v_low)/h,   k = trunc(u),   d = u - k
   F = sign(v) (c0 + c1 d + c2 d^2 + c3 d^3)                                                         [N]

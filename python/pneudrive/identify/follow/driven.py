@@ -1,4 +1,4 @@
-"""A circuit whose piston follows a recorded motion, with any values of its free numbers, and its recordings."""
+"""A circuit whose piston follows a recorded motion, as a function of its free parameters; and its recordings."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ class DrivenRecording:
     ----------
     recording : Recording
     nodes : tuple of ndarray
-        Times and positions between which the motion is straight.
+        Times and positions of the nodes. Between nodes, the velocity is constant.
     grid_s : ndarray
         Times of the comparison, from 0.
     pressures_pa : ndarray
@@ -48,9 +48,9 @@ class DrivenRecording:
     positions_m : ndarray
         Positions at these times.
     noise_pa : ndarray
-        Noise and resolution of both pressures.
+        Standard deviation of both pressures, from noise and resolution.
     at_rest : bool
-        Whether it begins at rest.
+        Whether the recording begins at rest.
     """
 
     recording: Recording
@@ -79,7 +79,7 @@ class DrivenRecording:
 
 
 def check_follow(follow: str) -> None:
-    """Refuse a value of the argument `follow` other than ``"motion"``."""
+    """Reject a value of the argument `follow` other than ``"motion"``."""
     if follow != "motion":
         raise CommandError(f"follow = {follow!r} is not known", rule='the only value is "motion"')
 
@@ -92,7 +92,7 @@ def driven_recordings(
     Raises
     ------
     RecordingError, LayoutError
-        A file cannot be read so.
+        If a file cannot be read, or a channel is missing.
     """
     items = list(recordings)
     files = [item for item in items if not isinstance(item, Recording)]
@@ -140,7 +140,7 @@ def _step(values: Array) -> float:
 
 
 def straight_lines(time_s: Array, position_m: Array, tolerance_m: float) -> NDArray[np.intp]:
-    """Return samples so that straight lines between them are within a tolerance of the motion (Douglas and Peucker)."""
+    """Return indices of samples; straight lines between them are within a tolerance of the motion (Douglas-Peucker)."""
     keep = np.zeros(time_s.size, dtype=bool)
     keep[[0, -1]] = True
     parts = [(0, time_s.size - 1)]
@@ -160,18 +160,18 @@ def straight_lines(time_s: Array, position_m: Array, tolerance_m: float) -> NDAr
 
 RTOL = 1e-5
 SIDES = ("a", "b")
-#: Natural frequency of the moving mass on the machine that drags it, rad/s: fast, so that the motion has no compliance.
+#: Natural frequency of the moving mass on the driving machine, rad/s: high, so that the motion has no compliance.
 STIFF_RAD_S = 4000.0
-#: Start values where the circuit has none (assumed): J/K, W/(m2 K).
+#: Start values if the circuit states none (assumed): heat capacity, J/K, and outer heat transfer, W/(m2 K).
 CAPACITY, OUTER = 5e3, 30.0
-#: Share of the gas that a leak of the start value exchanges in this time, s (assumed).
+#: Start value of a leak: it exchanges this fraction of the gas in this time, s (assumed).
 LEAK_SHARE, LEAK_TIME_S = 0.01, 100.0
-#: Groups of numbers: short name -> meaning; and units of numbers.
+#: Groups of parameters: short name -> meaning; and units of parameters.
 GROUPS, UNITS = number_table("groups"), number_table("circuit_units")
 
 
 class Number(NamedTuple):
-    """A free number: component and key in the circuit, unit and start value; it is positive."""
+    """A free positive parameter: component and key in the circuit, unit and start value."""
 
     component: str
     key: str
@@ -191,8 +191,8 @@ class DrivenCircuit:
     Parameters
     ----------
     circuit : Circuit
-        With one component of the kind ``piston`` or ``cylinder/...``. A ``motor`` at its rod is the machine; without
-        one it is added.
+        Contains one component of the kind ``piston`` or ``cylinder/...``. A ``motor`` at its rod is the driving
+        machine; if missing, it is added.
     """
 
     def __init__(self, circuit: Circuit) -> None:
@@ -232,7 +232,7 @@ class DrivenCircuit:
         return name
 
     def _add(self, name: str, kind: str, numbers: dict[str, float], *ends: str) -> None:
-        """Add a component whose ports 1, 2 are joined to these ports."""
+        """Add a component with its ports 1 and 2 joined to `ends`."""
         part = {"name": name, "kind": kind, "numbers": numbers, "choices": {}, "friction": None}
         self.form["components"].append(part)
         self.parts[name] = part
@@ -254,7 +254,7 @@ class DrivenCircuit:
         raise FitError(**stated("readings", "no_gas", side=side))
 
     def numbers_of(self, asked: Sequence[str]) -> list[Number]:
-        """Return the free numbers of groups and names; components and keys that they need are added.
+        """Return the free parameters of groups and names, and add missing components and keys.
 
         Raises
         ------
@@ -292,7 +292,7 @@ class DrivenCircuit:
         return out
 
     def _heat(self, component: str) -> Number:
-        """Return the coefficient of heat transfer if the circuit states it, else the factor of its law."""
+        """Return the heat transfer coefficient if the circuit states it, otherwise the factor on its law."""
         is_stated = "heat_transfer" in self.parts[component]["numbers"]
         return self._number(component, "heat_transfer" if is_stated else "heat_transfer_scale", 1.0)
 
@@ -306,7 +306,7 @@ class DrivenCircuit:
         return [self._number(tank, "wall_capacity"), self._number(tank, "wall_outer_heat_transfer")]
 
     def _leak(self, side: str) -> Number:
-        """Return the leak past the piston or to the ambient air: the existing one, or a new one."""
+        """Return the leak past the piston or to the ambient air, existing or added."""
         ends = (f"{self.piston}.{side or 'a'}", "ambient" if side else f"{self.piston}.b")
         for name, part in self.parts.items():
             if part["kind"] == "leak" and self._ends(name) == {*ends}:
@@ -397,7 +397,7 @@ class DrivenCircuit:
     def trajectory(self, record: DrivenRecording) -> dict[str, Array]:
         """Return all columns of a run along a recording, at its grid of times.
 
-        It starts with the measured pressures, at the temperatures of the walls.
+        The run starts with the measured pressures at wall temperature.
         """
         start, end = [*record.pressures_pa[:, 0], *self.wall_k.values()], float(record.grid_s[-1])
         core = _core.Circuit(json.dumps(self.form))

@@ -43,7 +43,7 @@ OPEN_TOGETHER = 0.2  # least correlation of an open chamber's pressure with the 
 
 
 def check_readings(driven: DrivenCircuit, records: Sequence[DrivenRecording]) -> list[str]:
-    """Refuse recordings that cannot belong to the circuit; return warnings.
+    """Reject recordings that cannot belong to the circuit; return warnings.
 
     Raises
     ------
@@ -75,7 +75,7 @@ def check_readings(driven: DrivenCircuit, records: Sequence[DrivenRecording]) ->
 
 
 def _refuse_swapped(record: DrivenRecording) -> None:
-    """Refuse pressures that rise as the gas of their chamber expands."""
+    """Reject pressures that rise while the gas of their chamber expands."""
     ranges = record.ranges_pa / record.pressures_pa.mean(axis=1)
     together = [float(np.corrcoef(p, record.positions_m)[0, 1]) for p in record.pressures_pa]
     wrong = [together[0] > TOGETHER and ranges[0] > BEYOND, together[1] < -TOGETHER and ranges[1] > BEYOND]
@@ -85,7 +85,7 @@ def _refuse_swapped(record: DrivenRecording) -> None:
 
 
 def _open_doubts(driven: DrivenCircuit, record: DrivenRecording) -> list[str]:
-    """Return warnings on open chambers. Their pressure is ambient, and slightly lower while their gas expands."""
+    """Return warnings on chambers that seem open: pressure near ambient, and slightly lower during expansion."""
     ambient = float(driven.form["ambient"]["pressure_pa"])
     means = record.pressures_pa.mean(axis=1)
     far = {side: float(mean) for side, mean in zip(SIDES, means, strict=True)
@@ -125,7 +125,7 @@ def refuse_open(driven: DrivenCircuit, records: Sequence[DrivenRecording]) -> li
 
 
 def other_readings(solution: FollowSolution) -> list[str]:
-    """Return as text whether the recordings fit better with gauge or with absolute pressures."""
+    """Return a warning if the recordings fit better with the other reading of pressures (gauge or absolute)."""
     problem, point = solution.problem, solution.point
     ambient = float(problem.driven.form["ambient"]["pressure_pa"])
     base, found = rms(solution.every_rms), []
@@ -159,7 +159,7 @@ LARGEST_REACH = 0.5  # a number is determined if half its interval is below this
 
 @dataclass(frozen=True)
 class Rival:
-    """A model that is compared with the requested one.
+    """An alternative model, compared with the requested model.
 
     Attributes
     ----------
@@ -167,11 +167,11 @@ class Rival:
     fit_percent : float
         Worst residual of the fit, % of the range.
     gain : float
-        Ratio of its sum of squared residuals to that of the original model, in the fit.
+        Sum of squared residuals of the fit, divided by that of the requested model.
     predictions : tuple of float
-        The same for each part of the recordings that was not used. Empty if the fit gains nothing.
+        The same ratio for each held-out part of the recordings. Empty if the fit is not better.
     values, intervals : dict
-        Values and 95 % intervals of the numbers that both models have.
+        Values and 95 % intervals of the parameters common to both models.
     """
 
     name: str
@@ -189,7 +189,7 @@ class Rival:
 
     @property
     def verdict(self) -> str:
-        """One sentence."""
+        """Conclusion in one sentence."""
         if self.name == "held":
             return f"{self.words}: sum of squares {self.gain:.2f} times that with free start and delay"
         if not self.predictions:
@@ -222,7 +222,7 @@ class FollowRecord:
 
     @classmethod
     def of_table(cls, table: Plain) -> FollowRecord:
-        """Return the record of a table in a file; an older one has its residuals in percent."""
+        """Return the record from a table of a file. Older files have residuals in percent."""
         known: Plain = {field.name: table[field.name] for field in fields(cls) if field.name in table}
         known["rms"] = tuple(table.get("rms") or (share / 100.0 for share in table["rms_percent"]))
         return cls(**known)
@@ -244,18 +244,19 @@ class FollowFit(Fit, kind="motion"):
     Attributes
     ----------
     circuit : Circuit
-        With the identified values.
+        Circuit with the identified values.
     intervals : dict
-        Name -> 95 % interval: union over all models that fit as well, and at least the change from part to part.
+        Name -> 95 % interval: union over all models that fit equally well, at least as wide as the differences between
+        parts.
     details : dict
         Name -> ``model_interval``: 95 % interval for this model alone, from noise and correlated residuals. ``spread``:
-        lowest and highest value over all models that fit as well. ``parts``: values from each recording alone, or from
-        each half of a single recording.
+        lowest and highest value over all models that fit equally well. ``parts``: values from each recording alone, or
+        from each half of a single recording.
     records : tuple of FollowRecord
     rivals : tuple of Rival
-        Other models that were tried.
+        Alternative models that were fitted.
     solution : FollowSolution or None
-        For figures; None if it was read from a file.
+        Solution for figures; None if the fit was read from a file.
     """
 
     circuit: Circuit
@@ -306,10 +307,10 @@ def identify_motion(
     progress: Progress | None = None,
     cancel: Flag | None = None,
 ) -> FollowFit:
-    """Identify numbers of a circuit from its chamber pressures along a recorded motion.
+    """Identify parameters of a circuit from its chamber pressures along a recorded motion.
 
-    Start pressures, start temperatures and the delay of the pressures are free in each recording. The temperature at a
-    start at rest is that of the wall within 2 K.
+    Start pressures, start temperatures and the delay of the pressures are free in each recording. If a recording starts
+    at rest, the start temperature has a prior of wall temperature within 2 K.
 
     Parameters
     ----------
@@ -321,7 +322,7 @@ def identify_motion(
         Groups ``volumes``, ``heat``, ``wall``, ``leak``, ... (`driven.GROUPS`), or names such as ``upper.volume``.
     layout : Layout or path, optional
     rivals : bool
-        Whether to fit other models too: walls, leaks, held start. They take most of the time.
+        Whether to fit alternative models, too: walls, leaks, held start. This takes most of the time.
     progress, cancel
         See `pneudrive.progress.Watch`.
 
@@ -355,7 +356,7 @@ def identify_motion(
 def _first_point(
     described: Circuit, records: list[DrivenRecording], free: Sequence[str], problem: FollowProblem
 ) -> FollowPoint | None:
-    """Return the solution without walls and leaks: a safe start for a fit with them."""
+    """Return the solution without walls and leaks, as a safe start for the full fit."""
     first = [name for name in free if name in FIRST]
     if not first or len(first) == len(free):
         return None
@@ -428,7 +429,7 @@ def _result(
 
 
 def _shared(solution: FollowSolution) -> tuple[dict[str, float], dict[str, Interval]]:
-    """Return the values of the shared numbers of a solution, and their 95 % intervals for its model."""
+    """Return the shared parameters of a solution, and their 95 % intervals for its model."""
     values, intervals = {}, {}
     for place, (number, log) in enumerate(zip(solution.problem.numbers, solution.point.shared, strict=True)):
         half = solution.deviation(place)
@@ -438,9 +439,9 @@ def _shared(solution: FollowSolution) -> tuple[dict[str, float], dict[str, Inter
 
 
 def _parts(solution: FollowSolution) -> dict[str, tuple[float, ...]]:
-    """Return the values from each recording alone, or from each half of a single one, where they are determined.
+    """Return the determined values from each recording alone, or from each half of a single recording.
 
-    The interval of one recording does not contain changes from run to run. These values measure such changes.
+    These values show changes from run to run, which the interval from one recording does not contain.
     """
     problem, point = solution.problem, solution.point
     if len(problem.records) > 1:
@@ -483,7 +484,7 @@ def follow_record(solution: FollowSolution, at: int) -> FollowRecord:
 
 
 def with_values(described: Circuit, problem: FollowProblem, values: dict[str, float]) -> Circuit:
-    """Return the circuit with the values, and with components and keys that the free numbers added."""
+    """Return the circuit with fitted values, including added components and keys."""
     tables, driven = described.to_dict(), problem.driven
     connections = list(tables.get("connections", ()))
     for number in problem.numbers:
@@ -509,7 +510,7 @@ def _written(key: str, value: float) -> str | float:
 
 
 def _rivals(described: Circuit, solution: FollowSolution, free: list[str]) -> tuple[Rival, ...]:
-    """Fit the alternative models, and test the predictions of those that fit better."""
+    """Fit the alternative models, and test the predictions of better-fitting models."""
     problem, found = solution.problem, []
     base_fit = _squares(solution)
     folds = _folds(problem)
@@ -583,7 +584,7 @@ def described_circuit(circuit: FollowFit | Circuit | str | Path) -> tuple[Circui
 def hold_values(
     fit: FollowFit | Circuit, records: Sequence[DrivenRecording], watch: Watch | None = None
 ) -> FollowSolution:
-    """Fit start and delay of further recordings; all shared numbers are held."""
+    """Fit start and delay of further recordings, with all shared parameters held."""
     circuit = fit.circuit if isinstance(fit, FollowFit) else fit
     problem = FollowProblem(DrivenCircuit(circuit), records, [], watch=watch or Watch())
     return solve_follow(problem)

@@ -1,7 +1,7 @@
-"""Least squares of pressures along recorded motions: shared numbers, and the start and delay of each recording.
+"""Least squares fit of pressures along recorded motions: shared parameters, and start and delay of each recording.
 
-The noise of a good recording is far below the error of the model, which is correlated in time. Residuals are weighted
-by their size and correlation time, and the covariance is a sandwich over blocks of time.
+Sensor noise is far below the model error, which is correlated in time. Residuals are therefore weighted by their size
+and correlation time, and the covariance is a sandwich estimate over blocks of time.
 """
 
 from __future__ import annotations
@@ -25,7 +25,8 @@ if TYPE_CHECKING:
 
     from pneudrive.arrays import Array, Interval
 
-#: Standard uncertainty of the gas temperature at a start at rest and in motion, K, and of the delay, s (assumed).
+#: Prior standard uncertainty of the gas temperature for a start at rest and in motion, K, and of the delay, s
+#: (assumed).
 AT_REST_K, IN_MOTION_K, DELAY_S = 2.0, 30.0, 1.0
 LARGEST_DELAY_S = 3.0
 LOCAL = 5  # numbers of each recording: both log pressures, both temperatures, delay
@@ -44,7 +45,7 @@ WITHOUT_EFFECT = 1e-10  # information of a number relative to the largest
 
 @dataclass
 class FollowPoint:
-    """Values of a fit: logarithms of the shared numbers, and the numbers of each recording, shape (records, 5)."""
+    """Point of a fit: logarithms of the shared parameters, and the parameters of each recording, shape (records, 5)."""
 
     shared: Array
     local: Array
@@ -64,13 +65,13 @@ class FollowProblem:
     driven : DrivenCircuit
     records : sequence of DrivenRecording
     numbers : sequence of Number
-        Shared numbers; none to fit start and delay of each recording only.
+        Shared parameters. Empty: only start and delay of each recording are fitted.
     parts : sequence of (float, float)
-        Times of each recording between which residuals count, s.
+        Time span of each recording with residuals, s.
     is_delayed : bool
         Whether the delay of each recording is free.
     starts_free : bool
-        Whether start temperatures may leave those of the walls.
+        Whether start temperatures may differ from wall temperatures.
     model : str
         Name of the model in reports of progress.
     """
@@ -86,7 +87,7 @@ class FollowProblem:
     weights: Sequence[Array] = ()
 
     def __post_init__(self) -> None:
-        """Set the weights before the first fit; those of another problem are copied, as each fit renews its own."""
+        """Set the weights before the first fit, or copy those of another problem, because a fit updates its weights."""
         self.parts = self.parts or [(0.0, np.inf)] * len(self.records)
         self.weights = list(self.weights or map(_first_weights, self.records))
 
@@ -107,7 +108,7 @@ class FollowProblem:
         return self.driven.run(form, record, self.start_of(at, local), until)
 
     def shown(self, at: int, raw: Array, delay_s: float) -> Array:
-        """Return the simulated readings of the sensors, with the delay; NaN outside the run."""
+        """Return the simulated sensor readings, with the delay; NaN outside the run."""
         grid = self.records[at].grid_s
         times = grid - delay_s
         there = np.isfinite(raw[0])
@@ -118,14 +119,14 @@ class FollowProblem:
         return shown
 
     def residual(self, at: int, raw: Array, delay_s: float) -> Array:
-        """Return the weighted residuals of a recording, (2, n); zero where nothing is compared."""
+        """Return the weighted residuals of a recording, shape (2, n); zero outside the compared span."""
         record, (begin, end) = self.records[at], self.parts[at]
         counts = (record.grid_s >= begin) & (record.grid_s <= end)
         rest = np.where(counts, record.pressures_pa - self.shown(at, raw, delay_s), 0.0)
         return np.nan_to_num(rest) * self.weights[at][:, None]
 
     def priors(self, at: int) -> Array:
-        """Return the prior standard uncertainties of the numbers of a recording; 0 if held, inf if free."""
+        """Return the prior standard uncertainties of a recording's parameters; 0 if held, inf without a prior."""
         kelvin = AT_REST_K if self.records[at].at_rest else IN_MOTION_K
         kelvin = kelvin if self.starts_free else 0.0
         return np.array([np.inf, np.inf, kelvin, kelvin, DELAY_S if self.is_delayed else 0.0])
@@ -151,7 +152,7 @@ class FollowSolution:
     raws : list of ndarray
         Simulated pressures of each recording before its delay.
     covariance : ndarray
-        Covariance of all numbers, shape (n, n), with shared numbers as logarithms.
+        Covariance of all parameters, shape (n, n), with shared parameters as logarithms.
     freedom : float
         Degrees of freedom of the intervals.
     """
@@ -165,7 +166,7 @@ class FollowSolution:
     converged: bool
 
     def rest(self, at: int) -> Array:
-        """Return measured minus simulated pressures of a recording, Pa; NaN where nothing is simulated."""
+        """Return measured minus simulated pressures of a recording, Pa; NaN without a simulated value."""
         record = self.problem.records[at]
         return record.pressures_pa - self.problem.shown(at, self.raws[at], float(self.point.local[at, 4]))
 
@@ -178,7 +179,7 @@ class FollowSolution:
 
     @property
     def every_rms(self) -> list[Array]:
-        """The residuals of all recordings; see `rms`."""
+        """RMS residuals of all recordings; see `rms`."""
         return [self.rms(at) for at in range(len(self.problem.records))]
 
     def deviation(self, place: int) -> float:
@@ -230,7 +231,7 @@ def _prior_rows(problem: FollowProblem, at: int, local: Array) -> Array:
 def _jacobians(
     problem: FollowProblem, point: FollowPoint, raws: list[Array], residuals: list[Array], pool: ThreadPoolExecutor
 ) -> list[Array]:
-    """Return the derivatives of each recording's residuals: by shared numbers, then by the separate ones."""
+    """Return the derivatives of each recording's residuals by shared, then by separate parameters."""
     shared = len(problem.numbers)
     jobs = []
     for at in range(len(raws)):
@@ -262,13 +263,13 @@ def _jacobians(
 
 
 def _side(problem: FollowProblem, column: int) -> str:
-    """Return the chamber that a column acts on; empty if it may act on both."""
+    """Return the chamber affected by a parameter; empty if both may be affected."""
     own = column - len(problem.numbers)
     return problem.numbers[column].side if own < 0 else SIDES[own % 2]
 
 
 def _together(problem: FollowProblem, columns: list[int]) -> list[list[int]]:
-    """Return groups of columns that share one run: a column for each chamber, if no gas passes between the chambers."""
+    """Group parameters that share one run: one for each chamber, if no gas passes between the chambers."""
     if problem.driven.is_coupled:
         return [[column] for column in columns]
     sides = {side: [c for c in columns if _side(problem, c) == side] for side in ("", *SIDES)}
@@ -346,7 +347,7 @@ def _search(
 
 
 def _refuse_idle(problem: FollowProblem, diagonal: Array) -> None:
-    """Refuse a shared number without an effect on the pressures."""
+    """Reject a shared parameter without an effect on the pressures."""
     own = diagonal[: len(problem.numbers)]
     idle = [n.name for n, value in zip(problem.numbers, own, strict=True) if value <= WITHOUT_EFFECT * own.max()]
     if idle:
@@ -367,7 +368,7 @@ def _reweight(problem: FollowProblem, point: FollowPoint, raws: list[Array]) -> 
 
 
 def _correlation_time(rest: Array) -> float:
-    """Return the integral correlation time of residuals in samples, at least 1: up to the first negative value."""
+    """Return the integral correlation time of residuals, samples: at least 1, summed up to the first negative value."""
     centred = rest - rest.mean()
     n = centred.size
     spectrum = np.abs(np.fft.rfft(centred, 2 * n)) ** 2
@@ -379,7 +380,7 @@ def _correlation_time(rest: Array) -> float:
 
 
 def _covariance(problem: FollowProblem, residuals: list[Array], jac: list[Array]) -> tuple[Array, float]:
-    """Return the covariance: the larger of the weighted one and the sandwich over blocks of time."""
+    """Return the covariance: the larger of the weighted estimate and the sandwich estimate over blocks of time."""
     shared, n = len(problem.numbers), len(problem.numbers) + LOCAL * len(residuals)
     zero = FollowPoint(np.zeros(shared), np.zeros((len(residuals), LOCAL)))
     matrix, _ = _normal(problem, zero, residuals, jac)

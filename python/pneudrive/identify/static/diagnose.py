@@ -1,4 +1,4 @@
-"""Model selection: the part of a law that a friction map supports, and statements on the parts that it does not."""
+"""Model selection: the part of a law that a friction map supports, and statements on the unsupported parts."""
 
 from __future__ import annotations
 
@@ -23,17 +23,18 @@ if TYPE_CHECKING:
 
     Ends = dict[str, Interval]
 
-#: Difference of gauge pressures below which they are one level: about 0.5 % of a 10 bar transducer.
+#: Difference below which gauge pressures count as one level, Pa: about 0.5 % of a 10 bar transducer.
 SAME_PRESSURE_PA = 5e3
-#: Without a level below this multiple of vs the data see only the tail of the Stribeck curve, in which a larger
-#: Fs and a smaller vs look alike (at 2 vs the tail is exp(-4) = 2 % of the excess).
+#: Multiple of vs below which a speed level is needed. The tail of the Stribeck curve alone (at 2 vs, exp(-4) = 2 % of
+#: the excess) does not separate Fs and vs.
 TAIL = 2.0
-#: Without a level above this multiple of vs the plateau Fc + Fv v is never reached; 2.8 vs is the support point of
-#: the optimal design of four speeds.
+#: Multiple of vs above which a speed level is needed, to reach the plateau Fc + Fv v. 2.8 vs is the support point of
+#: the optimal design with four speeds.
 PLATEAU = 2.8
-#: p-value above which a falling part counts as chance.
+#: p-value above which a falling part counts as not significant.
 CHANCE = 0.05
-#: Share of all friction above which the interval of a viscous part makes it indistinguishable from the Coulomb force.
+#: Half width of the viscous part's interval, as a fraction of friction, above which this part cannot be distinguished
+#: from the Coulomb force.
 VISCOUS_REACH = 0.5
 #: Largest number of speeds in a sentence.
 MOST_SPEEDS = 6
@@ -73,7 +74,7 @@ def choose_model(
         Law without chambers.
     data : Observations
     pressure : str or None
-        Wanted dependence on pressure, one of ``PRESSURE_FORMS``.
+        Requested dependence on pressure, one of ``PRESSURE_FORMS``.
     """
     model, lost = (wanted, []) if pressure is None else _with_pressure(wanted, data, pressure)
     levels = distinct_levels(data.speed_m_s)
@@ -166,7 +167,7 @@ def diagnose(found: RobustEstimate, intervals: Ends) -> list[Undetermined]:
 
 
 def without_support(found: RobustEstimate, intervals: Ends) -> tuple[FrictionModel, list[Undetermined]]:
-    """Return the law without a part that the values do not support; the law itself if they support all of it."""
+    """Return the law without a part that the data do not support, or the law itself if all parts are supported."""
     model, data, excess_p_value = found.model, found.data, _excess_p_value(found)
     span, fastest = _span(data), float(data.speed_m_s.max())
     if model.stribeck and excess_p_value is not None and excess_p_value > CHANCE:
@@ -215,21 +216,22 @@ def _stribeck(found: RobustEstimate, intervals: Ends) -> list[Undetermined]:
     return out
 
 
-#: Candidate knees, as multiples of the largest gauge pressure; above four the curve is a straight line to 20 % of its
-#: end, and below a tenth a step.
+#: Candidate knees, as multiples of the largest gauge pressure. Above 4, the curve is nearly a straight line (within 20
+#: % of its final value); below 0.1, it is nearly a step.
 KNEES = (0.1, 0.2, 0.35, 0.6, 1.0, 1.6, 2.5, 4.0)
 
-#: Number of further knees between the best one and its neighbours.
+#: Factors of further knees between the best knee and its neighbours.
 FINER = np.geomspace(0.6, 1.0 / 0.6, 9)
-#: Exponent of the Stribeck curve, and whether it is Lorentzian; literature has exponents of 0.5 to 2 [armstrong1994].
+#: Candidate shapes: exponent of the Stribeck curve (0.5 to 2 in the literature [armstrong1994]), and whether
+#: Lorentzian.
 SHAPES = ((0.5, False), (1.0, False), (2.0, False), (2.0, True))
-#: Factors of knees about the best one over which intervals are joined, if the values allow them.
+#: Factors of knees about the best one. Intervals are joined over the knees that the data allow.
 NEIGHBOURS = np.geomspace(1.0, 40.0, 61)[1:]
 
 
 @dataclass(frozen=True)
 class Support:
-    """Estimate of the part of a law that the values support; the standard errors of its values include the scatter."""
+    """Estimate of the supported part of a law. The standard errors of the data include the scatter."""
 
     found: RobustEstimate
     scatter_n: float
@@ -261,7 +263,7 @@ def _largest_gauge(data: Observations) -> float:
 
 
 def with_knee(model: FrictionModel, data: Observations, loss: str) -> FrictionModel:
-    """Choose the most likely knee of a saturating dependence on pressure among a few."""
+    """Choose the most likely of a few knees of a saturating dependence on pressure."""
     if model.pressure != "saturating" or not model.chambers:
         return model
     top, starts, sizes = _largest_gauge(data), [], {}
@@ -276,7 +278,7 @@ def with_knee(model: FrictionModel, data: Observations, loss: str) -> FrictionMo
 
 
 def interval_over_knees(found: RobustEstimate, quantile: float, loss: str) -> Ends:
-    """Return profile intervals over all knees that the values allow: at a single knee they would be far too narrow."""
+    """Return profile intervals over all knees that the data allow. At a single knee, they would be far too narrow."""
     out, model = profile_intervals(found, quantile), found.model
     if model.knee_pa is None:
         return out
@@ -294,10 +296,10 @@ def interval_over_knees(found: RobustEstimate, quantile: float, loss: str) -> En
 
 
 def interval_over_shapes(support: Support) -> Ends:
-    """Return the intervals of the forces over all Stribeck shapes that fit as well as the chosen one.
+    """Return the intervals of the forces over all Stribeck shapes that fit as well as the chosen shape.
 
-    The shape at low speed is not known, and the breakaway force depends on it. Parameters of the shape keep their own
-    intervals. The chosen exponent is one of several usual values, so that at a single one the intervals are too narrow.
+    The breakaway force depends on the unknown shape at low speed. At a single exponent, the intervals of the forces
+    would be too narrow. Parameters of the shape keep their own intervals.
     """
     found, model, out = support.found, support.found.model, dict(support.intervals)
     if not model.stribeck or model.exponent is None or found.dof < 1:

@@ -1,7 +1,7 @@
 """Fits of friction laws to friction maps.
 
-`fit_friction` is for laws that are linear in their forces. It gives profile intervals, and fits a part of the law if
-the data do not determine more. `fit_any_law` uses only the bounds of a law: the search has several starts, and the
+`fit_friction` is for laws that are linear in their forces. It gives profile intervals, and fits only the part of the
+law that the data determine. `fit_any_law` uses only the bounds of a law: the search has several starts, and the
 intervals are first order, in the logarithm of positive parameters. Parameters without effect on steady sliding keep
 their given values.
 """
@@ -69,7 +69,7 @@ def fit_friction(
     friction_map : xarray.Dataset
         As returned by :func:`pneudrive.characterise`: one dimension ``row``, SI units.
     law : str
-        ``coulomb`` (with a viscous part), ``stribeck``, or the latter with its shape: ``stribeck lorentzian``.
+        ``coulomb`` (with a viscous part), ``stribeck``, or with a shape, such as ``stribeck lorentzian``.
     pressure_dependence : bool
         Whether Coulomb and breakaway force depend on the gauge pressure of each chamber, see `pressure`.
     direction : int or None
@@ -81,18 +81,18 @@ def fit_friction(
         ``gaussian``, ``exponential``, ``lorentzian`` or ``free`` (exponent is fitted); None: by
         `stribeck_exponent`.
     any_shape : bool or None
-        Whether the intervals of the forces cover all Stribeck shapes that fit as well. None: if `stribeck_shape` is not
-        given.
+        Whether intervals of the forces cover all Stribeck shapes that fit equally well. None: True if `stribeck_shape`
+        is not given.
     pressure : str
-        With `pressure_dependence`: ``linear`` in the gauge pressures. ``quadratic``. ``saturating``, with g/(1 +
-        g/knee) in place of each gauge pressure g and the most likely of a few knees. ``interaction``, with the product
-        of both.
+        Form of `pressure_dependence`: ``linear`` in the gauge pressures; ``quadratic``; ``saturating``, with g/(1 +
+        g/knee) instead of each gauge pressure g and the most likely of a few knees; or ``interaction``, with the
+        product of both.
     viscous : bool
-        False holds the viscous part at zero, for speeds that hardly differ.
+        Whether to fit a viscous part. False holds it at zero, for nearly equal speeds.
     robust : bool
-        True: Huber's loss, by which single outliers do not move the fit; False: plain least squares.
+        True: Huber's loss, which limits the effect of outliers; False: plain least squares.
     ambient_pressure_pa : float or None
-        Reference of gauge pressures; None takes ``friction_map.attrs["ambient_pressure_pa"]``. Needed only with
+        Reference of gauge pressures. None: ``friction_map.attrs["ambient_pressure_pa"]``. Needed only with
         `pressure_dependence`.
     exclude_flags : collection of str
         Rows with any of these flags are left out; by default those of stick-slip.
@@ -105,15 +105,15 @@ def fit_friction(
     Raises
     ------
     FitError
-        The law is unknown, the map lacks columns, or no usable rows remain.
+        The law is unknown, a column of the map is missing, or no usable rows remain.
 
     Notes
     -----
-    Rows are weighted by their statistical standard error. Its common scale is estimated from the residuals, so that
-    intervals are also valid if the stated errors are too small by a factor. Intervals use Student's t. For the Stribeck
-    velocity and the breakaway force, they use the profile likelihood, because these are far from symmetric. Systematic
-    uncertainty, shared by all rows, is given separately for each parameter (`FrictionFit.systematic`). Methods:
-    [huber2009], [bates1988], [smyth2004], [paule1982].
+    Rows are weighted by their statistical standard error. A common scale of these errors is estimated from the
+    residuals, so that intervals stay valid if the stated errors are too small by a factor. Intervals use Student's t.
+    The intervals of Stribeck velocity and breakaway force use the profile likelihood, because they are far from
+    symmetric. Systematic uncertainty, shared by all rows, is given separately for each parameter
+    (`FrictionFit.systematic`). Methods: [huber2009], [bates1988], [smyth2004], [paule1982].
     """
     name, _, shape = law.partition(" ")
     stribeck_shape = stribeck_shape or shape or None
@@ -163,11 +163,11 @@ def fit_values(
         Law; this function adds chambers and removes parts with too few values.
     data : Observations
     pressure : str or None
-        Dependence on pressure, one of ``PRESSURE_FORMS``; None for none.
+        Dependence on pressure, one of ``PRESSURE_FORMS``; None: no dependence.
     loss : str
         ``linear`` or ``huber``.
     any_shape : bool
-        Intervals of the forces cover all Stribeck shapes that fit as well.
+        Whether intervals of the forces cover all Stribeck shapes that fit equally well.
     notes, options
         Added to the result and to its provenance.
     """
@@ -184,7 +184,7 @@ def fit_values(
 
 
 def _ranges(data: sliding.Observations) -> dict[str, object]:
-    """Return the lowest and highest speed and gauge pressures, outside which the fit is an extrapolation."""
+    """Return the lowest and highest speed and gauge pressures. Outside these ranges, the fit is an extrapolation."""
     columns = {"speed_m_s": data.speed_m_s, "gauge_a_pa": data.gauge_a_pa, "gauge_b_pa": data.gauge_b_pa}
     return {name: [float(values.min()), float(values.max())] for name, values in columns.items() if values.size}
 
@@ -203,8 +203,8 @@ def _remarks(support: selection.Support) -> list[str]:
 def fit_directions(friction_map: xr.Dataset, law: str = "stribeck", **options: object) -> dict[int, FrictionFit]:
     """Fit each direction separately: {+1: fit, -1: fit}; options as for :func:`fit_friction`.
 
-    Friction of lip seals differs by 10 to 40 % between directions. An error of the force's zero or of the area has the
-    same effect: it increases one Coulomb force and decreases the other. Only a fit of pairs of both directions avoids
+    Friction of lip seals differs by 10 to 40 % between directions. An error of the force zero or of the area has the
+    same effect: it increases one Coulomb force and decreases the other. Only a fit to pairs of both directions avoids
     this error.
     """
     return {d: fit_friction(friction_map, law, direction=d, **options) for d in (1, -1)}  # type: ignore[arg-type]
@@ -269,7 +269,7 @@ def _parameters(law: str, model: sliding.FrictionModel, theta: dict[str, float])
 
 #: Relative sensitivity of friction below which a parameter counts as without effect.
 NO_EFFECT = 1e-9
-#: Distance of an end of a profile from the estimate, in the logarithm, beyond which a side is open: as the search's.
+#: Logarithmic distance from the estimate beyond which a side of a profile is open, as in the search.
 FARTHEST_LOG = 14.0
 
 
@@ -290,13 +290,13 @@ def fit_any_law(
     friction_map : xarray.Dataset
         As for :func:`fit_friction`.
     friction : Friction
-        Law, also a custom one, with guesses of its parameters; its modifiers (pressure, direction) are kept.
+        Built-in or custom law with guesses of its parameters. Its modifiers (pressure, direction) are kept.
     free : sequence of str, optional
-        Parameters to fit; by default all with an effect on steady sliding.
+        Parameters to fit. Default: all parameters with an effect on steady sliding.
     direction, ambient_pressure_pa, exclude_flags
         As for :func:`fit_friction`.
     seed : int
-        Seed of the further starts, within a factor of five of the guesses.
+        Random seed of further start values, within a factor of five of the guesses.
 
     Returns
     -------
@@ -365,7 +365,7 @@ def _profile(found: RobustEstimate, name: str) -> Interval:
 
 
 def _with_sizes(model: sliding.AnyLaw, data: sliding.Observations) -> sliding.AnyLaw:
-    """Replace guesses of zero, which have no logarithm, by values that change friction by about a tenth."""
+    """Replace guesses of zero, which have no logarithm, by values that change friction by about 10 %."""
     start = model.given
     zero = model.positive & (start == 0.0)
     if not zero.any():
@@ -423,7 +423,7 @@ def fit_file(group: str) -> str:
 def fit_groups(
     table: xr.Dataset, names: Sequence[str], laws: Sequence[str], exclude_flags: Sequence[str] = sliding.NOT_SLIDING
 ) -> tuple[dict[str, dict[str, FrictionFit]], list[str]]:
-    """Fit laws to each group of rows of a map, by the name of its group: group -> law -> fit, and failed fits."""
+    """Fit laws to each group of rows of a map. Return group -> law -> fit, and failed fits."""
     fits: dict[str, dict[str, FrictionFit]] = {}
     problems: list[str] = []
     for group in dict.fromkeys(names):

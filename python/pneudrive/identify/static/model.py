@@ -1,8 +1,8 @@
 """Sliding friction laws as functions of their parameters, for least squares.
 
-The core evaluates a law and its derivatives (``pneudrive._core.steady_friction_sensitivity``). `AnyLaw` has any law of
-the core, or a custom law. The laws of `FrictionModel` are linear in their forces at a given Stribeck velocity and
-exponent,
+The core evaluates a law and its derivatives (``pneudrive._core.steady_friction_sensitivity``). `AnyLaw` represents any
+law of the core, or a custom law. The laws of `FrictionModel` are linear in their forces at a given Stribeck velocity
+and exponent,
 
     F(|v|) = Fc b_c(|v|) + Fs b_s(|v|) + Fv |v|,
 
@@ -42,8 +42,8 @@ if TYPE_CHECKING:
 FORCES = ("coulomb", "breakaway")
 #: Slopes over the gauge pressures of the chambers, in the order of a fit.
 PRESSURE_NAMES = ("coulomb_a", "coulomb_b", "breakaway_a", "breakaway_b")
-#: Terms of the gauge pressures g of the chambers: only the slopes; also a square of each; g/(1 + |g|/knee) in place
-#: of g; also the product of both.
+#: Terms of the gauge pressures g of the chambers: linear only; with squares; with g/(1 + |g|/knee) instead of g; with
+#: the product of both.
 PRESSURE_FORMS = ("linear", "quadratic", "saturating", "interaction")
 #: Shapes of the Stribeck curve, by their names in the core.
 STRIBECK_SHAPES = ("gaussian", "exponential", "lorentzian", "free")
@@ -96,7 +96,7 @@ class Observations:
 
 
 def at_conditions(*conditions: ArrayLike) -> Observations:
-    """Return speeds and gauge pressures, broadcast, as rows without values, at which a law is evaluated."""
+    """Return rows without friction values at the given speeds and gauge pressures (broadcast), to evaluate a law."""
     speed, a, b = (x.ravel() for x in np.broadcast_arrays(*(np.asarray(x, dtype=float) for x in conditions)))
     one = np.ones(speed.size)
     return Observations(speed, one, one, a, b, 0.0 * one, np.zeros(one.size, np.int64))
@@ -155,12 +155,12 @@ class FrictionModel(StaticLaw):
     exponent : float or None
         Fixed Stribeck exponent; None makes it a free parameter.
     chambers : tuple of str
-        Chambers whose gauge pressure acts on the forces: (), ("a",), ("b",), ("a", "b"), or ("ab",) if only the
-        sum of both slopes is free (equal slopes).
+        Chambers whose gauge pressure acts on the forces: (), ("a",), ("b",), ("a", "b"), or ("ab",) for equal slopes,
+        of which only the sum is free.
     viscous : bool
         Whether the viscous coefficient is free; otherwise it is zero.
     lorentzian : bool
-        Stribeck curve 1/(1 + (v/vs)^2) in place of exp(-(v/vs)^n). It has no exponent.
+        Stribeck curve 1/(1 + (v/vs)^2), without an exponent, instead of exp(-(v/vs)^n).
     pressure : str
         Dependence of the forces on the chambers' pressures, one of ``PRESSURE_FORMS``.
     knee_pa : float or None
@@ -211,7 +211,7 @@ class FrictionModel(StaticLaw):
 
     @property
     def chosen(self) -> int:
-        """Number of values chosen by the data that are not free parameters: the knee."""
+        """Number of values chosen from candidates in addition to the free parameters: 1 for a knee."""
         return int(self.knee_pa is not None)
 
     @property
@@ -248,7 +248,7 @@ class FrictionModel(StaticLaw):
 
     @cached_property
     def transforms(self) -> Transforms:
-        """Transforms to internal coordinates: log(Fs - Fc), log vs, log n; others unchanged."""
+        """Transformation to internal coordinates: log(Fs - Fc), log vs, log n; others unchanged."""
         positive = [name.startswith("stribeck_") for name in self.names]
         excess = 1 if self.stribeck else None
         return Transforms(np.where(positive, 0.0, -np.inf), excess=excess, over=0, least_excess=EXCESS_FLOOR)
@@ -256,8 +256,8 @@ class FrictionModel(StaticLaw):
     def bounds(self, data: Observations) -> tuple[Array, Array]:
         """Return lower and upper bounds of the internal coordinates for these data.
 
-        Forces are not negative. The Stribeck velocity may be a factor 30 outside the measured speeds. Outside these
-        limits, the law is a constant or a step for these data.
+        Forces are not negative. The Stribeck velocity may be outside the measured speeds by a factor of 30. Beyond this
+        factor, the Stribeck part is a constant or a step for these data.
         """
         lower = np.full(len(self.names), -np.inf)
         upper = np.full(len(self.names), np.inf)
@@ -276,7 +276,7 @@ class FrictionModel(StaticLaw):
     # -- values and derivatives -------------------------------------------------------------------------------
 
     def _curve(self, speed: Array, velocity: float, exponent: float | None) -> dict[str, Array]:
-        """Return the core's derivatives by the forces and the free shape of the law, for an excess Fs - Fc of 1 N."""
+        """Return the core's derivatives by the forces and the shape parameters, for an excess Fs - Fc of 1 N."""
         values, choices, names = {"coulomb": 1.0, "viscous": 0.0}, None, ["coulomb"]
         if self.stribeck:
             values |= {"breakaway": 2.0, "stribeck_velocity": velocity}
@@ -332,8 +332,8 @@ class FrictionModel(StaticLaw):
     def starting_points(self, data: Observations) -> list[Array]:
         """Return start coordinates, best first.
 
-        At each Stribeck velocity of a logarithmic grid, the forces are a linear problem with non-negative forces and
-        excess; the best local minima of the grid are kept.
+        At each Stribeck velocity of a logarithmic grid, non-negative forces and excess follow from a linear problem.
+        The best local minima of the grid are kept.
         """
         if not self.stribeck:
             return [self._linear_start(data, self.linear_columns(data, np.zeros(1), None)[0], 0.0, None)[1]]
@@ -383,7 +383,7 @@ class FrictionModel(StaticLaw):
         return float(np.sum(np.abs(residual))), q
 
     def _pressures(self, data: Observations) -> dict[str, Array]:
-        """Return the factors of a force and of its pressure terms, by what follows the name of the force."""
+        """Return the factors of a force and of its pressure terms, by suffix of the parameter name."""
         a, b = data.gauge_a_pa, data.gauge_b_pa
         of = {"a": a, "b": b}
         if self.knee_pa is not None:
@@ -393,7 +393,7 @@ class FrictionModel(StaticLaw):
         return {"": np.ones(len(data))} | {f"_{term}": of[term] for term in self.terms}
 
 
-#: Number of starts of a search, the given values included, and factor about these values.
+#: Number of starts of a search, including the given values; and range of further starts, as a factor.
 STARTS, FACTOR = 5, 5.0
 
 
@@ -412,7 +412,7 @@ class AnyLaw(StaticLaw):
     seed : int
         Seed of the further starts, within a factor of five of the given values.
     held : dict
-        Further held parameter -> value, SI, in place of that of `friction`.
+        Further held parameter -> value, SI, instead of that of `friction`.
     """
 
     friction: Friction
@@ -442,7 +442,7 @@ class AnyLaw(StaticLaw):
 
     @cached_property
     def transforms(self) -> Transforms:
-        """Transforms of the parameters: logarithm of positive ones, and of Fs - Fc if both are free."""
+        """Transformation of the parameters: logarithms of positive parameters, and of Fs - Fc if both are free."""
         both = {"coulomb", "breakaway"} <= set(self.names)
         c, s = (self.names.index(n) if both else 0 for n in ("coulomb", "breakaway"))
         lower = np.where(self.positive, 0.0, -np.inf)
@@ -453,7 +453,7 @@ class AnyLaw(StaticLaw):
         return self.transforms.internal(np.where(self.positive, np.maximum(theta, 1e-12), theta))
 
     def bounds(self, data: Observations) -> tuple[Array, Array]:
-        """Return the bounds of the coordinates: those of the law, and six decades around the given values."""
+        """Return the bounds of the coordinates: bounds of the law, and six decades around the given values."""
         del data
         given = self.internal(self.given)
         lower, upper = np.full(given.size, -np.inf), np.full(given.size, np.inf)
@@ -472,7 +472,7 @@ class AnyLaw(StaticLaw):
         return lower, upper
 
     def without(self, name: str, value: float, start: Array) -> AnyLaw:
-        """Return the law with one parameter held; `start`, shape (p,), has the start values of all, SI."""
+        """Return the law with one parameter held. `start`, shape (p,), has the start values of all parameters, SI."""
         keep = [k for k, n in enumerate(self.names) if n != name]
         names, others = tuple(self.names[k] for k in keep), tuple(float(start[k]) for k in keep)
         return replace(self, names=names, start=others, held=self.held | {name: value})
@@ -505,9 +505,10 @@ class AnyLaw(StaticLaw):
 # --- Selection of the independent values of a friction map for a fit.
 
 REQUIRED = ("recording", "direction", "velocity_m_s", "pressure_a_pa", "pressure_b_pa", "balance_n", "friction_n")
-#: Flags of rows that are not points of F(v): the mean force of stick-slip does not belong to the mean speed.
+#: Flags that exclude rows from F(v): in stick-slip, the mean force does not belong to the mean speed.
 NOT_SLIDING = ("stick_slip",)
-#: Smallest friction of a map, N: smaller values in every row are rounding, and their squares would underflow.
+#: Smallest friction of a map, N. If all values are smaller, they are rounding errors, and their squares would
+#: underflow.
 NO_FRICTION_N = 1e-12
 
 
@@ -520,7 +521,7 @@ def observations(
 ) -> tuple[Observations, list[str]]:
     """Select and combine the rows of a friction map.
 
-    Both rows of a pair have the same friction (half the difference of both directions) and count as one value. A fit of
+    Both rows of a pair have the same friction (half the difference of both directions) and count as one value. A fit to
     one direction uses ``direction * balance_n`` of its rows instead.
 
     Parameters
@@ -678,7 +679,7 @@ def selected(
     return data, notes, provenance
 
 
-#: Largest number of listed recordings; more are given by their number, the first and the last one.
+#: Largest number of listed recordings. More recordings are given by their number, first and last name.
 MOST_RECORDINGS = 50
 
 
@@ -691,7 +692,7 @@ def recordings_of(friction_map: xr.Dataset) -> list[str]:
 
 
 def simulated(friction_map: xr.Dataset) -> list[str]:
-    """Return a note if the map is known to be of simulated recordings."""
+    """Return a note if the map is known to come from simulated recordings."""
     return [SIMULATED] if friction_map.attrs.get("synthetic", False) else []
 
 

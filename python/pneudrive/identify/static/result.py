@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
 class SlidingFit(Fit):
-    """Fit of a law of steady sliding to a friction map. A fit from a file has `observations=None`."""
+    """Fit of a law of steady sliding to a friction map. A fit from a file does not contain `observations`."""
 
     model: StaticLaw
     observations: Observations | None = field(default=None, repr=False)
@@ -55,7 +55,7 @@ class SlidingFit(Fit):
         return self.model.internal(self.estimates)
 
     def compared(self) -> dict[str, identified.FittedData]:
-        """Return the fitted values and those of the law. Empty if the fit was read from a file."""
+        """Return measured and fitted friction. Empty if the fit was read from a file."""
         data = self.observations
         if data is None:
             return {}
@@ -68,13 +68,14 @@ LAWS = ("coulomb", "stribeck")
 STATISTICS = ("values", "degrees_of_freedom", "scale", "variance", "rms_n")
 
 
-#: Share of friction by which kept values may move the curve of a drive from that of the fit without a warning.
+#: Largest deviation between the curves of drive and fit, as a fraction of friction, caused by kept values without a
+#: warning.
 KEPT_SHARE = 0.01
 #: Parameters of the steady curve over speed.
 STEADY = ("coulomb", "breakaway", "stribeck_velocity", "viscous")
 #: Correlation above which two parameters are reported to change together.
 TOGETHER = 0.9
-#: Range of candidate speeds for a remedy, as a factor beyond the measured ones.
+#: Factor by which candidate speeds for a remedy extend beyond the measured speeds.
 BEYOND = 10.0
 CANDIDATES = 60
 
@@ -112,7 +113,7 @@ class FrictionFit(SlidingFit, kind="friction map"):
     covariance : ndarray, shape (p, p)
         Statistical covariance of the free parameters, without directions that the data do not determine.
     intervals : dict
-        Free parameter that the data determine -> (lower, upper), statistical, 95 %; other parameters have none.
+        Determined free parameter -> (lower, upper), statistical, 95 %. Other parameters have no interval.
     systematic : dict
         Free parameter -> standard uncertainty from errors shared by all rows (sensor gain, pressure, area).
     undetermined : tuple of Undetermined
@@ -131,7 +132,7 @@ class FrictionFit(SlidingFit, kind="friction map"):
     weights : ndarray or None
         Huber weight of each value.
     dependences : Dependences
-        Measured friction modifiers: direction, position, stops, temperature. `apply` also puts them into the drive.
+        Measured friction modifiers: direction, position, stops, temperature. `apply` adds them to the drive.
     """
 
     law: str
@@ -162,9 +163,9 @@ class FrictionFit(SlidingFit, kind="friction map"):
         Parameters
         ----------
         speed_m_s : array_like
-            Speeds in m/s; the sign is ignored, friction opposes the motion.
+            Speeds, m/s. The sign is ignored.
         gauge_a_pa, gauge_b_pa : array_like
-            Gauge pressures, broadcast with the speeds; without effect if the fit does not depend on pressure.
+            Gauge pressures, Pa, broadcast with the speeds. No effect if the fit does not depend on pressure.
         stderr_n : array_like, optional
             None: interval of the law itself. Values: interval of a new mean with this standard error, including the
             scatter between levels and the scale of the residuals.
@@ -194,7 +195,7 @@ class FrictionFit(SlidingFit, kind="friction map"):
     def apply(self, drive: Drive) -> Drive:
         """Return a new drive whose friction has the determined parameters of this fit.
 
-        The drive keeps its own values of undetermined parameters, and of those without effect on sliding (bristles).
+        The drive keeps its values of undetermined parameters, and of parameters without effect on sliding (bristles).
 
         Parameters
         ----------
@@ -207,14 +208,14 @@ class FrictionFit(SlidingFit, kind="friction map"):
         Raises
         ------
         FitError
-            The drive's law lacks a determined parameter.
+            The drive's law does not have a determined parameter.
 
         Warns
         -----
         PneudriveWarning
-            An undetermined breakaway force below the fitted Coulomb force, or the reverse, is set to that limit. A
-            breakaway force above the Coulomb force stays. Kept values move the curve of the drive. Measured effects of
-            a campaign that cannot be applied, and assumptions.
+            An undetermined breakaway force below the fitted Coulomb force (or the reverse) is set to the fitted force.
+            Kept values change the curve of the drive. Measured effects of a campaign cannot be applied, or were
+            assumed.
         """
         known = {p["key"] for p in drive.friction.entry["parameters"]}
         forces = {n for n in self.determined if n not in sliding.PRESSURE_NAMES}
@@ -259,10 +260,10 @@ class FrictionFit(SlidingFit, kind="friction map"):
             warn(identified.sentence("notes", "kept", kept=", ".join(kept), **at))
 
     def identified(self, *, curve: bool = False) -> identified.Identified:
-        """Return the determined parameters under their names in the drive file; with `curve` the exponent too.
+        """Return the determined parameters under their names in the drive file. `curve` adds the exponent.
 
-        The intervals combine in quadrature the statistical uncertainty (profile likelihood) and the systematic one. If
-        the data determine only the sum of two slopes, each gets half of it, without an interval.
+        The intervals combine statistical (profile likelihood) and systematic uncertainty in quadrature. If the data
+        determine only the sum of two slopes, each slope gets half of the sum, without an interval.
         """
         names = [n for n in self.determined if n not in sliding.PRESSURE_NAMES]
         if curve and "stribeck_exponent" not in names:
@@ -356,7 +357,7 @@ def slope_key(name: str) -> str:
 
 
 def _remedy(fit: FrictionFit, i: int, j: int) -> str:
-    """Return the speed at which another value lowers the correlation most; for pressures, return a general remedy."""
+    """Return the speed at which a further value reduces the correlation most; for pressures, a general remedy."""
     names = (fit.free[i], fit.free[j])
     if any(sliding.unit_of(name).startswith("N/Pa") for name in names):
         return "pressures that differ more, and are not varied together, would separate them"
@@ -394,13 +395,13 @@ class LawFit(SlidingFit, kind="law"):
     model : AnyLaw
         Given law with guesses, and the names of its free parameters.
     intervals : dict
-        Free parameter that the data determine -> 95 % interval, statistical, first order in the logarithm of positive
-        parameters; other parameters have none.
+        Determined free parameter -> 95 % interval, statistical, first order in the logarithm of positive parameters.
+        Other parameters have no interval.
     systematic : dict
         Free parameter -> standard uncertainty from errors shared by all rows (sensor gain, pressure, area).
     covariance : ndarray, shape (p, p)
     undetermined : tuple of str
-        Free parameters in directions that the data do not determine.
+        Free parameters that the data do not determine.
     unseen : tuple of str
         Parameters of the law without effect on steady sliding.
     statistics : dict
@@ -416,7 +417,7 @@ class LawFit(SlidingFit, kind="law"):
 
     @property
     def friction(self) -> Friction:
-        """Law with the determined parameters; all others keep the given values."""
+        """Law with the determined parameters. Other parameters keep the given values."""
         marks = parameter_quantities(self.model.friction.entry)
         fitted = {name: marks[name].show(self.values[name]) for name in self.determined}
         return Friction.model_validate(self.model.friction.to_dict() | fitted)
@@ -489,18 +490,18 @@ class LawFit(SlidingFit, kind="law"):
 
 Sliding = TypeVar("Sliding", bound=SlidingFit)
 
-#: Probabilities of the intervals that make a profile.
+#: Probabilities of the intervals that form a profile.
 PROBABILITIES = (0.1, 0.25, 0.4, 0.5, 0.6, 0.7, 0.8, 0.875, 0.925, CONFIDENCE, 0.97, 0.985, 0.99)
 
 
 def values_of_fit(friction_map: xr.Dataset, provenance: Keyed) -> Observations | None:
-    """Return the values that a fit with this provenance takes from a map; None from a map of other recordings.
+    """Select the values of a map as the fit with this provenance did; None for a map of other recordings.
 
     Parameters
     ----------
     friction_map : xarray.Dataset
     provenance : mapping
-        Points of a `SlidingFit`.
+        Provenance of a `SlidingFit`.
 
     Raises
     ------
@@ -522,19 +523,19 @@ def values_of_fit(friction_map: xr.Dataset, provenance: Keyed) -> Observations |
 
 
 def with_map(fit: Sliding, friction_map: xr.Dataset) -> Sliding:
-    """Return a fit with the values of its map, which gives its residuals (`Fit.compared`, `Fit.report`).
+    """Return a fit with the values of its map, for residuals (`Fit.compared`, `Fit.report`).
 
     Parameters
     ----------
     fit : FrictionFit or LawFit
         From a file.
     friction_map : xarray.Dataset
-        The map that it was fitted to.
+        The fitted map.
 
     Raises
     ------
     FitError
-        The map is not that of the fit, by the hash in the fit's provenance.
+        The map differs from that of the fit, according to the hash in the fit's provenance.
     """
     return replace(fit, observations=_values(fit, friction_map))
 
@@ -551,13 +552,13 @@ def profiles(
 ) -> dict[str, Array]:
     """Return intervals by profile likelihood for several probabilities.
 
-    They show how well the data determine each value.
+    The intervals show how well the data determine each value.
 
     Parameters
     ----------
     fit : FrictionFit
     friction_map : xarray.Dataset
-        The map that it was fitted to.
+        The fitted map.
     probabilities : sequence of float
         Probability of the intervals, shape (n,). At 0.95 they are the intervals of the fit.
 
@@ -569,7 +570,7 @@ def profiles(
     Raises
     ------
     FitError
-        The map is not that of the fit, or the fit has a loss of earlier versions.
+        The map differs from that of the fit, or the fit has a loss of earlier versions.
     """
     loss = str(fit.provenance["loss"])
     if loss not in ("huber", "linear"):  # older fits
@@ -580,7 +581,7 @@ def profiles(
 
 
 class Ellipse(NamedTuple):
-    """The first-order 95 % ellipse of two values. Its projections are value ± t times standard error.
+    """The first-order 95 % confidence ellipse of two values. Its projections are value ± t times standard error.
 
     Attributes
     ----------
@@ -588,7 +589,7 @@ class Ellipse(NamedTuple):
         Names of the values.
     correlation : float
     points : ndarray, shape (n, 2)
-        Its outline, closed, SI.
+        Closed outline of the ellipse, SI.
     """
 
     x: str

@@ -5,13 +5,13 @@ problem (pseudo-values, used by the profile intervals) follow [huber2009].
 
 Two runs of one seal can differ much more than the strokes within each run. If values were weighted only by the standard
 error of the strokes, the run with the least noise would dominate the fit. As in the random-effects model of a
-meta-analysis, one variance for all levels is added to those of the strokes, so that the residuals agree with it
-[paule1982].
+meta-analysis, a common variance is therefore added to that of each value. Its size makes the residuals consistent with
+their standard errors [paule1982].
 
-At a given Stribeck velocity and exponent, the law is linear in all other parameters. The profile therefore needs no
-repeated fits: over a grid of these two parameters, linear least squares gives the cost, the best forces and their
-variances. The interval of a parameter is the union over the grid of values below the threshold of the cost. Unlike
-value +- t * standard error, it is open if the data do not bound the parameter.
+At a given Stribeck velocity and exponent, the law is linear in all other parameters. On a grid of these two parameters,
+linear least squares therefore gives the cost, the best forces and their variances without repeated fits. The interval
+of a parameter contains all values with a cost below a threshold, over the whole grid. Unlike value +- t * standard
+error, the interval is open if the data do not bound the parameter.
 """
 
 from __future__ import annotations
@@ -31,13 +31,13 @@ if TYPE_CHECKING:
 
     from pneudrive.arrays import Array, Bools, Interval
 
-#: Floor of the scale, as a share of the largest friction: smaller residuals are rounding.
+#: Lower limit of the scale, as a fraction of the largest friction: smaller residuals are rounding errors.
 SCALE_FLOOR = 1e-10
-#: Rounds of (estimate, scale); the scale settles to 1e-6 in three to five.
+#: Largest number of rounds (estimate, scale). The scale converges to 1e-6 within three to five rounds.
 MAX_ROUNDS = 20
 #: Difference of ln vs below which two starts ended at the same estimate.
 SAME_VELOCITY = 0.05
-#: Difference of cost, half the deviance, below which another estimate is a rival (p = 0.05 for one parameter).
+#: Difference of cost (half the deviance) below which another estimate counts as not significantly worse (p = 0.05).
 HARDLY_WORSE = 1.92
 
 
@@ -59,15 +59,15 @@ class RobustEstimate:
     weight : ndarray, shape (n,)
         Huber weights in (0, 1]; below 1 for outliers.
     pseudo : ndarray, shape (n,)
-        Pseudo-values: plain least squares on them has this estimate and this variance.
+        Pseudo-values: plain least squares on the pseudo-values has the same estimate and variance.
     variance : float
         Variance of the whitened pseudo-values about the model, with the small-sample factor.
     active : ndarray of bool, shape (p,)
-        Coordinates at a bound.
+        Mask of coordinates at a bound.
     cost : float
         Sum of the loss at `scale`.
     starts, agreeing : int
-        Number of starts, and of those that ended at this estimate.
+        Number of starts, and number of starts that ended at this estimate.
     rival : float
         Stribeck velocity, m/s, of another estimate that is not significantly worse (p > 0.05); NaN without one.
     """
@@ -89,7 +89,7 @@ class RobustEstimate:
 
     @property
     def dof(self) -> int:
-        """Degrees of freedom: values less parameters."""
+        """Degrees of freedom: number of values minus number of parameters."""
         return len(self.data) - len(self.model.names) - self.model.chosen
 
     @property
@@ -99,7 +99,7 @@ class RobustEstimate:
 
     @property
     def deviance(self) -> float:
-        """Twice the negative log-likelihood of the density with the loss as logarithm [huber2009], up to a constant.
+        """Twice the negative log-likelihood, up to a constant, of the density exp(-loss) [huber2009].
 
         The density is normal for a quadratic loss.
         """
@@ -125,7 +125,7 @@ class RobustEstimate:
         return by_name(self.model.names, sizes)
 
     def pseudo_fit(self, model: StaticLaw, starts: Sequence[Array] = ()) -> RobustEstimate:
-        """Return the plain estimate of another law from the pseudo-values, with their variance."""
+        """Return the plain least squares estimate of another law from the pseudo-values, with their variance."""
         pseudo = replace(self.data, friction_n=self.pseudo)
         other = estimate(model, pseudo, loss="linear", starts=starts)
         return replace(other, data=self.data, pseudo=self.pseudo, variance=self.variance)
@@ -171,9 +171,9 @@ def estimate(
     loss : str
         ``linear`` (plain weighted least squares) or ``huber``.
     fixed_scale : bool
-        Treat the stated standard errors as exact (required without more rows than parameters).
+        Whether to treat the stated standard errors as exact (required if there are not more rows than parameters).
     starts : sequence of ndarray, shape (p,)
-        Internal coordinates to start from; by default those of `starting_points`.
+        Start coordinates. Default: `starting_points` of the model.
 
     Returns
     -------
@@ -296,20 +296,20 @@ def _describe(
     )
 
 
-#: p-value of the residuals, against their standard errors, below which a scatter is added.
+#: p-value of the residuals, given their standard errors, below which a scatter is added.
 CHANCE = 0.01
 #: Least degrees of freedom to detect a scatter.
 LEAST_DOF = 3
-#: Gain of deviance above which a common factor on the standard errors is preferred (p = 0.01 for one parameter);
-#: a scatter is the usual and safe choice.
+#: Decrease of deviance above which a common factor on the standard errors is preferred to a scatter (p = 0.01 for one
+#: parameter). A scatter is the usual and safe choice.
 CLEARLY = 6.6
 
 
 def with_scatter(found: RobustEstimate, loss: str) -> tuple[RobustEstimate, float]:
-    """Add a scatter to the standard errors if the residuals are too large and this makes them more likely.
+    """Add a scatter to the standard errors if the residuals are too large, and the scatter explains them better.
 
-    The alternative is an estimate without scatter, whose standard errors are too small by a common factor. The scatter
-    is kept only if it is clearly more likely.
+    The alternative is a common factor on the standard errors, without scatter. It is chosen only if it is clearly more
+    likely.
 
     Parameters
     ----------
@@ -350,10 +350,10 @@ def with_scatter(found: RobustEstimate, loss: str) -> tuple[RobustEstimate, floa
 FINE_POINTS = 161
 COARSE_POINTS = 81
 EXPONENT_POINTS = 41
-#: Number of values of the law in memory: the whole grid of a large map would take half a gigabyte.
+#: Largest number of values of the law in memory. The whole grid of a large map would take half a gigabyte.
 MOST_AT_ONCE = 500_000
-#: Share of the largest scaled singular value below which a direction has no information: far above rounding (1e-15),
-#: far below the resolution of any measurement.
+#: Fraction of the largest scaled singular value below which a direction counts as undetermined: far above rounding
+#: errors (1e-15), far below the resolution of any measurement.
 SINGULAR_SHARE = 1e-7
 
 
@@ -372,8 +372,8 @@ def profile_intervals(found: RobustEstimate, quantile: float, least: float | Non
     Returns
     -------
     dict
-        Name -> (lower, upper). Empty if no value is below the threshold. An end without a bound from the data is
-        infinite, or zero for a non-negative parameter.
+        Name -> (lower, upper). Empty if no value is below the threshold. An open end is infinite, or zero for a
+        non-negative parameter.
     """
     model, data = found.model, found.data
     y = found.pseudo / data.stderr_n
@@ -424,7 +424,7 @@ def _crossings(log_value: Array, slack: Array) -> Interval:
 
 
 def _grid(found: RobustEstimate, quantile: float) -> tuple[Array, Array]:
-    """Return grids of log vs and log n: coarse over the whole range, fine about the estimate."""
+    """Return grids of log vs and log n: coarse over the whole range, fine near the estimate."""
     model, nothing = found.model, np.zeros(1)
     if not model.stribeck:
         return nothing, nothing
@@ -485,7 +485,7 @@ def _least_squares(columns: Array, y: Array) -> tuple[Array, Array, Array]:
 
 
 def _close(found: RobustEstimate, low: dict[str, float], high: dict[str, float]) -> dict[str, Interval]:
-    """Set ends that the data do not limit to infinity; for a non-negative parameter the lower end is zero."""
+    """Set open ends to infinity, or to zero for the lower end of a non-negative parameter."""
     model, estimate = found.model, found.natural
     lower, upper = model.bounds(found.data)
     out = {}

@@ -1,9 +1,8 @@
-"""Prediction of friction at a pressure or in a run that was not measured, with a valid interval.
+"""Prediction of friction at a pressure or in a run that was not measured, with an interval.
 
-A fit of one seal gives the uncertainty of its parameters. It does not give the deviation of the next mounting, nor the
-error of a straight line over pressure between the levels. A few recordings of one seal do not determine them, but
-several seals together do. The model of friction F of seal s in run r and recording i at gauge pressures p
-is
+A fit of one seal gives the uncertainty of its parameters, but not the scatter between mountings, nor the error of a
+straight line over pressure. A few recordings of one seal do not determine these two effects, but several seals together
+do. The model of friction F of seal s in run r and recording i at gauge pressures p is
 
     F_sri = L_s(v, p) [1 + d_s(p) + m_sr + e_sri],   e ~ N(0, sigma_s^2),   sigma_s^2 ~ nu tau^2 / chi2(nu)
 
@@ -42,22 +41,22 @@ if TYPE_CHECKING:
 
     from pneudrive.arrays import Array, Interval, Ints, Keyed
 
-#: Roughness gamma: at 1.5 a line misses the middle of the range by 22 % of the friction.
+#: Grid of the roughness gamma. At 1.5, a straight line misses the middle of the range by 22 % of the friction.
 ROUGHNESS = np.linspace(0.0, 1.5, 11)
-#: Relative scatter between runs, omega; repeats that differ by more are not of one pneumatic seal.
+#: Grid of the relative scatter between runs, omega. Larger differences do not come from one seal.
 BETWEEN_RUNS = np.linspace(0.0, 0.4, 9)
-#: Relative scatter of a seal's recordings, sigma_s, and its common value tau.
+#: Grid of the relative scatter of a seal's recordings, sigma_s, and of its common value tau.
 SCATTER = np.geomspace(0.008, 0.6, 20)
 COMMON = np.geomspace(0.01, 0.5, 12)
-#: 1/nu: variation of the scatter between seals, from small to any factor.
+#: Grid of 1/nu: variation of the scatter between seals, from small to very large.
 DIVERSITY = np.linspace(0.02, 0.5, 7)
 #: Start of the Wiener process, below all gauge pressures; its exact value has no effect.
 VACUUM_PA = -1.1e5
-#: Factor between speeds of one seal below which its friction gets no dependence on speed.
+#: Ratio of highest to lowest speed of a seal below which its friction is modelled without dependence on speed.
 SPEED_SPAN = 3.0
 #: Least number of recordings beyond the parameters, over all seals, to estimate a scatter.
 LEAST_FREEDOM = 3
-#: Deviation of an integrated Wiener process of unit roughness from its chord at the middle of a unit range.
+#: Standard deviation of an integrated Wiener process of unit roughness from its chord, in the middle of a unit range.
 MIDDLE = 48.0**-0.5
 
 
@@ -66,7 +65,7 @@ class Surveyed:
     """Data of one seal: values, law, and derivatives of friction by the parameters, all relative to the law.
 
     ``columns`` (n, p) are relative derivatives, ``rest`` (n,) relative residuals, ``theta`` (p,) internal coordinates.
-    ``fit`` is the fit of only this seal: ``survey.seals["PK"].fit.apply(drive)``.
+    ``fit`` is the fit of this seal alone, for example ``survey.seals["PK"].fit.apply(drive)``.
     """
 
     name: str
@@ -92,17 +91,17 @@ class Survey(Shown):
     seals : dict
         Name -> values and law.
     unused : dict
-        Name -> why a seal is left out, or does not contribute to scatter and roughness.
+        Name -> reason why a seal is left out, or does not contribute to scatter and roughness.
     freedom : int
-        Recordings beyond parameters, over all seals.
+        Number of recordings minus number of parameters, over all seals.
     scatter, between_runs : float
         Relative standard deviation between recordings of a run (root mean square over the seals), and between runs.
     repeated : int
-        Runs beyond the first, over all seals, from which `between_runs` is estimated.
+        Number of repeated runs, over all seals, from which `between_runs` is estimated.
     misses : float
-        Relative standard deviation of a straight line over the whole range of pressure at its middle.
+        Relative standard error of a straight line over the whole range of pressure, in the middle of the range.
     straight : float
-        Likelihood of zero roughness over that of the most likely one.
+        Likelihood ratio of zero roughness to the most likely roughness.
     span_pa : float
         Largest range of gauge pressure of one seal: the unit of the roughness.
     weights : dict
@@ -197,7 +196,7 @@ class Survey(Shown):
         return value, variance
 
     def _borrowed(self, one: Surveyed, at: Observations) -> tuple[Array, Array]:
-        """Predict a seal at another pressure than the measured one, by the ratio of the other seals."""
+        """Predict friction of a seal measured at one pressure, by the ratio between pressures of the other seals."""
         here = at_conditions(at.speed_m_s, one.data.gauge_a_pa.mean(), one.data.gauge_b_pa.mean())
         both = ([self._most_likely(s, x) for x in (at, here)] for s in self.seals.values() if s.model.chambers)
         ratios = [there / near for there, near in both]
@@ -234,7 +233,7 @@ def survey_values(
     options : mapping, optional
         Seal -> entries for the provenance of its fit: direction, recordings.
     law : str or None
-        None: ``stribeck`` for a seal whose speeds span a factor of three or more, otherwise friction at its speed.
+        None: ``stribeck`` for a seal whose speeds span a factor of three or more, otherwise constant friction.
 
     Raises
     ------
@@ -276,7 +275,7 @@ def survey_values(
 
 
 def _posterior(logs: dict[str, Array]) -> tuple[dict[str, Array], Array]:
-    """Return the posterior of each seal, (11, 9, 20), and the common one, (11, 9), from log likelihoods (11, 9, 20).
+    """Return posteriors from log likelihoods (11, 9, 20): of each seal, (11, 9, 20), and common, (11, 9).
 
     The squared scatter of a seal is distributed as nu tau^2 / chi2(nu): the density in ln sigma is proportional to
     sigma^-nu exp(-nu tau^2 / (2 sigma^2)).
@@ -375,15 +374,15 @@ def survey(
 ) -> Survey:
     """Fit each seal of a friction map.
 
-    Scatter, difference of runs and deviation from a straight line are common to all.
+    Scatter, differences between runs and deviation from a straight line are common to all seals.
 
     Parameters
     ----------
     friction_map : xarray.Dataset
         As for :func:`fit_friction`.
     seals, runs : str or sequence of str
-        Label of each row, or the name of its column. Rows of one seal and run were measured without remounting the
-        seal.
+        Label of each row, or the name of a column of labels. Rows with equal seal and run were measured without
+        remounting the seal.
     law, direction, ambient_pressure_pa, exclude_flags
         As for :func:`fit_friction`; `law` None is ``stribeck`` if a seal's speeds span a factor of three.
 
@@ -413,7 +412,7 @@ def pressure_levels(data: Observations) -> Ints:
 def grouped(
     friction_map: xr.Dataset, seals: str | Sequence[str], runs: str | Sequence[str] | None, options: Keyed
 ) -> tuple[dict[str, Observations], dict[str, list[str]], dict[str, dict[str, object]]]:
-    """Return values, runs, and provenance of each seal; `options` are those of `selected`."""
+    """Return values, runs and provenance of each seal. `options` are arguments of `selected`."""
     seal_of, run_of = row_labels(friction_map, seals), row_labels(friction_map, "" if runs is None else runs)
     groups: dict[str, Observations] = {}
     of_run: dict[str, list[str]] = {}
@@ -428,14 +427,14 @@ def grouped(
 
 
 def of_values(friction_map: xr.Dataset, labels: NDArray[np.str_], data: Observations) -> list[str]:
-    """Return the label of each value of a fit, from those of the rows of its map."""
+    """Return the label of each value of a fit, from the labels of the rows of its map."""
     recordings = friction_map["recording"].to_numpy().astype(str)
     of_recording, names = by_name(recordings.tolist(), labels.tolist()), np.unique(recordings)
     return [of_recording[names[g]] for g in data.group]
 
 
 def row_labels(friction_map: xr.Dataset, labels: str | Sequence[str]) -> NDArray[np.str_]:
-    """Return the label of each row, from the name of a column or a sequence.
+    """Return the label of each row, from a sequence or the name of a column.
 
     An empty name gives all rows the same label.
     """

@@ -1,4 +1,4 @@
-"""Layout of a drawing of a circuit: components as blocks, their places, and the paths of the lines between them.
+"""Layout of a circuit drawing: components as blocks, their positions, and the paths of the lines between them.
 
 A block has a symbol, ports and a label. Lengths are in modules, x right, y up.
 """
@@ -57,7 +57,7 @@ class Shape(NamedTuple):
     points : tuple
         Corners of a line or triangle. Otherwise, the single point of the shape.
     component : str
-        Component that it belongs to; empty for lines between components, title and notes.
+        Component of the shape; empty for lines between components, title and notes.
     size : float
         Radius of an arc or a dot, modules; size of a text, points.
     text : str
@@ -67,7 +67,7 @@ class Shape(NamedTuple):
     angles : tuple of float
         First and last angle of an arc, degrees counterclockwise from the x axis.
     net : int
-        Number of the line between components, in `CircuitShapes.nets`; -1 for other shapes.
+        Index in `CircuitShapes.nets` for a line between components; -1 for other shapes.
     """
 
     word: str
@@ -117,7 +117,7 @@ class Block:
         return self.x + low_x, self.y + low_y, self.x + high_x, self.y + high_y
 
     def cells(self) -> Iterator[Place]:
-        """Return the points of the grid on which no line runs."""
+        """Return the grid points that are blocked for lines."""
         for low_x, low_y, high_x, high_y in (self.symbol, label_box(self.label)):
             for x in range(math.ceil(low_x - 0.4), math.floor(high_x + 0.4) + 1):
                 for y in range(math.ceil(low_y - 0.4), math.floor(high_y + 0.4) + 1):
@@ -127,7 +127,7 @@ class Block:
             yield x + across, y + up
 
     def shapes(self) -> Iterator[Shape]:
-        """Yield the shapes of the symbol at its place, of its port marks, and of its label."""
+        """Yield the shapes of the symbol at its position, of its port marks, and of its label."""
         for stroke in self.strokes:
             yield stroke._replace(points=moved(stroke.points, self.x, self.y), component=self.name)
         for port, mark in self.marks.items():
@@ -164,7 +164,7 @@ def label_box(label: Label) -> Box:
 
 
 def size(line: int) -> float:
-    """Return the size of a line of a label, points: the name first."""
+    """Return the text size of a line of a label, points. The first line is the name."""
     return NAME_PT if line == 0 else TEXT_PT
 
 
@@ -325,7 +325,7 @@ Step = tuple[Place, Place]
 
 
 class NoWayError(Exception):
-    """A line has no path. The drawing is repeated with more room between the blocks."""
+    """Error: a line has no path. The drawing is repeated with more room between the blocks."""
 
 
 class Routes:
@@ -513,7 +513,7 @@ def nets(circuit: Circuit, placed: Placed) -> list[Net]:
 
 
 def place(circuit: Circuit, spread: float) -> tuple[dict[str, Block], list[Net]]:
-    """Place the components of a circuit; `spread` widens the space for lines between them.
+    """Set the positions of the components of a circuit. `spread` widens the space for lines between them.
 
     Raises
     ------
@@ -645,9 +645,9 @@ def _behind(name: str, ports: Mapping[str, Sequence[object]], wiring: Wiring, kn
 
 
 def _pulls(lines: Sequence[Net], beside: Beside, above: Collection[str]) -> dict[str, list[tuple[str, str, str]]]:
-    """Return the ports, and the ports of other components near which a component is placed.
+    """Return, for each component, pairs of a port and a neighbouring port near which it is placed.
 
-    A component that actuators carry is placed above them. The actuators are not moved apart for this component.
+    A component carried by actuators is placed above them, without moving the actuators apart.
     """
     pulls: dict[str, list[tuple[str, str, str]]] = {}
     rods = {name: (name, port) for line in lines if line.kind == "axis" for name, port in line.pins}
@@ -667,7 +667,7 @@ def _order(
     placed: Placed,
     spread: float,
 ) -> None:
-    """Order the blocks of each row to be near the blocks that they are connected to, in upward and downward passes."""
+    """Order the blocks of each row near their connected blocks, in upward and downward passes."""
     for row in rows.values():
         x = 0.0
         for name in row:
@@ -691,7 +691,7 @@ def _order(
 
 
 def _apart(want: Sequence[float], extents: Sequence[tuple[float, float]], gap: float) -> list[int]:
-    """Return places, in this order, that keep the blocks apart and are nearest to the wanted places (least squares)."""
+    """Return positions, in this order, that keep the blocks apart and are nearest to `want` (least squares)."""
     from scipy.optimize import isotonic_regression
 
     offsets = [0.0]
@@ -702,7 +702,7 @@ def _apart(want: Sequence[float], extents: Sequence[tuple[float, float]], gap: f
 
 
 def _fix(circuit: Circuit, placed: Placed) -> None:
-    """Move components to the places in their description; others make room."""
+    """Move components to the positions in their description. Other components make room."""
     for name, block in placed.items():
         at = circuit.components[name].at
         if at is not None:
@@ -733,12 +733,12 @@ def _overlap(one: Block, other: Block) -> bool:
     return a[0] - 1 < b[2] and b[0] - 1 < a[2] and a[1] - 1 < b[3] and b[1] - 1 < a[3]
 
 
-#: Room between the blocks, tried in turn until all lines find a way.
+#: Factors on the room between blocks, tried in turn until all lines have a path.
 SPREADS = (1.0, 1.4, 2.0, 3.0, 5.0)
 
 
 def arranged(circuit: Circuit) -> tuple[dict[str, Block], list[Net], Routes]:
-    """Place the components and find a path for every line, with more space between them if necessary."""
+    """Position the components and find a path for every line, with more space if necessary."""
     for spread in SPREADS:
         placed, nets = place(circuit, spread)
         try:

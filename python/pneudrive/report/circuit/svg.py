@@ -1,7 +1,7 @@
 """The drawing of a circuit: shapes in modules, y up, as a figure, and as SVG text for a notebook.
 
 The SVG text has no script and no style sheet, and every text is escaped. A viewer without SVG, or an untrusted
-notebook, shows the bare texts, which line ends separate.
+notebook, shows the bare texts, one per line.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ TITLE_PT = 9.0
 LEAST_WIDTH = 40.0  # modules, so that the notes below have room
 SAID = "Symbols after ISO 1219."
 
-#: Of the symbols of cylinders: width of the barrel, and from its left end to the piston.
+#: Symbols of cylinders: width of the barrel, and distance from its left end to the piston, modules.
 BARREL_WIDTH, PISTON_FROM = 12.0, 3.0
 
 
@@ -37,12 +37,12 @@ class CircuitShapes(NamedTuple):
     Attributes
     ----------
     paper : tuple
-        x and y of the lower left corner, x and y of the upper right one.
+        x and y of the lower left corner, x and y of the upper right corner.
     shapes : list of Shape
     nets : list
         Component and port of each end of a line.
     ports : dict
-        Component -> port -> place.
+        Component -> port -> position.
     """
 
     paper: Box
@@ -52,12 +52,12 @@ class CircuitShapes(NamedTuple):
 
 
 class PistonShapes(NamedTuple):
-    """Place of a cylinder with one piston in the drawing, for an animation.
+    """Position of a cylinder with one piston in the drawing, for an animation.
 
     Attributes
     ----------
     barrel : tuple
-        x and y of the lower left corner, x and y of the upper right one; chamber a on the left.
+        x and y of the lower left corner, x and y of the upper right corner. Chamber a is on the left.
     piston : tuple
         x of its faces in the drawing.
     moves : dict
@@ -71,7 +71,7 @@ class PistonShapes(NamedTuple):
 
 
 def pistons(shapes: Sequence[Shape]) -> dict[str, PistonShapes]:
-    """Return the pistons of a drawing by component, of symbols that have one piston in one barrel."""
+    """Return the pistons of a drawing by component, for symbols with one piston in one barrel."""
     out: dict[str, PistonShapes] = {}
     for name in dict.fromkeys(one.component for one in shapes if one.component):
         own = {number: one for number, one in enumerate(shapes) if one.component == name and one.word != "text"}
@@ -106,7 +106,7 @@ def circuit_shapes(described: Circuit | Drive) -> CircuitShapes:
     Raises
     ------
     DescriptionError
-        If two components have one place.
+        If two components have the same position.
     """
     circuit: Circuit = described if hasattr(described, "wiring") else described.circuit  # type: ignore[union-attr,assignment]
     placed, nets, routes = arranged(circuit)
@@ -161,7 +161,7 @@ def circuit_svg(described: Circuit | Drive) -> str:
     Raises
     ------
     DescriptionError
-        If two components have one place.
+        If two components have the same position.
 
     Examples
     --------
@@ -221,7 +221,7 @@ def draw_circuit(circuit: Circuit | Drive, path: str | Path | None = None) -> Dr
     Parameters
     ----------
     circuit : Circuit or Drive
-        A component with `at` is drawn there, in modules of the drawing.
+        A component with `at` is drawn at this position, in modules of the drawing.
     path : path-like, optional
         Picture to write: .svg, .png or .pdf.
 
@@ -234,7 +234,7 @@ def draw_circuit(circuit: Circuit | Drive, path: str | Path | None = None) -> Dr
     CommandError
         Unknown suffix, or the file cannot be written.
     DescriptionError
-        If two components have one place.
+        If two components have the same position.
 
     Examples
     --------

@@ -35,7 +35,7 @@ SCRYPT = {"n": 2**14, "r": 8, "p": 1}  # 16 MB and about 50 ms for each attempt
 SALT_BYTES = 16
 #: Line of a user file: name, and salted hash of the password.
 _USER = re.compile(r"(?P<name>[^:]+):scrypt:(?P<salt>[^:]*):[^:]+")
-#: Checked line of an unknown user, which takes the same time.
+#: Dummy line for unknown users, so that their check takes equally long.
 _NOBODY = ":scrypt::"
 PREFIX = "PNEUDRIVE_"  # of variables whose content a rig file may send to the server that it names
 OTHERS_MAY_READ = 0o077
@@ -47,7 +47,7 @@ def _no_password(_: object) -> None:
 
 
 def _variable(given: object) -> str:
-    """Read the name of an environment variable. A foreign rig file must not name the token of another service."""
+    """Read the name of an environment variable. A rig file cannot name the variables of other programs."""
     if not isinstance(given, str) or not given.startswith(PREFIX):
         rule = f"a rig file may send only variables whose names begin with {PREFIX}"
         raise WrongValueError(f"{given!r} is not a variable of a rig", rule, 'password_env = "PNEUDRIVE_RIG_PASSWORD"')
@@ -55,7 +55,7 @@ def _variable(given: object) -> str:
 
 
 def _file_next_to_it(given: object) -> str:
-    """Read the name of a password file, which must not be a path or a link, because it could lead to a private file."""
+    """Read the name of a password file next to the rig file. A path could lead to a private file."""
     if not isinstance(given, str) or Path(given).name != given or given.startswith(("~", "..")) or "\\" in given:
         rule = "the password file lies in the folder of the rig file, and is named without a path"
         raise WrongValueError(f"{given!r} is not the name of a password file", rule, 'password_file = "password.txt"')
@@ -71,8 +71,9 @@ def _address(given: object) -> str:
 class OpcUaFile(RigFile):
     """Rig file of a rig over OPC UA: its address, the credentials of the client, and the server that it trusts.
 
-    With a certificate, messages are signed and encrypted (Basic256Sha256), and only the server with the named
-    certificate is accepted. A user is a name with a password, or a user certificate. Files are read at each connection.
+    With a certificate, messages are signed and encrypted (Basic256Sha256), and only the server with the given
+    certificate is accepted. A user logs in with name and password, or with a user certificate. Files are read at each
+    connection.
     """
 
     url: Annotated[str, Reads(_address)]
@@ -107,12 +108,12 @@ class OpcUaFile(RigFile):
         return self
 
     def read_password(self) -> str:
-        """Read the password; without one it is empty.
+        """Read the password; empty if none is configured.
 
         Raises
         ------
         RigError
-            The file or variable does not exist, or others may read the file.
+            The file or variable does not exist, or other users may read the file.
         """
         if self.password_env is not None:
             if self.password_env not in os.environ:
@@ -148,7 +149,7 @@ class OpcUaFile(RigFile):
 
 @dataclass(frozen=True)
 class Protection:
-    """Clients and users that a served rig admits.
+    """Certificates and users of a served rig.
 
     Attributes
     ----------
@@ -305,7 +306,7 @@ def read_users(path: Path) -> dict[str, str]:
     Raises
     ------
     RigError
-        The file cannot be read, others may read it, or a line is not a user.
+        The file cannot be read, other users may read it, or a line is not valid.
     """
     users = {}
     for number, line in enumerate(secret(path).decode("utf-8").splitlines(), start=1):
@@ -332,7 +333,7 @@ def der(path: Path) -> bytes:
 
 
 def read(path: Path) -> bytes:
-    """Read a file; a failure is a RigError."""
+    """Read a file; raise a RigError on failure."""
     try:
         return path.read_bytes()
     except OSError as error:

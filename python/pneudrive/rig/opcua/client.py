@@ -49,7 +49,7 @@ class _EndedError(RigError):
 
 
 class OpcUaRig:
-    """Rig over the nodes of a map; made by `open_rig`.
+    """Rig over OPC UA, with the nodes of a map. Use `open_rig` to connect.
 
     Parameters
     ----------
@@ -59,7 +59,8 @@ class OpcUaRig:
     Notes
     -----
     From the first command on, the client sends a heartbeat. If the heartbeat ends for any reason, the server brings the
-    axis to rest. A lost connection raises `ConnectionLostError` once it is reopened, or `RigError` if this fails.
+    axis to rest. After a lost connection, the client reconnects and raises `ConnectionLostError`, or `RigError` if this
+    fails.
     """
 
     def __init__(self, link: Link) -> None:
@@ -170,7 +171,7 @@ class OpcUaRig:
             self._run(verb, arguments, expected_s)
 
     def _start(self, verb: node_map.Verb, arguments: Plain | None) -> int:
-        """After the answer to a pending stop, write the arguments, then the id that starts the command."""
+        """Wait for the answer to a pending stop, then write the arguments, then the id that starts the command."""
         with self._starting:
             if verb not in (node_map.Verb.HALT, node_map.Verb.STOP):  # any client may
                 self._link.beat()
@@ -255,19 +256,19 @@ class OpcUaRig:
         return parse_json(text, self._link.url, RigError)
 
     def _check_back(self) -> None:
-        """Raise an error, only once, if the connection was lost and reopened."""
+        """Raise an error once if the connection was lost and reopened."""
         if self._gone:
             self._gone = False
             raise self._back("waiting", "the server was unreachable in between")
 
     @contextlib.contextmanager
     def _one_connection(self, doing: str) -> Iterator[Callable[[], None]]:
-        """Run a block within one connection; the yielded function checks that it is still the same.
+        """Run a block within one connection. The yielded function checks that the connection is still the same.
 
         Raises
         ------
         ConnectionLostError
-            The connection was lost and is reopened, possibly by another call.
+            The connection was lost and has been reopened, possibly by another call.
         RigError
             The connection could not be reopened; or an error of the block.
         """
@@ -320,7 +321,7 @@ class OpcUaRig:
                 raise RigError(f"another rig is served: {name!r} instead of {self._told!r}", where=self._link.url)
 
     def _told_name(self) -> str:
-        """Return the server's name of the rig; empty without a name."""
+        """Return the name of the rig as stated by the server; empty without a name."""
         if "rig.identity" not in self._link.nodes:
             return ""
         return identity_of(self._described("rig.identity"), self._link.url)[0].name
@@ -370,7 +371,7 @@ def load_opcua(source: str | Path, seed: int = 0, pace: float | None = None) -> 
     ------
     RigError
         The file is not valid (the message gives file, line, value, rule and remedy). The server does not exist, rejects
-        the client, or lacks a node.
+        the client, or does not have a node.
     """
     if str(source).startswith(f"{SCHEME}://"):
         return open_rig(OpcUaFile(url=str(source)))

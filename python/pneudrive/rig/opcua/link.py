@@ -24,7 +24,8 @@ Answer = TypeVar("Answer")
 COUNTER = 2**31 - 1  # counters wrap below this, which fits a signed integer of a PLC
 BEATS = 4  # heartbeats sent in each heartbeat time
 NODES_A_REQUEST = 64  # nodes in one request; small PLCs support this
-#: s; a server on a busy machine may need this long for an answer; a closed connection is noticed at once.
+#: Smallest time-out of an answer, s: a server on a busy machine may need this time. A closed connection is detected at
+#: once.
 LEAST_TIMEOUT_S = 5.0
 CLOSING_S = 2.0
 # Words in the status codes of a server that rejects the client: trying again does not help.
@@ -43,12 +44,12 @@ class LinkError(ConnectionError):
 
 
 class HungUpError(LinkError):
-    """The server closed the connection; it may have too many connections."""
+    """The server closed the connection, perhaps because it has too many connections."""
 
 
 @dataclass(frozen=True)
 class ServedNode:
-    """Node on the connected server: one id or one for each slot, type, and length of an array (0: any)."""
+    """Node on the connected server: id (or one for each slot), type, and length of an array (0: any)."""
 
     node: Node
     ids: tuple[Any, ...]
@@ -56,7 +57,7 @@ class ServedNode:
     length: int
 
     def to_raw(self, value: Any, ambient_pa: float) -> Any:  # noqa: ANN401
-        """Return a value in SI as a variant; an array is filled up to its length."""
+        """Return a value in SI as a variant. An array is padded to its length."""
         raw = self.node.from_si(value, ambient_pa)
         if self.node.kind.array and self.length:
             raw = [*raw, *[type(raw[0])(0) if raw else 0] * (self.length - len(raw))]
@@ -72,7 +73,7 @@ class LoopThread:
         self.thread.start()
 
     def run(self, work: Coroutine[Any, Any, Answer], timeout_s: float | None = None) -> Answer:
-        """Run a coroutine in the loop and wait for its result; an interruption cancels it."""
+        """Run a coroutine in the loop and wait for its result. An interruption cancels the coroutine."""
         future = asyncio.run_coroutine_threadsafe(work, self.loop)
         try:
             return future.result(timeout_s)
@@ -98,7 +99,7 @@ class LoopThread:
 
 
 class Link:
-    """Connection to a server; after a loss, `connect` opens another one.
+    """Connection to a server. After a loss, `connect` opens a new connection.
 
     Parameters
     ----------
@@ -128,7 +129,7 @@ class Link:
         LinkError
             The server does not answer.
         RigError
-            The server rejects the client, or lacks a node.
+            The server rejects the client, or does not have a node.
         """
         self._loop.run(self._connect())
 
@@ -138,7 +139,7 @@ class Link:
             self._loop.run(self._start_heart())
 
     def check_stops(self, stops: int) -> None:
-        """Treat the connection as lost if the server has stopped the axis since the connection began."""
+        """Treat the connection as lost if the server has stopped the axis since its beginning."""
         if self._heart is not None and stops != self._stops:
             self.lost = self.lost or "the server missed the heartbeat and stopped the axis"
             raise LinkError(self.lost)

@@ -3,8 +3,8 @@
 The handshake uses only variables, so that every PLC can implement it:
 
 - A client writes verb and arguments of a command, then a new ``command.id``. The server sets ``answer.fault``, then
-``answer.done`` to that id. Halt and stop are accepted at any time from any client, and end the running verb. Any
-other verb is a fault while a verb runs, or while another client has the command.
+  ``answer.done`` to that id. Halt and stop are accepted at any time from any client, and end the running verb. Any
+  other verb is a fault while a verb runs, or while another client is in command.
 - Samples come in chunks through a ring of slots. The server writes a slot, its sequence number, then
   ``samples.written``. The client reads the slot and increments ``samples.acknowledged``. Only after this
   acknowledgement is the slot written again. ``answer.done`` follows the last chunk.
@@ -96,7 +96,7 @@ class Node:
     gauge: bool = False
 
     def to_si(self, raw: Any, ambient_pa: float) -> Any:  # noqa: ANN401 - a value of the node's type
-        """Convert a raw value to SI; numbers already in SI keep their bits. A list becomes an array."""
+        """Convert a raw value to SI. Numbers already in SI keep their bits. A list becomes an array."""
         if self.kind.array:
             raw = np.asarray(raw, dtype=float if self.kind.type == "Double" else np.int64)
         return raw * self.factor + self._zero(ambient_pa) if self._scaled else raw

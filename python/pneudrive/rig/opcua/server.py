@@ -59,11 +59,11 @@ ARGUMENTS = {
 
 
 class Interrupted(Exception):  # noqa: N818 - not an error: halt, stop or a silent client
-    """The running command must end now."""
+    """Error: the running command must end now."""
 
 
 class ServedSession(InternalSession):
-    """Session on a served rig; only one is active at a time. It may read all nodes and write the nodes of commands."""
+    """Session on a served rig. Only one is active at a time. It may read all nodes and write the nodes of commands."""
 
     def __init__(self, internal: Any, served: RigServer, name: Any) -> None:  # noqa: ANN401
         super().__init__(internal, internal.aspace, internal.subscription_service, name, external=True)
@@ -78,7 +78,7 @@ class ServedSession(InternalSession):
         return result
 
     async def write(self, params: Any) -> list[Any]:  # noqa: ANN401
-        """Write nodes that the client of a rig may write, and no others."""
+        """Write nodes; only those that a client may write."""
         return [
             await self.served.write(request.NodeId, request.Value)
             if request.AttributeId == ua.AttributeIds.Value and self.served.session is self
@@ -87,7 +87,7 @@ class ServedSession(InternalSession):
         ]
 
     async def create_subscription(self, *_: Any, **__: Any) -> Any:  # noqa: ANN401
-        """Reject subscriptions, as a session with a subscription would outlive its connection."""
+        """Reject subscriptions, because a session with a subscription would outlive its connection."""
         raise ServiceError(ua.StatusCodes.BadServiceUnsupported)
 
     async def close_session(self, delete_subs: bool = True) -> None:
@@ -100,7 +100,7 @@ class ServerLimits(TransportLimits):
     """Limits of messages, the same for all clients. asyncua would apply the limits of the last client to all."""
 
     def create_acknowledge_and_set_limits(self, msg: Any) -> Any:  # noqa: ANN401
-        """Answer the hello message of a client; a client with smaller buffers is rejected."""
+        """Answer the hello message of a client. A client with smaller buffers is rejected."""
         if msg.ReceiveBufferSize < BUFFER:
             raise ua.UaStatusCodeError(ua.StatusCodes.BadConnectionRejected)
         return TransportLimits(**vars(self)).create_acknowledge_and_set_limits(msg)
@@ -115,12 +115,12 @@ class RigServer:
     Parameters
     ----------
     rig : Rig
-        Rig whose methods are called from one worker thread, except `stop`, which is called from another.
+        Rig. One worker thread calls its methods, except `stop`, which another thread calls.
     nodes : NodeMap
     host, port : str, int
         Address to listen on. Port 0 means any free port; `url` then contains its number.
     protection : Protection, optional
-        Admitted clients and users; default: anyone.
+        Admitted clients and users. Default: anyone.
     heartbeat_s : float, optional
         Heartbeat time; the default is in the map.
 
@@ -144,7 +144,7 @@ class RigServer:
         self.protection = protection or Protection()
         self.heartbeat_s = heartbeat_s or nodes.handshake.heartbeat_s
         self.url = ""
-        #: Why the server has brought the rig to rest; empty for a new client and after an accepted command.
+        #: Reason why the server has brought the rig to rest; empty for a new client and after an accepted command.
         self.fault = ""
         self.session: Any = None
         low, high = rig.limits().position_m
@@ -290,11 +290,11 @@ class RigServer:
 
     @property
     def is_free(self) -> bool:
-        """Whether a new client may be served: none is connected, or the present one lacks a heartbeat."""
+        """Whether a new client may be served: no client is connected, or the present client has no heartbeat."""
         return self.session is None or self._beat_at is None
 
     def enter(self, session: Any) -> None:  # noqa: ANN401 - a ServedSession
-        """Serve a new client; it replaces a client without a heartbeat."""
+        """Serve a new client, which replaces a client without a heartbeat."""
         before, self.session, self.fault = self.session, session, ""
         self._values |= {name: self._initial(name) for name in self._writable.values()}
         self._soon(self._show({"state.fault": ""}))
@@ -316,7 +316,7 @@ class RigServer:
         self._soon(self._show({"heartbeat.stops": self._stops}))
 
     async def _keep_time(self) -> None:
-        """Publish a heartbeat, monitor that of the client, and watch for answers that no client reads."""
+        """Publish a heartbeat, monitor the heartbeat of the client, and check for unread answers."""
         tick, limit = TICK_SHARE * self.heartbeat_s, SILENT_SHARE * self.heartbeat_s
         seen_late, ticks = None, 0
         while True:
@@ -341,7 +341,7 @@ class RigServer:
             await self._show_state()
 
     async def _show_state(self) -> None:
-        """Publish the state of the rig; a slow rig publishes it later."""
+        """Publish the state of the rig, later for a slow rig."""
         if self._shown is None or self._shown.done():
             self._shown = asyncio.create_task(self._read_state())
         await asyncio.wait([self._shown], timeout=STATE_PATIENCE_S)
@@ -357,7 +357,7 @@ class RigServer:
     # --- commands ----------------------------------------------------------------------------
 
     async def _command(self, identity: int) -> None:
-        """Start a command, or refuse it. Halt and stop are accepted at any time."""
+        """Start a command, or reject it. Halt and stop are accepted at any time."""
         self._identity, verb = identity, self._values["command.verb"]
         if verb in (Verb.HALT, Verb.STOP):
             self._soon(self._stop("halt or stop ended the command", verb, identity))
@@ -385,8 +385,8 @@ class RigServer:
     async def _stop(self, reason: str, verb: int = Verb.STOP, identity: int | None = None) -> None:
         """Bring the rig to rest, and answer the client.
 
-        A halted acquisition ends by itself within a short time, and the pressures stay. Any other command is stopped
-        repeatedly until it has ended, because it may start only after the first stop.
+        A halted acquisition ends by itself within a short time, and keeps the pressures. Any other command is stopped
+        repeatedly until it has ended, because it may begin only after the first stop.
         """
         self._interrupted, fault, running = reason, "", self._running
         self._room.set()
@@ -458,7 +458,7 @@ class RigServer:
         self._loop.run(self._show({"simulation.answer": json.dumps(answer)}))
 
     def _steps(self, arguments: Plain) -> list[Step]:
-        """Read the steps from the arrays of a command; each step takes at most a day."""
+        """Read the steps from the arrays of a command. Each step may take at most a day."""
         count = arguments["step.count"]
         columns = [arguments[name] for name in ("step.kind", *STEPS) if name in arguments]
         most = min(map(len, columns))

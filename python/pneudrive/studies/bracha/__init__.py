@@ -1,1 +1,1 @@
-"""The source paper's figures from simulated data, and a verdict on each of its sentences that can be checked."""
+"""Reproduction of the source paper's figures from simulated data, and a verdict on each checkable sentence."""

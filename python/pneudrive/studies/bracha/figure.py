@@ -26,8 +26,8 @@ if TYPE_CHECKING:
     from pneudrive.rig.motion import Motion
 
 
-#: Experiment -> (ready protocol, rig as `load_rig` takes it). The paper does not describe its rigs: the first one is
-#: without pressure, the second with one pressure for both chambers.
+#: Experiment -> (ready protocol, argument of `load_rig`). The paper does not describe its rigs: the first is assumed to
+#: be without pressure, the second with equal pressure in both chambers.
 EXPERIMENTS = {
     "cycle": ("paper-cycle", "open-chambers"),
     "speed": ("paper-speed", "open-chambers"),
@@ -36,7 +36,7 @@ EXPERIMENTS = {
 }
 #: File in the folder of a campaign: key of a cycle -> speed and true friction of its strokes.
 TRUE_STROKES = "true-strokes.json"
-#: Share within which the commanded speed counts as reached.
+#: Relative deviation up to which the commanded speed counts as reached.
 AT_SPEED = 1e-3
 
 
@@ -119,10 +119,10 @@ def _friction_n(step: Move, motion: Motion, true: dict[str, np.ndarray]) -> floa
     return direction * float(total / (time[-1] - time[0]))
 
 
-#: The paper's sentences and our results, with places for numbers.
+#: The paper's sentences and our results, with placeholders for numbers.
 TEXTS = Path(__file__).with_name("figures.toml")
-#: End of a quantity's name in SI -> end of its name in texts, in the usual unit, and number of those units in one
-#: SI unit. The first match counts.
+#: Suffix of a quantity's name in SI -> suffix of its name in texts with the usual unit, and number of usual units per
+#: SI unit. The first match applies.
 READABLE = {
     "_n_pa": ("_n_bar", 1e5),
     "_m_s": ("_mm_s", 1e3),
@@ -134,16 +134,16 @@ READABLE = {
 
 @dataclass(frozen=True)
 class Claim:
-    """A sentence of the source paper that simulated data can check.
+    """A sentence of the source paper that is checked by simulated data.
 
     Attributes
     ----------
     place : str
-        Place of the sentence in the paper [bracha]: ``figure 8``, ``conclusions``, ``equations 2 and 3``.
+        Location of the sentence in the paper [bracha]: ``figure 8``, ``conclusions``, ``equations 2 and 3``.
     said : str
-        The paper's words, or its caption; ``...`` marks omissions.
+        Words of the paper or of a caption. ``...`` marks omissions.
     verdict : {"holds", "holds in part", "does not hold"}
-        Verdict by our data. With "in part", `found` says which part does not hold.
+        Verdict from our data. For "holds in part", `found` states which part does not hold.
     found : str
         Our result, with the decisive numbers.
     """
@@ -155,7 +155,7 @@ class Claim:
 
 
 def judge(whole: object, *, part: object) -> str:
-    """Return a verdict from two tests, one of the whole sentence and one of a part of it."""
+    """Return a verdict from two tests: of the whole sentence, and of a part."""
     return "holds" if whole else "holds in part" if part else "does not hold"
 
 
@@ -195,7 +195,7 @@ class PaperFigure:
         Number of the figure in the source paper [bracha].
     title : str
     claims : tuple of Claim
-        Every sentence of the paper about this figure that can be checked.
+        All checkable sentences of the paper about this figure.
     measured : str
         The result in words.
     quantities : dict
@@ -227,7 +227,7 @@ class PaperFigure:
         rig: tuple[Identity, Envelope] | None = None,
         **more: object,
     ) -> PaperFigure:
-        """Return a figure of these numbers; the numbers in `more` are used only in its texts."""
+        """Return a figure from these numbers. The numbers in `more` are used only in its texts."""
         found = {name: float(value) for name, value in quantities.items()}
         texts, numbers = texts_of(TEXTS)[str(number)], {**found, **more}
         claims = claims_of(str(number), verdicts, numbers)

@@ -49,7 +49,7 @@ def paper_figures(runs: Mapping[str, Experiment], seed: int = 0) -> dict[int, Pa
 # --- Pictures of the source paper's figures 4 to 9.
 
 
-#: Travel after a stop that figure 9 shows, m.
+#: Travel after a stop shown in figure 9, m.
 SHOWN_M = 3e-3
 DOTS, DASHED = Look("grey", "-", "."), Look("orange", "--")
 

@@ -20,17 +20,17 @@ if TYPE_CHECKING:
     from pneudrive.signals.recording import Recording
     from pneudrive.studies.bracha.figure import Experiment
 
-#: Travel after the turn within which the peak must lie, share of the stroke.
+#: Travel after the turn within which the peak must lie, as a fraction of the stroke.
 PEAK_WITHIN = 0.02
-#: Factor by which it must exceed every other peak of the stroke.
+#: Factor by which the peak must exceed every other peak of the stroke.
 CLEAR = 2.0
-#: Share of the stroke at either end that is not its steady part.
+#: Fraction of the stroke at each end that does not belong to its steady part.
 ENDS = 0.1
 #: Samples of the paper's moving average.
 AVERAGE = SourcePaper().average_samples
-#: Low speeds end here, and high speeds begin here, in the checks.
+#: Limit between low and high speeds in the checks, m/s.
 LOW_M_S = 2e-3
-#: Least share of neighbouring lines in the order of pressure for "holds in part".
+#: Fraction of neighbouring curves in the order of pressure that is required for "holds in part".
 ORDERED_IN_PART = 0.8
 HIGH_M_S = 20e-3
 
@@ -238,7 +238,7 @@ def _by_pressure(found: CampaignCharacteristics) -> list[AirShare]:
 
 
 def _shares(found: CampaignCharacteristics) -> list[dict[str, Array]]:
-    """Return forces of sensor, air and seal at the measured speeds, by rising pressure."""
+    """Return forces of sensor, air and seal at the measured speeds, in the order of pressure."""
     measured = {c.condition: c.measured for c in found.curves if c.direction == BOTH}
     names = ("speed_m_s", "total_n", "air_n", "seal_n")
     return [{name: getattr(s, name)[measured[s.condition]] for name in names} for s in _by_pressure(found)]

@@ -101,8 +101,8 @@ def energy_residual(run: xr.Dataset, drive: pn.Drive, *, printed: bool) -> float
 
       residual = U - U_0 - int (h m_dot - p V_dot + Q) dt,    U = p V / (k - 1),    h = k / (k - 1) R T
 
-    The residual is computed from a finished trajectory, so it also applies to a law without a ledger. The wall area of
-    the law is used, so that a difference in wall area does not count as an error.
+    The residual is computed from a finished trajectory, and therefore also available for a law without a ledger. The
+    wall area of the law is used, so that a different wall area does not count as an error.
     """
     c, gas = drive.cylinder, drive.gas
     k, r = gas.heat_capacity_ratio, gas.gas_constant_j_kg_k
@@ -120,31 +120,31 @@ def energy_residual(run: xr.Dataset, drive: pn.Drive, *, printed: bool) -> float
     return float(np.abs(held - held[0] - got).max())
 
 
-#: Energy error that counts as conserved, share of the stroke's energy.
+#: Energy error up to which energy counts as conserved, as a fraction of the stroke's energy.
 CLOSED = 1e-3
-#: Changes that test the influences named in the conclusions: supply and surroundings by 40 K, argon for air.
+#: Changes that test the influences named in the conclusions: two ambient temperatures 40 K apart, argon instead of air.
 WARMER = {"ambient.temperature": "313.15 K"}
 COLDER = {"ambient.temperature": "273.15 K"}
 ARGON = {"gas.heat_capacity_ratio": 1.667, "gas.gas_constant": "208.13 J/(kg K)"}
-#: Factor of the valve's conductance that stands for a small connector.
+#: Factor on the valve's conductance that represents a small connector.
 NARROW = 0.5
-#: Tubes on both sides that stand for long lines.
+#: Tubes on both sides that represent long lines.
 LONG = {"tubing": {side: {"length": "5 m", "diameter": "4 mm"} for side in "ab"}}
-#: Share by which a reduction of the speed counts as significant.
+#: Relative reduction of the speed that counts as significant.
 SIGNIFICANT = 0.2
-#: Share of the error of a usual law below which a law is better beyond doubt.
+#: Ratio to the error of a usual law below which a law counts as clearly better.
 BETTER = 0.5
 
 
 def general_claims(chambers: ChamberComparison, figures: Mapping[int, PaperFigure]) -> tuple[Claim, ...]:
-    """Check the sentences that do not belong to one figure.
+    """Check the sentences that do not belong to a single figure.
 
     Parameters
     ----------
     chambers : ChamberComparison
         Comparison of the printed equations with the energy balance.
     figures : mapping of PaperFigure
-        Figures by number. 6 and 9 give the effects of speed and of a stop on friction.
+        Figures by number. Figures 6 and 9 give the effects of speed and of a stop on friction.
 
     Returns
     -------

@@ -1,4 +1,4 @@
-"""The whole study: its campaigns and simulations, the sentences that they check, and its sections of a report."""
+"""The whole study: campaigns and simulations, checked sentences, and sections of the report."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ if TYPE_CHECKING:
     from pneudrive.studies.bracha.figure import Claim, PaperFigure
     from pneudrive.studies.bracha.general import ChamberComparison
 
-#: Folder of the campaigns, beside the report.
+#: Folder of the campaigns, next to the report.
 FOLDER = "campaigns"
 #: Speeds and pressures at which the simulated rig's recordings are compared with their truth.
 RECOVERY_SPEEDS_M_S = (1e-3, 0.45, 24)  # from, to, number; logarithmic
@@ -64,7 +64,7 @@ class Reproduction:
     chambers : ChamberComparison
         Comparison of the printed equations with the energy balance.
     claims : tuple of Claim
-        Every sentence of the paper that can be checked, with its verdict.
+        All checkable sentences of the paper, with verdicts.
     seed : int
         Seed of the simulated sensors.
     """
@@ -141,7 +141,7 @@ LINES = {ENERGY_BALANCE: (MEASURED, "energy balance"), AS_PRINTED: (MODEL, "as p
 
 
 def verdict(made: Reproduction, *, alone: bool) -> Iterator[str]:
-    """Return the results as a few lines, or as one line."""
+    """Yield the results as a few lines, or as one line."""
     topic, pairs = Topic(PAGE, "verdict"), recovered(made.found)
     first = topic.say("paper", count=count_verdicts(made.claims))
     truth = "" if pairs is None else topic.say("recovered", inside=pairs["is_inside"].sum(), all=pairs.height)
@@ -164,7 +164,7 @@ def verdict(made: Reproduction, *, alone: bool) -> Iterator[str]:
 
 
 def count_verdicts(claims: Sequence[Claim]) -> str:
-    """Return, as text, how many sentences hold, hold in part, and do not hold.
+    """Return, as text, the numbers of sentences that hold, hold in part, and do not hold.
 
     Examples
     --------

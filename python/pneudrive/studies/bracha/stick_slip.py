@@ -23,10 +23,11 @@ if TYPE_CHECKING:
 
 
 SLOW_DRIVE = Path(__file__).with_name("slow_drive.toml")
-#: Mean speed of the paper's figure 1, and tolerance of ours.
+#: Mean speed of the paper's figure 1, m/s, and tolerance of our mean speed.
 MEAN_SPEED_M_S = 9.34e-3
 SPEED_TOLERANCE_M_S = 0.5e-3
-#: Criteria of stick-slip: number of periods, peak over mean speed, share of time below 20 % of the mean.
+#: Criteria of stick-slip: number of periods, ratio of peak to mean speed, fraction of time below 20 % of the mean
+#: speed.
 LEAST_PERIODS = 5
 LEAST_PEAK_RATIO = 3.0
 LEAST_STUCK_SHARE = 0.3
@@ -36,7 +37,7 @@ OPENING = {"lugre": 0.0016, "stribeck": 0.0016}
 FASTER = 10
 FASTER_S = 6.0
 MIDDLE_M = (0.15, 0.45)  # of the stroke of 0.5 m, so that neither start nor stop counts
-#: Steps from this length on make positioning difficult, m (our reading).
+#: Length of steps from which positioning is difficult, m (our interpretation).
 COARSE_M = 1e-3
 START = "position = 0.05 m, pressure_a = 3 bar abs, pressure_b = 3 bar abs"
 SKIPPED_S = 4.0
@@ -45,7 +46,7 @@ SAMPLE_RATE = "1 kHz"
 #: Sensors of the drive in figure 1 (assumed): position in steps of 5 um, pressures to 10 bar with 16 bits.
 ENCODER = Encoder(5e-6)
 PRESSURE_SENSOR = AnalogSensor(0.0, 1.1e6, 16, noise=200.0)
-#: Half width in samples of the slope of the counted position that gives the speed: 25 ms.
+#: Half width, in samples, of the window for the speed as slope of the counted position (25 ms).
 SLOPE_HALF_WIDTH = 12
 
 
@@ -176,9 +177,9 @@ def _quantities(found: StickSlip) -> Row:
 
 # --- Figure 9 of the source paper: effect of a stop of 15 s in the middle of a stroke on friction.
 
-#: Peak, share of running friction, that counts as a change of the characteristics, and as a high dependence.
+#: Peak, as a fraction of running friction, that counts as a change of the characteristics, and as a high dependence.
 CHANGE, HIGH = 0.05, 0.2
-#: Travel after which a complete change persists, m (our reading: a tenth of a stroke of 200 mm).
+#: Travel after which a change counts as lasting, m (our interpretation: a tenth of a stroke of 200 mm).
 LASTING_M = 20e-3
 
 
@@ -244,12 +245,12 @@ def figure_9(run: Experiment) -> PaperFigure:
 
 # --- Figures 4 and 7 of the source paper: its two rigs, and a check that ours ran the campaigns in the same way.
 
-#: "About 5 000 measurements of force" in a cycle; bursts around the turns come on top of them.
+#: "About 5 000 measurements of force" in a cycle, and tolerance. Bursts around the turns are additional.
 SAMPLES, SAMPLES_TOLERANCE = 5000, 0.05
 SPEEDS_M_S = (1e-3, 0.45)
 SPEEDS_UNDER_PRESSURE_M_S = (1e-3, 0.5)
 GAUGES_PA = (0.1e5, 1.5e5)
-#: Relative tolerance; also of a pressure sensor's zero, share of its highest value.
+#: Relative tolerance, and tolerance of a pressure sensor's zero as a fraction of its highest value.
 REACHED = 0.01
 
 

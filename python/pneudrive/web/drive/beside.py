@@ -37,18 +37,19 @@ if TYPE_CHECKING:
 
 MOST_OTHERS = 7  # with the run itself, as many as there are line styles
 MEMBERS, BAND_SAMPLES = 200, 200  # samples of a band: its plot is about 400 pixels wide
-#: Of its members: against 1e-8 its edges move by at most 0.3 of a pixel, for each of the catalogue's seven drives.
+#: Relative tolerance of the members of a band. Compared with 1e-8, the edges of the band move by at most 0.3 pixels for
+#: each drive of the catalogue.
 BAND_RTOL = 1e-4
 BAND = (0.05, 0.95)  # quantiles of the members at the edges of the band
 MOST_SECONDS = 10.0  # time for a band, s: the first one imports modules
-#: Columns that the drawing shows, and the samples of each.
+#: Columns shown in the drawing, and number of samples of each.
 _ANIMATED, MOTION_SAMPLES = re.compile(r"(?:pressure|mass_flow)\w*$|\.position$|position_m$|command$"), 400
 PATH_SAMPLES, MOST_REACHED = 200, 32  # points of the path of another run; mechanisms whose workspace is kept
-#: A hazard of one cylinder: its word, its name, and the rest.
+#: Pattern of a hazard of one cylinder: first word, name of the cylinder, and the rest.
 _OF_CYLINDER = re.compile(r"(\w[\w ]*: )([A-Za-z_]\w*): (.*)", re.DOTALL)
 TRAJECTORIES = (".parquet", ".csv", ".nc")
 _KEY, _UNIT = re.compile(r"[A-Za-z_][\w-]*(?:\.[\w-]+)*"), re.compile(r"[A-Za-z°%][\w /^*.()°%-]*|")
-#: Columns of a cylinder behind its name, of a circuit and of a drive: position, pressures of chambers a and b.
+#: Columns of a cylinder, in a circuit (with its name) and in a drive: position, pressures of chambers a and b.
 _PLACES = (("{}.position_m", "{}.a.pressure_pa", "{}.b.pressure_pa"), ("position_m", "pressure_a_pa", "pressure_b_pa"))
 
 

@@ -55,7 +55,7 @@ class ControlRequest(PageRequest):
     law : str
         A key of `pneudrive.control.laws`, or a controller file of the workspace.
     gains : dict
-        Gain -> value, in place of the derived gain. Only with a key.
+        Gain -> value, instead of the derived gain. Only if `law` is a key.
     reference, setup, mismatch : str
         As for `pneudrive.control.run`. Files are in the workspace. An empty `mismatch` means no mismatch.
     seed : int
@@ -107,7 +107,7 @@ class ControlRequest(PageRequest):
         PneudriveError
             As for `prepared`, or the run is too long for a page, or the drive cannot continue.
         Cancelled
-            The time is over, or the page no longer waits.
+            The time limit is reached, or the page no longer waits.
         """
         prepared = self.prepared(workspace)
         check_samples(prepared.duration_s / prepared.tuning.period_s)
@@ -216,7 +216,7 @@ def answer(workspace: Workspace, asked: Keyed, limit: RunLimit | None = None) ->
 
 
 def tried_law(workspace: Workspace, request: ControlRequest) -> Plain:
-    """Run a law as requested, and return its largest error, m; null if it lost the drive.
+    """Run a controller as requested. Return its largest error, m; null if it lost the drive.
 
     Raises
     ------
@@ -275,7 +275,7 @@ def _assumed(title: str, about: Keyed, notes: tuple[str, ...] = (), tables: Iter
 
 
 def choices(workspace: Workspace, path: str) -> Plain:
-    """Return the options for a drive: controllers, instrumentations and mismatches of the package, standard references.
+    """Return the options for a drive: controllers, instrumentation, mismatches and standard references.
 
     Raises
     ------

@@ -39,17 +39,17 @@ _QUANTITY = re.compile(r"([-+]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][-+]?\d+)?)\s+(\S.*
 #: Causality of the variables of an FMU -> title of their table.
 TABLES_OF_VARIABLES = {"input": "Inputs", "output": "Outputs", "parameter": "Parameters, set before a run"}
 FULL_OPENING = 1.0  # command that every valve takes, also one that switches
-#: Values of chambers a and b that are given both or not at all.
+#: Values that must be given for both chambers or not at all.
 _PAIR = re.compile(r"dwell\.pressure\.[ab]$")
-#: Range of a slider about a value, as multiples of it; a value of 0 gets the range of its unit.
+#: Range of a slider, as multiples of its value. A value of 0 gets a range by its unit.
 LOW, HIGH = 0.2, 3.0
 _FROM_ZERO = {"deg": (-90.0, 90.0), "N": (-200.0, 200.0), "kg": (0.0, 20.0)}
-#: Text with which a platform begins.
+#: File with the initial text of a platform.
 FIRST_PLATFORM = Path(__file__).with_name("first_platform.toml")
-#: Sliders that a new page begins with, those that the description has.
+#: Initial sliders of a new page, if the description contains them.
 FIRST_SLIDERS = ("friction.coulomb", "supply.pressure", "load.mass", "cylinder.moving_mass", "moving_mass")
 MOST_SLIDERS = 4
-#: Tables in the order in which people look for values; others follow, and what seldom changes comes last.
+#: Tables whose values are listed first. Other tables follow; values that rarely change come last.
 FIRST = ("cylinder", "load", "friction", "valve", "supply")
 ORDER = {name: place for place, name in enumerate(FIRST)} | {"ambient": 98, "gas": 99}
 
@@ -70,7 +70,7 @@ def checked_text(workspace: Workspace, path: str, text: str) -> Plain:
 
 
 def _copies(text: str) -> dict[str, list[str]]:
-    """Return, for each component that is one of several copies of a table, the names of all these copies."""
+    """Return, for each component that is a copy of a table, the names of all copies of this table."""
     try:
         tables = toml.parse(text, "").get("components", {}).values()
     except PneudriveError:  # another format

@@ -30,9 +30,9 @@ Described = Drive | Circuit
 MOST_SAMPLES = 1_000_000
 MOST_SECONDS = 2.0  # longest computing time of a run: the page waits for it
 _KEPT = 500  # number of kept descriptions
-#: A command that is no file: a number, or times with values; with the name of a component before it or not.
+#: Pattern of a command that is not a file: a number, or times with values, optionally after the name of a component.
 _COMMAND = re.compile(r"\s*+(?:[A-Za-z_][\w-]*+(?:\.command)?\s*+:)?\s*+[-+.\d][^/\\]*+", re.DOTALL)
-#: A command that is a file of the workspace, with the name of a component before it or not.
+#: Pattern of a command that is a file of the workspace, optionally after the name of a component.
 _FILE = re.compile(r"(\s*+(?:[A-Za-z_][\w-]*+(?:\.command)?\s*+:)?\s*+)(\S.*\.csv)\s*+", re.IGNORECASE)
 
 
@@ -80,7 +80,7 @@ class RunRequest(PageRequest):
     text : str or None
         Text of the file, if the page has unsaved changes of it.
     changes : dict
-        Dotted keys and values, as `replace` takes them.
+        Dotted keys and values, in the form of `replace`.
     command : str or list of str
         As for `pneudrive.simulate`, with a file by its name in the workspace. A list has a text for each valve of a
         circuit.
@@ -190,7 +190,7 @@ class RunRequest(PageRequest):
         return call(function, *values, initial=self.initial, **options)
 
     def stem(self) -> str:
-        """Return the beginning of the names of files that are made from the description."""
+        """Return the first part of the names of files made from the description."""
         return re.sub(r"[^\w.-]+", "-", Path(self.path.rpartition(":")[2]).stem).lstrip("-") or "run"
 
 
@@ -201,15 +201,15 @@ def check_samples(samples: float) -> None:
 
 
 def _placed(command: str, workspace: Workspace) -> str:
-    """Return a command, with the path of its file if it is a file."""
+    """Return a command. If it is a file, return its path."""
     found = _FILE.fullmatch(command)
     return f"{found[1]}{workspace.path(found[2], COMMANDS)}" if found else command
 
 
 def described_at(workspace: Workspace, path: str, text: str | None = None) -> Described:
-    """Read a drive or a circuit from the workspace, from the catalogue, or from a text in its place.
+    """Read a drive or a circuit from the workspace, from the catalogue, or from a given text.
 
-    Each is read only once, except descriptions that refer to files.
+    Results are cached, except for descriptions that refer to files.
 
     Raises
     ------

@@ -22,10 +22,10 @@ from pneudrive.sizing.task import SizingTask, follows_from, values_of
 from pneudrive.web.messages import problems_of
 from pneudrive.web.workspace import Workspace
 
-#: A task to begin with.
+#: File of an initial task.
 FIRST = Path(__file__).with_name("first_task.toml")
 MOST_TASKS = 500  # number of kept tasks
-#: Values of a sized drive that the page gets under their names.
+#: Fields of a sized drive that are sent to the page.
 SENT = ("name", "draws", "met", "time_out", "time_back", "energy", "margin", "binding", "load_ratio")
 
 

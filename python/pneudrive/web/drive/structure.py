@@ -115,7 +115,7 @@ class CircuitText:
         return self.wiring.ports(name)
 
     def _ends(self, chain: str) -> list[tuple[Any, Any]]:
-        """Return the ports by which a chain enters and leaves each of its components."""
+        """Return the ports at which a chain enters and leaves each of its components."""
         words = _words(chain)
         if any(word.partition(".")[0] in self.added for word in words):
             return []
@@ -237,10 +237,8 @@ class CircuitText:
     def written(self) -> str:
         """Return the text.
 
-        Ports that need a line, but have no line, are plugged, or opened to the ambient air if gas flows through the
-        component.
-
-        A plug at a restriction would make a joint without any gas volume.
+        Ports that need a line, but have none, are plugged, or opened to the ambient air if gas flows through the
+        component. A plug at a restriction would make a joint without any gas volume.
         """
         named: set[str] = set()
         if not len(self._chains):

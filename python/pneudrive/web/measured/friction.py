@@ -1,4 +1,4 @@
-"""Friction maps and fits as the page draws them: points, curves, cuts, differences, residuals, next points."""
+"""Friction maps and fits for the page: points, curves, cuts, differences, residuals, next points."""
 
 from __future__ import annotations
 
@@ -80,7 +80,7 @@ def fits_of(path: Path, fit_name: str, names: list[str]) -> tuple[dict[str, Fric
 
 
 def shown_map(workspace: Workspace, path: str, fit: str) -> Plain:
-    """Return a friction map with the curves of its fit, and which recordings are in the workspace.
+    """Return a friction map with the curves of its fit, and the recordings found in the workspace.
 
     Raises
     ------

@@ -278,7 +278,7 @@ def shown_recording(workspace: Workspace, path: str) -> Plain:
 def shown_window(workspace: Workspace, given: Keyed) -> bytes:
     """Return a view of a recording as a frame, or None if the recording does not have the requested key.
 
-    Times and channels of a changed recording would not match those in the page.
+    If the recording has changed, its times and channels would not match those in the page.
     """
     name, key = str(given.get("path", "")), str(given.get("key", ""))
     head: Plain = {"number": given.get("number"), "path": given.get("path"), "key": None}
@@ -387,7 +387,7 @@ def measured(
     workspace : Workspace
     path : str
     at : (float, float)
-        s, or numbers of samples.
+        Two times, s, or sample numbers.
     columns : tuple of str
     beside : str
         Another recording; may be empty.
@@ -485,7 +485,7 @@ def needs_none(path: Path) -> bool:
 
 @lru_cache(maxsize=4 * MOST_OPEN)
 def _has_own_names(path: Path, _size: int, _changed_ns: int) -> bool:
-    """Query a file only once, because the reader process may be busy."""
+    """Return the result of `needs_none`, cached for an unchanged file, because the reader process may be busy."""
     return is_trajectory(path) or len(columns_in(path, NEEDED)) == len(NEEDED)
 
 
@@ -493,7 +493,7 @@ def _key(path: Path) -> str:
     """Return the key of a file: its path, its inode, its size and times, and the bytes at both ends.
 
     A different file of the same size and time has another inode. A file that was changed only in the middle has another
-    change time, which users cannot set.
+    change time (ctime), which users cannot set.
     """
     if not path.is_file():
         raise RecordingError("there is no such file", where=path.name)
@@ -511,7 +511,7 @@ def _key(path: Path) -> str:
 
 
 def _opened(path: Path, layout: Layout | None, cache: Path, watch: Watch) -> OpenRecording:
-    """Open a recording. A file that is not Parquet is converted; this, and making the blocks, is done only once."""
+    """Open a recording. Conversion of a file that is not Parquet, and its blocks, are cached."""
     cache.mkdir(mode=0o700, parents=True, exist_ok=True)
     os.utime(cache)  # `forget_unused` reads this time
     file = open_channels(path, layout, cache)
@@ -523,7 +523,7 @@ def _opened(path: Path, layout: Layout | None, cache: Path, watch: Watch) -> Ope
 
 
 def _blocks(path: Path, file: ChannelFile, cache: Path, watch: Watch) -> Pyramid:
-    """Return the blocks of a recording. Blocks are made once for each way of reading."""
+    """Return the blocks of a recording. They are cached for each way of reading."""
     how = (file.table.path.name, file.first, file.time, file.channels)
     place = cache / hashlib.sha256(repr(how).encode()).hexdigest()[:16]
     pyramid = Pyramid.open(place)

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 BLOCK = 256  # samples
 READ = BLOCK << 11  # samples read at once: half a million, 4 MB a channel
-#: A pause is drawn as a gap: so many times the width of a pixel without a sample.
+#: Time without a sample that is drawn as a gap, in multiples of a pixel's width.
 PAUSE = 2.0
 _FILES = ("time", "low", "high", "missing")
 
@@ -203,7 +203,7 @@ def _with_gaps(
 ) -> tuple[Array, dict[str, Array]]:
     """Return times and channels of pixel columns, each with its lowest and its highest value side by side.
 
-    Pauses of the clock have NaN. A pixel column with samples before and after a pause is drawn on both sides.
+    Pauses of the clock are marked by NaN. A pixel column with samples before and after a pause is drawn on both sides.
 
     Parameters
     ----------
@@ -234,8 +234,8 @@ def _with_gaps(
 def drawn_columns(columns: Mapping[str, Array], pixels: int) -> dict[str, Array]:
     """Return columns over ``time_s``. Long columns are reduced to the lowest and highest value of each pixel.
 
-    Reduced columns also have ``NAME/at``: the values at the sent times. The number that the page shows at the cursor is
-    therefore a value of the run at that time, and not an extreme value of a pixel.
+    Reduced columns also have ``NAME/at``: the values at the sent times. The page can therefore show the value of the
+    run at the cursor, not an extreme value of a pixel.
     """
     time = np.asarray(columns["time_s"])
     if len(time) <= 2 * pixels + 1:

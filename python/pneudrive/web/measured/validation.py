@@ -95,7 +95,7 @@ def _read(workspace: Workspace, name: str) -> Plain:
 
 
 def _suspects(drive: Drive | None, diagnosis: Keyed) -> list[Plain]:
-    """Return fields for values that the causes name, but that the file does not contain.
+    """Return fields for values named by the causes but not contained in the file.
 
     Such values are derived from others.
     """
@@ -218,7 +218,7 @@ def _changed(drive: Any, changes: Plain, signals: Signals) -> tuple[dict[str, fl
 
 
 def _labels(*paths: PurePosixPath) -> tuple[str, str]:
-    """Return different short names of two files: names of seals for fits, otherwise of files or folders."""
+    """Return distinguishable short names of two files: names of seals for fits, otherwise of files or folders."""
     ways = ([path.stem.removeprefix("fit-") for path in paths], [path.parent.name for path in paths])
     return next(((a, b) for a, b in ways if a != b), (str(paths[0]), str(paths[1])))
 

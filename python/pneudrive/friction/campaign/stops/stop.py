@@ -74,7 +74,7 @@ TRACE = ("trace_time_s", "trace_position_m", "trace_friction_n")
 def _read(
     file: CycleFile, samples: Samples, identity: Identity, others: Sequence[course.UninterruptedStroke]
 ) -> Row | Skipped:
-    """Return the columns of a stop, or the reason why there is none."""
+    """Return the columns of a stop, or the reason why they are missing."""
     recording, _ = recording_of(file, identity, samples)
     step = steps_of(recording, samples)
     cycle, condition = file.head.cycle, condition_of(file.head)
@@ -344,7 +344,7 @@ def corner_height(
 def lag_loss(time_s: Array, friction_n: Array, at_s: float, bandwidth_hz: float) -> float:
     """Return the loss of height by a first-order sensor, N: exact for a corner, an upper bound for a rounded peak.
 
-    A rise r that turns into a fall q at a corner appears lower by q tau ln(1 + r / q), tau = 1 / (2 pi f): the largest
+    A corner between a rise r and a fall q appears lower by q tau ln(1 + r / q), tau = 1 / (2 pi f). This is the largest
     response of a first-order lag to two ramps.
 
     Parameters
