@@ -15,7 +15,7 @@ from pneudrive.studies.bracha import reproduction
 ROOT = Path(__file__).resolve().parents[1]
 #: Files whose tests look at the study: on one worker, for each worker makes what a session shares for itself.
 STUDY = (
-    "tests/acceptance/test_tutorials.py",
+    "tests/acceptance/test_demo.py",
     "tests/unit/paper/test_paper_figures.py",
     "tests/unit/report/test_report.py",
     "tests/unit/report/test_campaign_report.py",

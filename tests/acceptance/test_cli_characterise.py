@@ -1,7 +1,6 @@
 """`pneudrive characterise` and `pneudrive layout` from end to end, and what they say to wrong input."""
 
 import lzma
-import re
 from pathlib import Path
 
 import pytest
@@ -13,21 +12,6 @@ from pneudrive.cli.main import run
 DATA = Path(__file__).resolve().parents[2] / "data" / "measurements" / "zillen-2021-pneumatic-piston"
 
 
-def test_recordings_become_map_fit_and_report(tmp_path, capsys):
-    files = [str(DATA / "friction" / f"PK_{bar}bar.csv.xz") for bar in (1, 3, 5, 7)]
-    assert run(["characterise", *files, "--out", str(tmp_path / "out")]) == 0
-    out = capsys.readouterr().out
-    for name in ("map.parquet", "map.csv", "curves.parquet", "effects.toml", "fit.toml", "report.html"):
-        assert (tmp_path / "out" / name).stat().st_size > 500, name
-        assert name in out
-    assert read_map(tmp_path / "out" / "map.csv").sizes["row"] == 8
-    page = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
-    assert not re.search(r"""(?:src|href)\s*=\s*["']https?://[^"']+\.(?:js|css|png|svg|woff2?)""", page)
-    assert "PK_5bar" in page
-    assert "PK_5bar" in out
-    assert "- The effect of pressure cannot be determined" in out  # in the words of a campaign
-
-
 def test_a_folder_of_recordings_is_all_files_that_its_layout_describes(tmp_path, capsys):
     folder = tmp_path / "bench"
     folder.mkdir()
@@ -37,7 +21,12 @@ def test_a_folder_of_recordings_is_all_files_that_its_layout_describes(tmp_path,
         (folder / f"{name}.csv.xz").write_bytes((DATA / "friction" / f"{name}.csv.xz").read_bytes())
     assert run(["characterise", str(folder), "--out", str(tmp_path / "out")]) == 0
     assert read_map(tmp_path / "out" / "map.csv")["seal"].to_numpy().tolist() == ["NAPN", "NAPN", "PK", "PK"]
-    assert "PK_1bar" in capsys.readouterr().out
+    said = capsys.readouterr().out
+    for name in ("map.parquet", "map.csv", "curves.parquet", "effects.toml", "fit.toml", "report.html"):
+        assert (tmp_path / "out" / name).stat().st_size > 500, name
+        assert name in said
+    assert "PK_1bar" in said
+    assert "- The effect of pressure cannot be determined" in said  # in the words of a campaign
 
 
 def test_a_foreign_recording_by_way_of_a_proposed_layout(tmp_path, capsys):

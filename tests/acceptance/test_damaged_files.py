@@ -2,7 +2,8 @@
 
 Damage is drawn with fixed seeds: bits, bytes, cuts, blocks; in text also brackets, dots, numbers, lines and signs that
 hide. Where a format proves its content (our seal, the checksums of gzip, xz and HDF5), what is accepted must be
-what was written; CSV is held against a reading by Python itself. ``PNEUDRIVE_DAMAGED=30000`` sets the number of cases.
+what was written; CSV is held against a reading by Python itself. ``PNEUDRIVE_DAMAGED`` sets the number of cases, as
+``make trials`` does.
 """
 
 from __future__ import annotations
@@ -39,7 +40,7 @@ from pneudrive.simulation.command import steps
 from pneudrive.simulation.trajectory import read_columns, save
 
 HIDDEN = re.compile("[\x00-\x08\x1b\u202a-\u202e\u2066-\u2069]")
-NUMBER = int(os.environ.get("PNEUDRIVE_DAMAGED", "2000"))
+NUMBER = int(os.environ.get("PNEUDRIVE_DAMAGED", "600"))
 ROWS = 200
 LAYOUT = """\
 format = "{form}"

@@ -1,6 +1,6 @@
 """Random drives of every law, sensible ones and corners, keep the rules of `oracle.random_runs`.
 
-Sixty of each kind here; 20,000 by ``python tests/oracle/random_runs.py --count 20000``.
+Some of each kind here; 10,000 by ``make trials``.
 """
 
 from __future__ import annotations
@@ -8,7 +8,6 @@ from __future__ import annotations
 import importlib
 import json
 import sys
-from collections import Counter
 from importlib import import_module
 from pathlib import Path
 
@@ -18,16 +17,16 @@ import pytest
 from oracle.compare import difference, simulated
 from oracle.integrate import run
 from oracle.random_drives import random_case, remembering_case
-from oracle.random_runs import ENERGY_CLOSES, ENERGY_RTOL, MOST_SECONDS, broken, case, outcome
+from oracle.random_runs import ENERGY_CLOSES, ENERGY_RTOL, LAWS, MOST_SECONDS, broken, case, outcome
 
 SEED = 20_000
 #: Corners that may stop: of this few, three times the share of the whole sweep.
-MOST_STOPPED = 3
+MOST_STOPPED = 2
 
 
 @pytest.mark.parametrize("kind", ["sensible", "corners"])
 def test_random_drives_keep_the_rules(kind):
-    numbers = range(0 if kind == "sensible" else 1, 120, 2)
+    numbers = range(0 if kind == "sensible" else 1, 72, 2)
     outcomes = {number: outcome(case(SEED, number)) for number in numbers}
     # A loaded machine is slow: the time is held to its rule by the sweep alone, work by the budget of each run.
     wrong = {
@@ -37,13 +36,13 @@ def test_random_drives_keep_the_rules(kind):
     }
     assert not wrong, "\n".join(f"{number}: {what}" for number, what in wrong.items())
     assert sum(bool(one.stopped) for one in outcomes.values()) <= (0 if kind == "sensible" else MOST_STOPPED)
-    assert min(Counter(one.law for one in outcomes.values()).values()) >= 2
-    assert sum(one.seconds for one in outcomes.values()) < 60 * MOST_SECONDS
+    assert {one.law for one in outcomes.values()} == set(LAWS)
+    assert sum(one.seconds for one in outcomes.values()) < len(numbers) * MOST_SECONDS
 
 
 def test_the_ledger_changes_no_bit_and_no_step_of_a_corner():
     """Trial stages outside the physics, whose accounts are no numbers, are rejected by the states alone."""
-    for number in range(1, 40, 2):
+    for number in range(1, 24, 2):
         drawn = case(SEED, number)
         try:
             runs = [drawn.run(ledger=ledger) for ledger in (False, True)]
@@ -109,7 +108,7 @@ def test_energy_that_does_not_close_is_told(monkeypatch):
 
 # --- The core at its default tolerance against the independent model on random drives (seeded).
 #
-# More of them: ``python tests/oracle/random_drives.py --count 100``.
+# More of them: ``make trials``.
 
 DEFAULT_RTOL = 1e-6
 # Every kind and both families of laws; 3 reverses without a pause where a switch once was missed by rounding.
@@ -126,7 +125,7 @@ def test_a_random_drive_moves_as_the_independent_model_says(seed):
     assert found.meets(case), found
 
 
-@pytest.mark.parametrize("seed", [3, 6])
+@pytest.mark.parametrize("seed", [6])
 def test_friction_that_remembers_moves_as_the_independent_model_says(seed):
     """Elasto-plastic and LuGre bristles whose contact ages and which relax while they are held."""
     case = remembering_case(seed)

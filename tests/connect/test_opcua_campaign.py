@@ -19,7 +19,6 @@ import pytest
 from connect import served_child
 from pneudrive.campaign.run import run_campaign
 from pneudrive.campaign.storage.folder import Campaign
-from pneudrive.characteristics import characterise
 from pneudrive.errors import ConnectionLostError, PneudriveWarning
 from pneudrive.rig import load_rig
 from pneudrive.rig.opcua.access import add_user, make_certificate, write_secret
@@ -56,7 +55,6 @@ def test_a_campaign_over_a_connection_is_the_direct_one(direct, tmp_path):
     with RigServer(load_rig("default", seed=seed), load_map(), port=0) as server:
         run_campaign(PROTOCOL, server.url, tmp_path / "there")
     assert set(assert_same_campaign(direct, tmp_path / "there")) == {1}
-    assert characterise(tmp_path / "there").identical(characterise(direct))
 
 
 class Server:

@@ -1,1 +1,1 @@
-"""Tests of the documentation in a browser: make docs."""
+"""Tests of the documentation: tutorials, examples, notebooks, and its pages in a browser; make docs."""

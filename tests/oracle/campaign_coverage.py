@@ -1,12 +1,12 @@
 """How often the band of a campaign's curve holds the truth, over many worlds drawn at random.
 
-``python tests/oracle/campaign_coverage.py [--count 200] [--first 0]`` prints a table: share of the measured points, of
+``python tests/oracle/campaign_coverage.py [--count 200] [--seed 1]`` prints a table: share of the measured points, of
 those between them, of curves of one direction, of the rows of the map; and the error as a share of what the band says.
+A sixth as many campaigns of each rig in `RIGS` follow. The exit status is 1 if the band contains too few true points.
 """
 
 from __future__ import annotations
 
-import argparse
 import sys
 import tempfile
 from collections.abc import Callable
@@ -17,12 +17,59 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
-from oracle.campaigns import AMBIENT_PA, World, gauges, random_world, write_campaign
+from oracle.campaigns import AMBIENT_PA, BAR, LAWS, Friction, World, gauges, random_world, write_campaign
+from oracle.shares import is_within, options
 from pneudrive.characteristics import campaign_friction
 
 NORMAL_95 = 1.96
 SAMPLES = {800: 400, 2000: 1200}  # of a stroke: enough, and twice as fast
 BURST_HZ = 1000.0
+RIGS = {
+    "repeats and sentinels in random order, drift, zero that drifts": {"drift_share": 0.02, "zero_drift_n": 1.0},
+    "one pass upwards, nothing repeated": {
+        "repeats": 1,
+        "order": "ascending",
+        "sentinel_every": 0,
+        "cycle_share": 0.005,
+    },
+    "three pressure pairs, scatter in newton": {
+        "gauges_pa": ((0.0, 0.0), (2.0 * BAR, 0.0), (0.0, 2.0 * BAR)),
+        "cycle_share": 0.0,
+        "cycle_n": 0.4,
+        "repeats": 1,
+        "sentinel_every": 6,
+    },
+    "seals in two blocks each": {
+        "levels": ({"seal": "A"}, {"seal": "B"}, {"seal": "A"}, {"seal": "B"}),
+        "block_share": 0.01,
+        "repeats": 1,
+    },
+    "slow noise, bursts, friction that varies over position": {
+        "correlated_n": 1.0,
+        "correlation_s": 0.1,
+        "burst_hz": 1000.0,
+        "ripple": ((0.02, 3.0, 1.0),),
+        "slope_share": 0.03,
+    },
+    "gain error, air": {"gain_share": 0.003, "air_pa_s_m": 2e4, "cycle_share": 0.005},
+}
+
+
+def rig_world(kind: str, number: int) -> World:
+    """Return a rig with a friction law that somebody's seal could have."""
+    draw = np.random.default_rng([number, list(RIGS).index(kind)])
+    coulomb = float(draw.uniform(10.0, 60.0))
+    friction = Friction(
+        law=LAWS[number % len(LAWS)],
+        coulomb=coulomb,
+        breakaway=coulomb * float(draw.uniform(1.1, 1.8)),
+        stribeck_m_s=float(np.exp(draw.uniform(np.log(0.004), np.log(0.04)))),
+        viscous=coulomb * float(draw.uniform(0.3, 2.5)),
+        asymmetry=0.05 * float(draw.integers(2)),
+        lip_a=1.5,
+        lip_b=1.0,
+    )
+    return World(friction=friction, **({"samples": 300} | RIGS[kind]))
 
 
 @dataclass
@@ -96,18 +143,18 @@ GROUPS: dict[str, Callable[[World], bool]] = {
 }
 
 
+def random_plan(seed: int) -> World:
+    """Return a random world with fewer samples."""
+    drawn = random_world(seed)
+    return replace(drawn, samples=SAMPLES[drawn.samples], burst_hz=BURST_HZ * (drawn.burst_hz > 0.0))
+
+
 def main() -> None:
     """Print the table."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--count", type=int, default=200)
-    parser.add_argument("--first", type=int, default=0)
-    options = parser.parse_args()
-    worlds, tallies = [], []
-    for seed in range(options.first, options.first + options.count):
-        drawn = random_world(seed)
-        world = replace(drawn, samples=SAMPLES[drawn.samples], burst_hz=BURST_HZ * (drawn.burst_hz > 0.0))
-        worlds.append(world)
-        tallies.append(tally(world, seed))
+    given = options(__doc__, 200)
+    seeds = range(given.seed, given.seed + given.count)
+    worlds = [random_plan(seed) for seed in seeds]
+    tallies = [tally(world, seed) for world, seed in zip(worlds, seeds, strict=True)]
     sys.stdout.write(
         "| plan | campaigns | measured | between | one direction | rows of the map | error | half width |" + "\n"
     )
@@ -123,6 +170,14 @@ def main() -> None:
     sys.stdout.write("worst campaign: {:.1f} % of the measured points, {:.1f} % of the rows\n".format(*worst))
     ends = np.concatenate([t.ends for t in tallies])
     sys.stdout.write(f"truth taken at the beginning of the campaign: {100 * np.mean(ends):.1f} %" + "\n")
+    fine = True
+    for kind in RIGS:
+        own = [tally(rig_world(kind, number), number) for number in seeds[: max(given.count // len(RIGS), 2)]]
+        fine &= is_within(kind, [np.mean(t.measured + t.direction) for t in own], 0.90)
+        tallies += own
+    for name in ("measured", "direction", "rows"):
+        fine &= is_within(name, [np.mean(getattr(t, name)) for t in tallies], 0.93, 0.995)
+    sys.exit(not fine)
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""How often the diagnosis names the cause that was seeded: run by hand, ``python -m oracle.diagnosis_hits [SEEDS]``.
+"""How often the diagnosis names the cause that was seeded: ``python tests/oracle/diagnosis_hits.py --count 3``.
 
 A true drive with one thing changed makes a record with sensor noise; the unchanged model is validated against it. A hit
 is the seeded cause in the first place; "among" counts causes that are named as not told apart from the first, too. The
@@ -10,10 +10,14 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
+sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
+
 from oracle.drive_records import drive, record
+from oracle.shares import is_within, options
 from pneudrive.signals.drive_recording import DriveRecording, drive_recording
 from pneudrive.validate import diagnose
 from pneudrive.validate.balance import Signals
@@ -73,24 +77,26 @@ CASES = (
 )
 
 
-def main(seeds: int) -> None:
+def main() -> None:
     """Print the hit rate of each case at two noise levels."""
+    given, fine = options(__doc__, 3), True
     for noise_m, noise_pa in ((2e-6, 300.0), (1e-5, 2e3)):
-        hits = among = total = 0
+        hits, among = [], []
         for case in CASES:
             firsts = []
-            for seed in range(seeds):
+            for seed in range(given.seed, given.seed + given.count):
                 culprits = case.diagnosed(seed, noise_m, noise_pa).culprits
                 first = culprits[0].key if culprits else ""
                 named = {first, *(name for name, _ in culprits[0].rivals)} if culprits else {""}
                 wanted = case.causes or {""}
-                hits += first in wanted
-                among += bool(named & wanted)
-                total += 1
+                hits.append(first in wanted)
+                among.append(bool(named & wanted))
                 firsts.append(first + ("" if len(culprits) < 2 else f" + {len(culprits) - 1}"))
             sys.stdout.write(f"{case.name:34s} {', '.join(firsts)}\n")
-        sys.stdout.write(f"noise {1e6 * noise_m:g} um, {noise_pa:g} Pa: first {hits}, among {among} of {total}\n")
+        title = f"noise {1e6 * noise_m:g} um, {noise_pa:g} Pa"
+        fine &= is_within(f"{title}: first", hits, 0.95) & is_within(f"{title}: among", among, 0.98)
+    sys.exit(not fine)
 
 
 if __name__ == "__main__":
-    main(int(sys.argv[1]) if len(sys.argv) > 1 else 3)
+    main()

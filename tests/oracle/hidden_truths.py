@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
 from oracle.campaigns import BAR, World, gauges, write_campaign
+from oracle.shares import is_within
 from pneudrive.characteristics import campaign_friction
 
 Array = NDArray[np.float64]
@@ -215,6 +216,7 @@ def main() -> None:
         f"others that name one: {sum(bool(f.causes) for f in good)} of {len(good)}; trends "
         f"along x claimed where there is none: {sum(f.trend_p < 0.05 for f in flat)} of {len(flat)}\n"
     )
+    sys.exit(not is_within("points in the band", shares, 0.95))
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""How often profile intervals of hidden tubes and drives hold the truth: ``python -m oracle.profile_coverage``.
+"""How often profile intervals of hidden tubes and drives hold the truth: ``tests/oracle/profile_coverage.py drives``.
 
 Every tube and drive has hidden values, a start value that is off by up to a third, and white noise of its sensors.
 Tubes are discharges and fills of a tank by the independent model, half of them without a linear region of flow. Hoses
@@ -13,10 +13,13 @@ import argparse
 import sys
 import warnings
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from scipy.stats import binom
+
+sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
 import pneudrive as pn
 from oracle.drive_records import drive, record
@@ -198,6 +201,7 @@ def main() -> None:
             ends = fit.intervals
         count.add(f"{options.kind} {seed}", fit, ends, truth)
     sys.stdout.write(f"{count}\n")
+    sys.exit(count.inside < binom.ppf(0.001, count.total, 0.95))
 
 
 if __name__ == "__main__":

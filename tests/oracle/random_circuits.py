@@ -399,6 +399,7 @@ def main() -> None:
     sys.stdout.write(f"median {1e3 * seconds[len(seconds) // 2]:.0f} ms, worst {seconds[-1]:.2f} s\n")
     for title, counter in (("kinds", kinds), ("refused", refused)):
         sys.stdout.write(f"{title}\n" + "".join(f"{count:6d} {what}\n" for what, count in counter.most_common(40)))
+    sys.exit(wrong > 0)
 
 
 if __name__ == "__main__":

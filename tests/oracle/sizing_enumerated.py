@@ -1,6 +1,6 @@
 """Random small tasks, each sized by the pruned search and by full enumeration: the winners have to be the same.
 
-    python -m tests.oracle.sizing_enumerated [TASKS] [SEED]
+    python tests/oracle/sizing_enumerated.py --count 50 --seed 1
 
 A task draws two cylinders, two valves, two tubes and a flow control of the catalogue, which may also be left out.
 Enumeration tunes every combination and simulates 1,024 draws of it, also of those that the search prunes by bounds of
@@ -11,10 +11,14 @@ sheet forbids (another stroke, a coupling that gives way) no simulation sees; bo
 from __future__ import annotations
 
 import sys
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
+
+from oracle.shares import options
 from pneudrive.describe.files.catalogue import entries
 from pneudrive.sizing.checks import PROBABILITY, SizedDrive, sized
 from pneudrive.sizing.choices import SLOTS, choices, combined
@@ -24,7 +28,7 @@ from pneudrive.sizing.strokes import RTOL, DriveStrokes, Setting, points
 from pneudrive.sizing.task import SizingTask
 from pneudrive.sizing.tune import tune
 
-TASKS, DRAWS, FIRST = 50, 1024, 64
+DRAWS, FIRST = 1024, 64
 BOUNDS = ("force", "time")
 TAKEN = {"cylinder": 2, "valve": 2, "tube": 2, "flow_control": 1}
 
@@ -87,17 +91,18 @@ def compared(task: SizingTask) -> tuple[bool, str]:
     return same and not wrong, said + (f"; pruned but feasible: {wrong}" if wrong else "")
 
 
-def main(tasks: int = TASKS, seed: int = 0) -> int:
-    """Compare tasks; return how many do not agree."""
-    rng, bad = np.random.default_rng(seed), 0
-    for number in range(tasks):
+def main() -> None:
+    """Compare tasks; the exit status is 1 if one does not agree."""
+    asked = options(__doc__, 50)
+    rng, bad = np.random.default_rng(asked.seed), 0
+    for number in range(asked.count):
         agrees, said = compared(random_task(rng))
         bad += not agrees
         sys.stdout.write(f"{number + 1:3} {'same ' if agrees else 'WRONG'} {said}\n")
         sys.stdout.flush()
-    sys.stdout.write(f"{tasks - bad} of {tasks} tasks agree\n")
-    return bad
+    sys.stdout.write(f"{asked.count - bad} of {asked.count} tasks agree\n")
+    sys.exit(bad > 0)
 
 
 if __name__ == "__main__":
-    sys.exit(min(main(*map(int, sys.argv[1:])), 1))
+    main()

@@ -1,13 +1,13 @@
 """How often the intervals of slopes per decade of stop duration hold the truth, over many campaigns drawn at random.
 
-``python tests/oracle/stop_coverage.py [--count 150] [--first 0]`` prints a table: share of campaigns whose slope at the
+``python tests/oracle/stop_coverage.py [--count 150] [--seed 1]`` prints a table: share of campaigns whose slope at the
 reference duration, mean slope, and slopes at single conditions lie in their 95 % intervals; half width over the true
-slope of the log law at 15 s; share in which the law that made the data has support.
+slope of the log law at 15 s; share in which the law that made the data has support. The exit status is 1 if one of the
+first two shares, or the last one, is too small.
 """
 
 from __future__ import annotations
 
-import argparse
 import sys
 import tempfile
 from collections.abc import Callable
@@ -18,6 +18,7 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
+from oracle.shares import is_within, options
 from oracle.stop_campaigns import AMBIENT_PA, LAWS, StopWorld, random_stop_world, write_stops
 from pneudrive.campaign.storage.folder import Campaign
 from pneudrive.friction.campaign.stops.dwell_law import fit_dwell
@@ -103,12 +104,10 @@ GROUPS: dict[str, Callable[[StopWorld], bool]] = {
 
 def main() -> None:
     """Print the table."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--count", type=int, default=150)
-    parser.add_argument("--first", type=int, default=0)
-    options = parser.parse_args()
-    worlds = [replace(random_stop_world(s), samples=900) for s in range(options.first, options.first + options.count)]
-    tallies = [tally(world, options.first + i) for i, world in enumerate(worlds)]
+    given = options(__doc__, 150)
+    seeds = range(given.seed, given.seed + given.count)
+    worlds = [replace(random_stop_world(seed), samples=900) for seed in seeds]
+    tallies = [tally(world, seed) for world, seed in zip(worlds, seeds, strict=True)]
     head = "| campaigns of | number | slope at 15 s | mean slope | single conditions | half width | mean error | law |"
     sys.stdout.write(f"{head}\n|---|---|---|---|---|---|---|---|\n")
     for title, belongs in GROUPS.items():
@@ -118,6 +117,10 @@ def main() -> None:
             part.add(one)
         if chosen:
             sys.stdout.write(part.line(title, len(chosen)) + "\n")
+    fine = True
+    for name in ("slope", "mean", "law"):
+        fine &= is_within(name, [hit for one in tallies for hit in getattr(one, name)], 0.95)
+    sys.exit(not fine)
 
 
 if __name__ == "__main__":

