@@ -95,7 +95,7 @@ bench: setup $(VENV)/.bench $(VENV)/.page $(if $(shell command -v gfortran),$(VE
 record: setup  ## the figures of the last bench become those of README and the documentation
 	$(PY) -m benches.record
 
-docs: setup $(VENV)/.docs $(VENV)/.page  ## the documentation, into docs/_build/html, its cells executed; opened in a browser
+docs: setup $(VENV)/.docs $(VENV)/.page  ## the documentation, into docs/_build/html, its cells, commands and examples executed; opened in a browser
 	$(PY) -m sphinx --fail-on-warning --quiet -b html docs docs/_build/html
 	$(PY) -m pytest -q tests/documentation
 	@echo "docs/_build/html/index.html"

@@ -115,9 +115,9 @@ if __name__ == "__main__":
 DRAW = (Path(__file__).parents[1] / "data" / "old_files_draw.txt").read_text("utf-8")
 FOREIGN = {
     "none": None,
-    "latex": b"text.usetex: True\ntext.latex.preamble: \\input{x}\n",
     "bytes": b"\xff\xfe",
-    "sizes": b"font.size: 40\nlines.linewidth: 9\nsvg.fonttype: none\naxes.prop_cycle: cycler(color=['r'])\n",
+    "latex and sizes": b"text.usetex: True\ntext.latex.preamble: \\input{x}\nfont.size: 40\nlines.linewidth: 9\n"
+    b"svg.fonttype: none\naxes.prop_cycle: cycler(color=['r'])\n",
 }
 
 
