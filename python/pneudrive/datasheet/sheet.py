@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from pneudrive.constants import IMPACT_ENERGY_J_M2
-from pneudrive.datasheet.characteristics.air import FULL_S
 from pneudrive.datasheet.measured import MeasuredBeside, beside
 from pneudrive.datasheet.plant import HeldDrive
 from pneudrive.datasheet.registry import UncertainDrive, characteristics
@@ -129,10 +128,8 @@ class Datasheet(Viewed):
         out = []
         for one in values_of(drive):
             if one.key in written:
-                origin, text = (
-                    one.origin or "given",
-                    f"{one.value:g}" if isinstance(one.value, float) else str(one.value),
-                )
+                origin = one.origin or "given"
+                text = f"{one.value:g}" if isinstance(one.value, float) else str(one.value)
                 if one.key in identified:
                     known = identified[one.key]
                     ends = f"{known.interval.low} .. {known.interval.high} ({100 * known.confidence:g} %)"
@@ -171,7 +168,7 @@ class Datasheet(Viewed):
         if "air per full cycle" in at:
             fast = f"{at['air per fast cycle'].out} in a cycle of 2 x {shown(self.results['air'], 'half_period', {})}"
             full = f"{at['air per full cycle'].out} per cycle that fills and vents the chambers"
-            lines.append(f"Air: {full} (2 x {FULL_S:g} s), {fast}.")
+            lines.append(f"Air: {full} (2 x {shown(self.results['air'], 'full_half_period', {})}), {fast}.")
         if self.measured is None:
             lines.append("No recording confirms these numbers: they are simulated from the values below.")
         return lines

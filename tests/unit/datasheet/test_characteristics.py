@@ -176,6 +176,11 @@ def test_air_and_exergy_of_a_full_cycle():
     assert float(spent.lost.sum()) + float(spent.exhausted) == pytest.approx(float(spent.drawn), rel=1e-6)
 
 
+def test_the_chambers_of_a_slow_drive_fill_too():
+    slow = pn.drive_characteristic(DRIVE.replace({"valve.conductance": "0.01 dm3/(s bar)"}), "air")
+    assert float(slow.full) == pytest.approx(3.566, rel=1e-3)
+
+
 def test_the_test_stand_finds_conductance_and_ratio_again():
     found = pn.drive_characteristic(DRIVE, "flow")
     assert np.abs(found.conductance / 2e-8 - 1.0).max() < 1e-6

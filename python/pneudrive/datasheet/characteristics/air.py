@@ -28,10 +28,15 @@ if TYPE_CHECKING:
     from pneudrive.simulation.command import Commands
 
 
-FULL_S = 20.0  # half a cycle: chambers fill and empty, and take the temperature of the wall
+FULL_S, FULL = 20.0, 4.0  # least half of a full cycle, and times the half in which the piston reaches its ends
 REPEATS, RTOL = 3, 1e-8  # cycles before the one that counts, and tolerance
 NORMAL_DENSITY_KG_M3 = 1.2929  # dry air at 0 degC and 101325 Pa (normal litre, DIN 1343)
 _BOUNDARY = ("mass over the boundary [kg]", "enthalpy over the boundary [J]", "entropy over the boundary [J/K]")
+
+
+def full_half_s(plant: HeldDrive, command: float) -> float:
+    """Return the half of a cycle in which the chambers fill and empty, and take the temperature of the wall, s."""
+    return max(FULL_S, FULL * cycle(plant, command).half_s)
 
 
 def accounts_of(plant: HeldDrive, command: float, half_s: float) -> dict[str, float]:
@@ -149,14 +154,17 @@ def _air(plant: HeldDrive, command: float = 1.0, half_period: float | None = Non
         half of the period of that cycle
     mean_flow : l/min ANR
         mean flow from the supply in that cycle
+    full_half_period : s
+        half of the period in which the chambers are filled and vented
     """
-    full = drawn_mass(plant, command, FULL_S)
-    half = cycle(plant, command).half_s if half_period is None else half_period
-    own, gas = drawn_mass(plant, command, half), plant.circuit.gas
+    full_half = full_half_s(plant, command)
+    full = drawn_mass(plant, command, full_half)
+    half = half_period or cycle(plant, command).half_s
+    gas = plant.circuit.gas
     density = gas.anr_density_kg_m3
     normal = NORMAL_DENSITY_KG_M3 * (AIR_GAS_CONSTANT_J_KG_K / gas.gas_constant_j_kg_k)
-    litres = litres_anr(own, density)
-    return litres_anr(full, density), full / normal * 1e3, litres, half, 60.0 * litres / (2.0 * half)
+    litres = litres_anr(drawn_mass(plant, command, half), density)
+    return litres_anr(full, density), full / normal * 1e3, litres, half, 30.0 * litres / half, full_half
 
 
 @characteristic(
@@ -168,7 +176,7 @@ def _air(plant: HeldDrive, command: float = 1.0, half_period: float | None = Non
     slow=True,
     held=False,
 )
-def _exergy(plant: HeldDrive, command: float = 1.0, half_period: float = FULL_S) -> Found:
+def _exergy(plant: HeldDrive, command: float = 1.0, half_period: float | None = None) -> Found:
     """Exergy and its losses.
 
     Exergy of the air drawn in one periodic cycle, relative to ambient, and exergy lost in each component: ambient
@@ -179,7 +187,7 @@ def _exergy(plant: HeldDrive, command: float = 1.0, half_period: float = FULL_S)
     command
         size of the command
     half_period
-        s
+        s; default: long enough to fill and vent the chambers
 
     Results
     -------
@@ -198,6 +206,7 @@ def _exergy(plant: HeldDrive, command: float = 1.0, half_period: float = FULL_S)
     half_period : s
         half of the period of the cycle
     """
+    half_period = half_period or full_half_s(plant, command)
     found = accounts_of(plant, command, half_period)
     t_0 = plant.ambient[1]
     supply_k = plant.session(command, 0.5 * plant.stroke_m).read(plant.supply.replace("pressure_pa", "temperature_k"))
