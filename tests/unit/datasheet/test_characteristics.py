@@ -171,14 +171,10 @@ def test_air_and_exergy_of_a_full_cycle():
     mass = drawn_mass(HeldDrive(stiff), 1.0, FULL_S, repeats=1)
     assert f"{litres_anr(mass):.3f} {1e3 * mass / NORMAL_DENSITY_KG_M3:.3f}" == "3.566 3.268"
     spent = pn.drive_characteristic(stiff, "exergy")
-    assert f"{float(spent.drawn):.1f}" == "687.3"
-    assert abs(float(spent.open)) < 1e-6
+    assert (round(float(spent.drawn), 1), round(float(spent.open), 6)) == (687.3, 0.0)
     assert float(spent.lost.sum()) + float(spent.exhausted) == pytest.approx(float(spent.drawn), rel=1e-6)
-
-
-def test_the_chambers_of_a_slow_drive_fill_too():
-    slow = pn.drive_characteristic(DRIVE.replace({"valve.conductance": "0.01 dm3/(s bar)"}), "air")
-    assert float(slow.full) == pytest.approx(3.566, rel=1e-3)
+    slow = DRIVE.replace({"valve.conductance": "0.01 dm3/(s bar)"})  # its stroke takes more than 20 s
+    assert float(pn.drive_characteristic(slow, "air").full) == pytest.approx(3.566, rel=1e-3)
 
 
 def test_the_test_stand_finds_conductance_and_ratio_again():

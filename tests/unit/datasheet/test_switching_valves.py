@@ -162,8 +162,7 @@ def test_the_sheet_of_a_drive_on_an_on_off_valve_has_no_small_signal_numbers_and
     assert "periodic cycle of 2 x " in stroke
     assert "(2 x 20 s)" in air
     # From rest, the sheet has the stroke time of a run from rest: time on counts.
-    start = {"position": "0 mm", "pressure_b": "6 bar gauge"}
-    run = pn.simulate(drive, 1.0, "1 s", initial=start)
+    run = pn.simulate(drive, 1.0, "1 s", initial={"position": "0 mm", "pressure_b": "6 bar gauge"})
     hit = next(one["time_s"] for one in run.attrs["impacts"] if one["end"] == "b")
     assert float(sheet.results["impact"].stroke_time[-1, 0]) == pytest.approx(hit, rel=1e-3)
     assert f"from rest {hit:.3g} s out" in stroke

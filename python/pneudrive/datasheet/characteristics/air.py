@@ -28,7 +28,8 @@ if TYPE_CHECKING:
     from pneudrive.simulation.command import Commands
 
 
-FULL_S, FULL = 20.0, 4.0  # least half of a full cycle, and times the half in which the piston reaches its ends
+FULL_S = 20.0  # half a cycle: chambers fill and empty, and take the temperature of the wall
+SLOW = 4.0  # a slow drive is given this times the half cycle in which its piston reaches both ends
 REPEATS, RTOL = 3, 1e-8  # cycles before the one that counts, and tolerance
 NORMAL_DENSITY_KG_M3 = 1.2929  # dry air at 0 degC and 101325 Pa (normal litre, DIN 1343)
 _BOUNDARY = ("mass over the boundary [kg]", "enthalpy over the boundary [J]", "entropy over the boundary [J/K]")
@@ -36,7 +37,7 @@ _BOUNDARY = ("mass over the boundary [kg]", "enthalpy over the boundary [J]", "e
 
 def full_half_s(plant: HeldDrive, command: float) -> float:
     """Return the half of a cycle in which the chambers fill and empty, and take the temperature of the wall, s."""
-    return max(FULL_S, FULL * cycle(plant, command).half_s)
+    return max(FULL_S, SLOW * cycle(plant, command).half_s)
 
 
 def accounts_of(plant: HeldDrive, command: float, half_s: float) -> dict[str, float]:
@@ -59,8 +60,7 @@ def drawn_mass(plant: HeldDrive, command: float, half_s: float, repeats: int = R
     as_it_is = {f"{plant.piston}.stroke": [f"{plant.stroke_m!r} m"] * 2}
     ends_s = [2 * repeats * half_s, (2 * repeats + 2) * half_s]
     (found,) = _supplied(plant.circuit, plans, ends_s, as_it_is, [reservoir], initial=start, rtol=RTOL)
-    few, many = np.abs(found)
-    return float(many - few)
+    return np.diff(np.abs(found)).item()
 
 
 def _supplied(
@@ -85,7 +85,7 @@ def _entering(plant: HeldDrive, pressure: float, temperature: float) -> tuple[fl
     """Return specific enthalpy, J/kg, and entropy, J/(kg K), of gas that flows from a reservoir into a small tank."""
     circuit = type(plant.circuit).model_validate(
         {
-            **{key: plant.circuit.to_dict()[key] for key in ("gas", "ambient") if key in plant.circuit.to_dict()},
+            **{key: table for key, table in plant.circuit.to_dict().items() if key in ("gas", "ambient")},
             "name": "flow out of a reservoir",
             "components": {
                 "reservoir": {
@@ -225,7 +225,6 @@ def _exergy(plant: HeldDrive, command: float = 1.0, half_period: float | None = 
 # --- The energy of one run: its accounts and their closure, the lost exergy, and the air from each supply.
 
 _JOULE = " [J]"
-_KIND = "reservoir"
 
 
 @dataclass(frozen=True, repr=False)
@@ -311,7 +310,7 @@ def energy_balance(
     accounts = {name.removesuffix(_JOULE): value for name, value in ledger["accounts"].items() if name.endswith(_JOULE)}
     circuit = drive.circuit
     lost = losses(ledger["accounts"], float(circuit.ambient.temperature_k))
-    supplies = [name for name, one in circuit.components.items() if one.kind == _KIND]
+    supplies = [name for name, one in circuit.components.items() if one.kind == "reservoir"]
     commands: Any = dict.fromkeys(circuit.commandable, command) if drive.system.names else command
     as_it_is = {f"{name}.pressure": [circuit.components[name].plain()["pressure"]] for name in supplies[:1]}
     options = {"initial": drive.circuit_values(initial), "rtol": rtol, "cancel": cancel}
