@@ -126,7 +126,7 @@ def test_a_drive_is_identified_the_fit_put_into_it_and_exported_from_files_alone
     start, fit, applied = (tmp_path / name for name in ("drive.toml", "fit.toml", "identified.toml"))
     start.write_text(drive(friction__coulomb="24 N", valve__conductance="2.4 dm3/(s bar)").to_toml())
     for name, seed in (("run", 5), ("other", 6)):
-        pl.DataFrame(record(drive(), seed, duration_s=2.0).columns).write_csv(tmp_path / f"{name}.csv")
+        pl.DataFrame(record(drive(), seed, duration_s=3.0).columns).write_csv(tmp_path / f"{name}.csv")
     free = "friction.coulomb,valve.conductance"
     assert run(["identify", str(start), str(tmp_path / "run.csv"), "--free", free, "--out", str(fit)]) == 0
     said = capsys.readouterr()

@@ -3,6 +3,7 @@
 import csv
 import math
 import types
+from functools import cache
 
 import numpy as np
 import pytest
@@ -294,6 +295,11 @@ def test_sensitivities_are_exponents():
     assert float(valve.stroke_time_sensitivity) < -0.5
 
 
+@cache
+def published(name):
+    return pn.drive_characteristic(pn.Drive.load(f"catalogue:{name}"), "published")
+
+
 @pytest.mark.parametrize(
     ("name", "most"),
     [
@@ -304,7 +310,7 @@ def test_sensitivities_are_exponents():
     ],
 )
 def test_figures_that_makers_print_come_out_of_the_test_stands(name, most):
-    found = pn.drive_characteristic(pn.Drive.load(f"catalogue:{name}"), "published")
+    found = published(name)
     seen = {
         str(figure).partition(": ")[2].split()[0]: abs(float(d))
         for figure, d in zip(found.figure.values, found.difference, strict=True)
@@ -375,7 +381,7 @@ def test_printed_figures_are_those_of_the_part_whatever_it_carries():
     far = lifts.replace({"tubing": {"a": tube, "b": tube}, "provenance": origin})
     np.testing.assert_allclose(
         pn.drive_characteristic(far, "published").computed,
-        pn.drive_characteristic(drive, "published").computed,
+        published("parker-osp-p25-sy5000").computed,
         rtol=1e-9,
     )
     blocked = [float(pn.drive_characteristic(one, "force-speed", points=2).blocked_force[0]) for one in (drive, lifts)]
