@@ -62,7 +62,7 @@ def package_table(module: str, name: str) -> dict[str, Any]:
 
 
 def messages(package: str) -> dict[str, dict[str, str]]:
-    """Return the messages of a package: name -> what, value, rule and remedy, with places for values in braces."""
+    """Return the messages of a package: name -> what, value, rule and remedy, with placeholders in braces."""
     return package_table(__file__, f"{package}/messages.toml")
 
 
@@ -112,7 +112,8 @@ class PneudriveError(Exception):
         message : str
             Package and name of the message: ``"signals.no-motion"``.
         **values : object
-            Values for the places in the message. ``where``, ``value``, ``rule`` and ``remedy`` are parts of the error.
+            Values of the placeholders in the message. ``where``, ``value``, ``rule`` and ``remedy`` are parts of the
+            error.
         """
         package, _, name = message.partition(".")
         parts = {part: text.format(**values) for part, text in messages(package)[name].items()}

@@ -351,8 +351,7 @@ class CurvePair(NamedTuple):
     def rows(self) -> Iterator[tuple[str, ...]]:
         """Yield label, abscissa, difference and its 95 % interval, in usual units.
 
-        For a curve with a band, several abscissas are listed. For any other curve, that of the largest difference is
-        listed.
+        A curve with a band is listed at several abscissas, any other curve where the difference is largest.
         """
         (x_size, x_unit), (size, unit) = readable(self.first.x_unit), readable(self.first.unit)
         most = [int(np.argmax(np.abs(self.difference)))]

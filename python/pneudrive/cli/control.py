@@ -5,7 +5,7 @@ Options
 setup
     Instrumentation: ideal, real, cheap (assumed values), or a TOML file.
 reference : REF
-    Reference: "sine 60 mm 0.5 Hz around 250 mm", "220 mm; 1 s: 280 mm in 0.3 s", R1 to R6, or a file. Of a platform: a
+    Reference: "sine 60 mm 0.5 Hz around 250 mm", "220 mm; 1 s: 280 mm in 0.3 s", R1 to R6, or a file. For a platform: a
     TOML file.
 allow_code : SHA256
     Allow the code that a controller file names, by its SHA-256.

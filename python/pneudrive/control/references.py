@@ -353,7 +353,7 @@ _RUN_UP_S, _PAUSE_S = 0.1, 1.0
 
 
 def standard_references(stroke_m: float, speed_m_s: float) -> dict[str, motion.Reference]:
-    """Return the standard references for a drive, slowed to 0.85 of its speed at full opening where they are faster.
+    """Return the standard references for a drive, limited to 0.85 of its speed at full opening.
 
     R1 and R2: sines of 60 mm, 0.5 and 1 Hz, about mid stroke. R3: stairs, 60 mm forth and back in 0.3 s, then to 0.8
     and to 0.2 of the stroke. R4: ramps of 1, 10 and 100 mm/s. R5: 60 mm in 0.3 s and 40 s of rest. R6: 0.6 of the

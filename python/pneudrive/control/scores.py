@@ -36,7 +36,7 @@ LOST_M = 0.02  # a run with a larger error is lost
 
 @dataclass(frozen=True, repr=False)
 class Score(Viewed):
-    """Score of a run; error is reference less position.
+    """Score of a run; error is reference minus position.
 
     None marks a measure that does not apply to the reference. A time is infinite if its event never occurs.
 

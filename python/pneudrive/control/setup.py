@@ -324,7 +324,7 @@ def read_ready(kind: type[_Kind], given: _Kind | str | Path, ready: dict[str, Pa
 _SECONDS = marks.Quantity("s", "ms", marks.Bounds(above=0.0))
 
 
-#: Removed words of a controller file, and what to use in place of each.
+#: Removed word of a controller file -> remedy.
 REMOVED = {
     "pva": 'The controller "pva" was removed. Use "inversion", or "pid" as a baseline.',
     "slow": 'References are no longer slowed. Use "tell", "stop" or "block", or a slower reference.',

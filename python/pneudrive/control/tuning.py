@@ -477,7 +477,7 @@ def tune(
         A controller, or its TOML file: period, gains that are given and not tuned, holding, and the drive that the law
         assumes.
     believes : Drive or Circuit, optional
-        Drive that the law assumes, in place of `drive` and of the drive in the controller file.
+        Drive that the law assumes; default: the drive in the controller file, otherwise `drive`.
     allow_code : str, optional
         SHA-256 of the file of a custom law, if only the controller file names it.
 

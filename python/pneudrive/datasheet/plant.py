@@ -86,7 +86,7 @@ class Actuation:
 
 
 def held_tables(circuit: Circuit) -> Plain:
-    """Return the tables of a circuit with proportional valves in place of its switching valves."""
+    """Return the tables of a circuit after replacing its switching valves with proportional valves."""
     tables = circuit.to_dict()
     parts = dict(tables["components"])
     for name in circuit.commandable:
@@ -502,7 +502,7 @@ class HeldDrive:
 
     @cached_property
     def masses(self) -> dict[str, float]:
-        """Mass that moves with each of `slides`, kg, from the core's derivative of acceleration by load."""
+        """Mass that moves with each of `slides`, kg, from the core's acceleration per unit of load."""
         pressure, temperature = self.ambient
         gas = np.tile([pressure, temperature], (len(self.nodes), 1))
         half = 1.0 if self.actuation.is_switched else 0.5

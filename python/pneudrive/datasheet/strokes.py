@@ -51,7 +51,7 @@ class StrokeNumbers(Viewed):
         See `STROKE_MEANING`. Speeds are positive.
     begin_within : float
         Largest delay in s of the start of the stroke after its command: the sample interval if only the samples show
-        the command. Times from the command may be longer by as much.
+        the command. The true times from the command are longer by at most this delay.
     """
 
     direction: int

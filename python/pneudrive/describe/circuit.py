@@ -171,7 +171,7 @@ class Circuit(Described):
 
     @classmethod
     def from_tables(cls, tables: Plain, text: str, path: Path) -> Circuit:
-        """Make a circuit from the tables of a file. Its text gives lines to errors, its path the folder of custom laws.
+        """Make a circuit from the tables of a file, its text (lines of errors) and its path (folder of custom laws).
 
         Raises
         ------

@@ -63,7 +63,7 @@ class Drive(Described):
     (25 mm, 0.025, 30 N)
     """
 
-    #: Kind of its file in words, and what precedes the names of components in its keys.
+    #: Name of the kind of file, and prefix of component names in its keys.
     file_kind: ClassVar[str] = "drive"
     key_prefix: ClassVar[str] = ""
     picture_home: ClassVar[str] = "pneudrive.report.circuit.svg:circuit_svg"
@@ -119,7 +119,7 @@ class Drive(Described):
 
     @classmethod
     def from_tables(cls, tables: Plain, text: str, path: Path) -> Drive:
-        """Make a drive from the tables of a file. Its text gives lines to errors, its path the folder of custom laws.
+        """Make a drive from the tables of a file, its text (lines of errors) and its path (folder of custom laws).
 
         Raises
         ------

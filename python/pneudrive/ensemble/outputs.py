@@ -314,7 +314,7 @@ class Reduction:
 
 @dataclass(frozen=True)
 class Output:
-    """A user function of sampled signals, as an output of each run: made by `own`."""
+    """An output that a user function computes from sampled signals of each run; made by `own`."""
 
     function: OwnReduction
     signals: Sequence[str]

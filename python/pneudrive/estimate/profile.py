@@ -106,7 +106,7 @@ class Transforms:
         return x
 
     def jacobian(self, q: Array) -> Array:
-        """Return the derivatives of the values by the coordinates, shape (p, p)."""
+        """Return the derivatives of the values with respect to the coordinates, shape (p, p)."""
         slope = self.size.copy()
         slope[self._log] = _exp(q[self._log])
         if self._odds.any():

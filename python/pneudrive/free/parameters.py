@@ -153,7 +153,7 @@ class Parameter:
     size : float
         Typical change, for a number that may be negative.
     discrete : bool
-        Whether runs have no derivative by this number.
+        Whether runs have no derivative with respect to this number.
     mark : Quantity, StatedPressure or None
         Written form.
     """
@@ -225,7 +225,7 @@ def find(described: Drive | Circuit, names: Sequence[str], *, shifts: bool = Fal
     Raises
     ------
     CommandError
-        A name is unknown or repeated, or runs have no derivative by this number.
+        A name is unknown or repeated, or runs have no derivative with respect to this number.
     """
     elsewhere = _of_circuits(described)
     known = {name: number for name, number in numbers_of(described).items() if name not in elsewhere}
@@ -248,7 +248,7 @@ def find(described: Drive | Circuit, names: Sequence[str], *, shifts: bool = Fal
 
 
 def _of_circuits(described: Drive | Circuit) -> set[str]:
-    """Return the parameters of a drive's valve that only a circuit file has: those of its lag."""
+    """Return the parameters of a drive's valve that only a circuit file has: the lag of the valve."""
     if described.system.names is None:
         return set()
     valve = cast("Drive", described).valve
@@ -321,7 +321,7 @@ def _bounded(
     return Parameter(name, core, unit, value, lower, upper, usual or abs(value) or 1.0, **other)
 
 
-#: Relative step for derivatives of a derived value by its sources.
+#: Relative step for derivatives of a derived value with respect to its sources.
 _STEP = 1e-6
 
 
@@ -386,7 +386,7 @@ class DriveFamily:
 
     @property
     def exact(self) -> list[str]:
-        """The `paths` by which the core has derivatives."""
+        """The `paths` with respect to which the core has derivatives."""
         return [path for path in self.paths if path.rpartition(".")[2] not in COMMAND_STEPS]
 
     def get(self, path: str) -> float:
@@ -441,7 +441,7 @@ class DriveFamily:
         return {one.name: self.get(one.path) for one in (*self.settled, *self.moving)}
 
     def by_free(self, values: Array) -> Array:
-        """Return the derivatives of the numbers at `paths` by the free values, shape (paths, free)."""
+        """Return the derivatives of the numbers at `paths` with respect to the free values, shape (paths, free)."""
         self._set(values)
         out = np.zeros((len(self.paths), self.size))
         out[: self.size] = np.eye(self.size)
@@ -517,7 +517,7 @@ def _core_numbers(form: Plain) -> Iterator[tuple[str, float]]:
 
 @dataclass(frozen=True)
 class Sensitivities:
-    """Columns of a trajectory and their derivatives by numbers of the drive.
+    """Columns of a trajectory and their derivatives with respect to numbers of the drive.
 
     Attributes
     ----------
@@ -536,7 +536,7 @@ class Sensitivities:
 
 
 class Differentiator:
-    """Simulation of a drive for any values of some of its numbers, with derivatives by these numbers.
+    """Simulation of a drive as a function of some of its numbers, with derivatives.
 
     Parameters
     ----------

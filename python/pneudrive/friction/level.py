@@ -221,13 +221,13 @@ class Level(Shown):
 
     @property
     def stroke_friction_n(self) -> dict[int, Array]:
-        """Mean friction of each used stroke in the window by direction, direction * (stroke - offset), N."""
+        """Direction -> mean friction of its used strokes in the window, N: direction * (mean force - offset)."""
         offset = self.offset_n if len(self.sides) == 2 else 0.0
         return {way: way * (side.means_n - offset) for way, side in self.sides.items()}
 
     @property
     def peaks(self) -> tuple[ReversalPeak, ...]:
-        """Friction peaks after the reversals at which strokes with kept samples begin."""
+        """Friction peak after the reversal before each stroke with kept samples."""
         kept = set(map(id, self.motion.strokes))
         return tuple(row.peak for row in self.table.rows if row.peak and id(row.stroke) in kept)
 

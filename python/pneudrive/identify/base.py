@@ -511,7 +511,7 @@ class Fit(Viewed):
     # -- the file ---------------------------------------------------------------------------------------------
 
     def _groups(self) -> tuple[dict[str, float], ...]:
-        """Return the values in the tables of this kind of fit."""
+        """Return the values, one dict for each table of the file."""
         return (self.values,)
 
     def free_values(self) -> dict[str, float]:

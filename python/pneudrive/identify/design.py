@@ -309,7 +309,7 @@ def _compared(
 
 
 def _without(model: sliding.FrictionModel, form: str | None, rest: Observations, loss: str) -> FrictionFit:
-    """Fit a part of the values by the parameters of the law that all values together determine."""
+    """Fit a subset of the values with the model that all values together determine."""
     plain = replace(model, chambers=(), pressure="linear", knee_pa=None)
     chosen, lost = choose_model(plain, rest, pressure=form)
     found, scatter = estimated(with_knee(chosen, rest, loss), rest, loss)

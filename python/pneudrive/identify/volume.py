@@ -583,7 +583,7 @@ def identify_regulator(
     recordings : sequence of path
         Recordings of time, command and pressure, starting in any state.
     layout : Layout or path, optional
-        Of the kind ``fixed-volume``; the range of the command is 0 to 1.
+        Layout of the kind ``fixed-volume``; the range of the command is 0 to 1.
 
     Raises
     ------

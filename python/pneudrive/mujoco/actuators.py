@@ -451,7 +451,7 @@ class Actuators:
         return self._axes[self.names.index(name)]
 
     def _slopes_at(self, v: Array, until: float) -> list[float]:
-        """Return the derivatives of the mean forces by the velocities, N s/m."""
+        """Return the derivatives of the mean forces with respect to the velocities, N s/m."""
         return [core.velocity_slope(own, until)[1] for core, own in zip(self._cores, v.tolist(), strict=True)]
 
     def step(self) -> None:

@@ -223,7 +223,7 @@ class Platform(Viewed):
         return own
 
     def _slopes(self, rows: Array) -> Array:
-        """Return the derivatives of the core's coordinates by the coordinates of the pose."""
+        """Return the derivatives of the core's coordinates with respect to the coordinates of the pose."""
         return np.where([unit == "m" for unit in self.units], 1.0, 0.5 * np.cos(0.5 * rows))
 
     def inverse(self, pose: Pose) -> Array:
@@ -273,7 +273,7 @@ class Platform(Viewed):
         return poses.reshape(x.shape)
 
     def jacobian(self, pose: Pose) -> Array:
-        """Return the derivatives of leg positions by the coordinates, shape (n, n) or (m, n, n)."""
+        """Return the derivatives of leg positions with respect to the coordinates, shape (n, n) or (m, n, n)."""
         pose = self.pose(pose)
         return self.evaluate(pose)["jacobian"].reshape(*pose.shape, len(self.legs))
 
@@ -294,7 +294,7 @@ class Platform(Viewed):
         ----------
         pose : mapping or array
         rates, accelerations : array
-            First and second derivatives of the coordinates of the pose by time.
+            First and second time derivatives of the coordinates of the pose.
         """
         rows = np.atleast_2d(self.pose(pose))
         rates, accelerations = (np.atleast_2d(np.asarray(one, dtype=float)) for one in (rates, accelerations))

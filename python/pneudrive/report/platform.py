@@ -166,7 +166,7 @@ def label_places(joints: Array, middle: Array, segments: Array, halves: Array) -
 
 
 def _distance(place: Array, segments: Array, halves: Array) -> float:
-    """Return the distance of a place from the nearest edge of a line."""
+    """Return the distance of a point from the nearest edge of a line."""
     start, along = segments[:, 0], segments[:, 1] - segments[:, 0]
     square = np.maximum(np.sum(along * along, axis=1), 1e-12)
     share = np.clip(np.sum((place - start) * along, axis=1) / square, 0.0, 1.0)

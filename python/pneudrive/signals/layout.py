@@ -245,7 +245,7 @@ class WindowTable(Described):
 
 
 class ParallelTable(Described):
-    """``[[force]]``: a force in parallel with that of the rig, such as from a hydraulic ram, from measured pressures.
+    """``[[force]]``: a force parallel to that of the rig, such as of a hydraulic ram; computed from pressures.
 
     The force is ``area (pressure - against)``; the default of `against` is the ambient pressure.
     ``area_accuracy`` is a relative standard uncertainty. All accuracies of a layout are standard uncertainties.

@@ -188,9 +188,9 @@ class LongFile(RecordingFile):
         return read_rows(self.path, self.said, rows)
 
     def sha256(self, ended: Event) -> str:
-        """Return the hash of a recording of the whole file: of its bytes, or of the columns of a trajectory.
+        """Return the hash of a file that is one recording: of its bytes, or of the columns of a trajectory.
 
-        If `ended` is set, the hash covers only the part read so far. No caller then needs the hash.
+        Setting `ended` cancels: the hash then covers only a part of the file and must not be used.
         """
         if self.said is None:
             parts = [(begin, min(begin + HASHED_ROWS, self.count)) for begin in range(0, self.count, HASHED_ROWS)]
@@ -204,7 +204,7 @@ class LongFile(RecordingFile):
 
 
 def find_long(file: RecordingFile, least: int) -> LongFile | None:
-    """Return a Parquet file with more than `least` rows for reading in parts; None for other files and for dates."""
+    """Open a Parquet file with more than `least` rows for reading in parts; None: another file, or time as dates."""
     said = file.said
     if said is None:
         is_plain = file.path.suffix == ".parquet"

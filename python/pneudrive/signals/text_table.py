@@ -254,7 +254,7 @@ def _header(lines: Lines, form: TextForm, path: Path) -> tuple[int, Fields, Fiel
 
 
 def _below_remarks(lines: Lines, start: int, form: TextForm) -> int:
-    """Return the line of a header below remarks with a comment sign, or the first remark if it is the header."""
+    """Return the header line below comment lines, or the first comment line if it is the header."""
     plain = (at for at in range(start, len(lines)) if lines[at].strip() and lines[at].lstrip()[0] != form.comment)
     header, below = next(plain, None), next(plain, None)
     if header in (None, start) or below is None:
@@ -577,7 +577,7 @@ def _with_header(lines: Lines, reading: _Reading) -> FileForm:
 def _first_of_numbers(lines: Lines, reading: _Reading) -> int:
     """Return the first line of the table.
 
-    This row must be followed by further rows of numbers, because a preamble may also contain numbers.
+    Further lines of numbers must follow it, because a preamble may also contain numbers.
     """
     first = length = 0
     longest = (0, 0)

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from pneudrive.arrays import Array, Keyed
     from pneudrive.describe import Circuit, Drive
 
-#: Largest absolute pressure of the model, Pa: flow functions and cylinders are stated for less (assumed).
+#: Largest absolute pressure of the model, Pa: flow functions and cylinders are specified up to less (assumed).
 HIGHEST_PA = 20e5
 #: Relative excess of the heat capacity over that of the model above which a note is given (assumed).
 CAPACITY_OFF = 0.02

@@ -134,9 +134,9 @@ def simulate(
         reports how well the balances close. Not for the chamber law ``as-printed``, which does not conserve energy.
     sensitivities : sequence of str
         Parameters of the drive file, such as ``"friction.coulomb"``. For each variable, the result then also has the
-        exact derivatives by these parameters, such as ``sensitivity_position`` with dimensions parameter and time. They
-        are derivatives of the discrete solution, through impacts, sticking and slipping, for a fixed start state. Not
-        for circuits, and not for commands that are functions.
+        exact derivatives with respect to these parameters, such as ``sensitivity_position`` with dimensions parameter
+        and time. They are derivatives of the discrete solution, through impacts, sticking and slipping, for a fixed
+        start state. Not for circuits, and not for commands that are functions.
     budget : int, optional
         Limit on the attempted steps of the run. Default: 220,000, plus 100,000 for each second of motion and 100 for
         each entry of the command; more below rtol = 1e-6, and down to one half above 11 states. Ordinary drives take

@@ -194,12 +194,12 @@ class SizingCandidate:
 
     @property
     def cylinder(self) -> str:
-        """Name of its cylinder."""
+        """Name of the cylinder."""
         return self.choice.cylinder.name
 
     @property
     def open_checks(self) -> int:
-        """Number of its open checks; before its spreads are simulated, a lower bound."""
+        """Number of open checks of this candidate; a lower bound until its spreads are simulated."""
         return self.pair.open_checks if self.drive is None else self.drive.open_checks
 
     @property
@@ -251,7 +251,7 @@ class SizingCandidate:
 
     @property
     def waits_for_lead(self) -> bool:
-        """Whether its leading candidate is run first."""
+        """Whether `lead` has to be run before this candidate."""
         return self.known is None and self.lead is not None and not self.lead.lost and self.lead.known is None
 
     def look_at_reach(self, final: int) -> None:

@@ -448,17 +448,17 @@ class SizedDrive:
 
     @property
     def name(self) -> str:
-        """Names of its parts, joined to one word."""
+        """Names of the parts, joined to one word."""
         return "+".join(self.parts.values())
 
     @property
     def part_names(self) -> str:
-        """Names of its parts, without empty slots."""
+        """Names of the parts, without empty slots."""
         return " + ".join(name for name in self.parts.values() if name != WITHOUT)
 
     @property
     def needles(self) -> str:
-        """Settings of its needles, in words."""
+        """Settings of the needles, in words."""
         closed = {name.replace("_", " "): share for name, share in self.setting.items() if share < 1.0}
         shares = ", ".join(f"{name} {100.0 * share:.3g} %" for name, share in closed.items())
         return f"needles: {shares} of fully open" if shares else "needles fully open"
@@ -470,7 +470,7 @@ class SizedDrive:
 
     @property
     def missed(self) -> str:
-        """Limits that it misses, and the amounts, in words."""
+        """Missed limits, and the amounts, in words."""
         names = self.missed_limits
         limits = ((name, *(read(one, self.worst[name][2]) for one in self.worst[name][:2])) for name in names)
         said = "; ".join(f"{name} {value}, limit {limit}" for name, value, limit in limits)
@@ -478,7 +478,7 @@ class SizedDrive:
 
     @property
     def is_feasible(self) -> bool:
-        """Whether it meets the task with the required probability."""
+        """Whether the choice meets the task with the required probability."""
         return self.met >= PROBABILITY * self.draws
 
     @property

@@ -35,7 +35,7 @@ SLOTS: dict[str, tuple[str, ...]] = {
 }
 #: Name in the slot of flow controls for a drive without flow controls.
 WITHOUT = "none"
-#: Density of steel, kg/m3 (assumed: 7850), for the mass of a rod.
+#: Density of steel, kg/m3 (assumed), for the mass of a rod.
 STEEL_KG_M3 = 7850.0
 #: Pressure at which makers state forces, Pa above ambient.
 CATALOGUE_PA = 6e5
@@ -120,17 +120,17 @@ class DriveChoice:
 
     @property
     def parts(self) -> dict[str, str]:
-        """Names of its parts by their slots."""
+        """Names of the parts by slot."""
         return {slot: getattr(self, slot).name for slot in SLOTS}
 
     @property
     def name(self) -> str:
-        """Names of its parts, joined to one word."""
+        """Names of the parts, joined to one word."""
         return "+".join(self.parts.values())
 
     @property
     def is_throttled(self) -> bool:
-        """Whether it has flow controls."""
+        """Whether the choice has flow controls."""
         return self.flow_control.name != WITHOUT
 
     @property

@@ -50,7 +50,7 @@ BATCH, PROMISING, ROUNDS, CHOICES = 6, 6, 2, 2
 PROMISES = -0.08
 #: Ratio of all samples to the first samples from which a choice is first simulated for its hardest samples.
 WORTH = 8
-#: Number of cylinders to rank, if so many do the task; and number of further choices tried per cylinder.
+#: Number of cylinders to rank, if enough of them do the task; number of further choices tried per cylinder.
 LISTED, TRIED = 4, 2
 
 
@@ -312,7 +312,7 @@ class Search:
         return pairs, [one for one in every if best is None or one.bound(self.final) < best.rank]
 
     def _converge(self) -> bool:
-        """Advance the candidates that may become the best until none is left, then those of other cylinders."""
+        """Advance all candidates that may become the best, then those of other cylinders."""
         while True:
             pairs, left = self._open()
             best = self._best()

@@ -246,7 +246,7 @@ class Signals:
         return max(LEAST_HALF, round(HALF_WINDOW_S / self.step_s))
 
     def smooth(self, values: Array, order: int = 0, half: int | None = None) -> Array:
-        """Return values smoothed by local cubics, or their derivative by time of some order; NaN stays NaN."""
+        """Return values smoothed by local cubics, or their time derivative of some order; NaN stays NaN."""
         width = min(2 * (half or self.half) + 1, (values.size - 1) // 2 * 2 - 1)
         return np.asarray(savgol_filter(values, width, 3, deriv=order, delta=self.step_s), dtype=float)
 
@@ -552,7 +552,7 @@ def at_samples(held: Array) -> Array:
 
 @lru_cache(maxsize=32)
 def kernel(half: int, step_s: float) -> tuple[Array, Array, Array]:
-    """Return (1 - s^2)^4 on 2 half + 1 samples with unit sum, and its first and second derivative by time.
+    """Return (1 - s^2)^4 on 2 half + 1 samples with unit sum, and its first and second time derivatives.
 
     Sums are corrected to equal the integrals: the first derivative is 0 for a constant and 1 for a ramp, and the second
     derivative of t^2/2 is 1. Without this correction, a constant position would appear as a force.

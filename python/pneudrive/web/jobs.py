@@ -60,7 +60,7 @@ class JobRequest:
 
     @property
     def command(self) -> str:
-        """Shell lines that do the same in the folder of the workspace."""
+        """Shell lines of the job, for the folder of the workspace."""
         line = shlex.join(["pneudrive", *self.arguments])
         folder = self.out.rpartition("/")[0]
         return f"{shlex.join(['mkdir', '-p', folder])}\n{line}" if self.is_new and folder else line

@@ -519,7 +519,7 @@ class KnownWeight(ProtocolTable):
     mass_kg: Annotated[float, Quantity("kg", "kg", POSITIVE)]
     """mass; the force is m g"""
     time_s: Duration = 10.0
-    """duration of its recording"""
+    """duration of the recording with the weight"""
     change_s: Minutes = 120.0
     """time to attach the weight, and to remove it"""
 

@@ -228,7 +228,7 @@ def _line(given: object, unit: str, home: float) -> CoordinatePath:
 
 @dataclass(frozen=True)
 class Tracked:
-    """Error of one coordinate or leg: reference less actual value, m or rad.
+    """Error of one coordinate or leg: reference minus actual value, m or rad.
 
     Attributes
     ----------

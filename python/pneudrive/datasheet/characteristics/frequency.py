@@ -419,7 +419,7 @@ def lines(
 
 
 def _metres(given: Sequence[str | float], what: str) -> list[float]:
-    """Return different lengths in m, increasing."""
+    """Return the distinct lengths, m, ascending."""
     if isinstance(given, str) or not given:
         raise CommandError(f"{what} = {given!r} is not a list of quantities", remedy='For instance ["0.5 m", "2 m"].')
     return sorted({positive(one, "m", what) for one in given})

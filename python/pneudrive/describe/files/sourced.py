@@ -77,7 +77,7 @@ def read(key: str, given: object) -> Value:
 
 
 def parted(table: Keyed) -> tuple[Plain, dict[str, Value]]:
-    """Split a table into plain values, and values with their origin by dotted key.
+    """Split a table into plain values, and a dict of dotted key -> value with its origin.
 
     Raises
     ------

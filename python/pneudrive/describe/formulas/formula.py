@@ -38,7 +38,7 @@ class ComponentFormula(written.Written):
     Raises
     ------
     DescriptionError
-        Wrong syntax, unknown names, wrong units or a possible division by zero; the message gives the place.
+        Wrong syntax, unknown names, wrong units or a possible division by zero; the message gives formula and column.
 
     Examples
     --------

@@ -123,7 +123,7 @@ class CommonPoints:
     cycles : polars.DataFrame
         A row for each cycle; in large campaigns, for neighbouring repeats at one point. Columns: ``campaign`` (0 or 1),
         ``point``, ``log_n`` (logarithm of friction), ``noise`` (its variance), ``count`` (cycles of the row), ``order``
-        (place in the campaign, 0 to 1).
+        (relative position in the campaign, 0 to 1).
     block : ndarray, shape (rows, blocks)
         Fraction of the cycles of a row that belong to each block of both campaigns.
     points : polars.DataFrame
@@ -383,7 +383,7 @@ class Comparison(Viewed):
         return any(test.different for test in self.tests)
 
     def view(self) -> View:
-        """Return a row for each question, cautions, and the figures of both campaigns."""
+        """Return a row for each test, cautions, and the figures of both campaigns."""
         return upper("comparison_view")(self)
 
     def __str__(self) -> str:

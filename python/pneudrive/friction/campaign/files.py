@@ -96,7 +96,7 @@ def _paired(points: CurvePoints, fits: Fits | None, width_m: float) -> dict[str,
 
 
 def _offsets(points: CurvePoints, fits: Fits) -> np.ndarray:
-    """Return half the sum of each cycle minus the zero of the sensor, which is 0 without zero runs."""
+    """Return the offset of each cycle from the drifting zero of the force sensor; 0 without zero runs."""
     if not fits.has_zero:
         return np.zeros(len(points))
     zero = float(np.average([s.beta[0] for s in fits.offset.fit.states], weights=fits.offset.fit.weights))

@@ -314,7 +314,7 @@ def _waves(position: Array, mean: Array, stderr: Array, length: float) -> list[f
 
 
 def _stretches(position: Array, mean: Array, columns: Array, length: float) -> Array:
-    """Return the derivative of the mean pattern by the order of each wave, shape (n, waves)."""
+    """Return the derivative of the mean pattern with respect to the order of each wave, shape (n, waves)."""
     found = np.linalg.lstsq(columns, mean, rcond=None)[0]
     phase = 2.0 * np.pi * (position - position.mean()) / length
     pairs = [(k, k + 1) for k in range(2, columns.shape[1], 2)]

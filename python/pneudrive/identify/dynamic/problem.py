@@ -35,9 +35,9 @@ class Shot:
     outputs : ndarray, shape (n, o)
         Outputs at the samples. The first sample of a segment has the outputs of its start.
     by_parameter : ndarray, shape (n, o, p)
-        Derivatives by the free values of the drive, SI; p = 0 without derivatives.
+        Derivatives with respect to the free values of the drive, SI; p = 0 without derivatives.
     by_start : ndarray, shape (n, o, s)
-        Derivatives by the start of the sample's segment; s = 0 without derivatives.
+        Derivatives with respect to the start of the sample's segment; s = 0 without derivatives.
     ends : ndarray, shape (k, s)
         State at the end of each segment.
     ends_by_parameter, ends_by_start : ndarray, shapes (k, s, p), (k, s, s)
@@ -105,7 +105,7 @@ class Shooter:
         initial : ndarray, shape (k, s)
             Starts of the segments.
         derivatives : bool
-            Whether to compute derivatives by the values and by the starts.
+            Whether to compute derivatives with respect to values and starts.
         by_start : ndarray of int, optional
             Columns of the starts for derivatives, default: all; others are zero.
         delay_s : float, optional
@@ -159,7 +159,7 @@ class Shooter:
     def _slopes_by_command(
         self, values: Array, initial: Array, delay_s: float | None
     ) -> list[tuple[int, Array, Array]]:
-        """Return index and derivatives of outputs and ends by hysteresis and delay of the valve, if these are free."""
+        """Return index and derivatives of outputs and ends for hysteresis and delay of the valve, if these are free."""
         out = []
         for k, path in enumerate(self.family.paths):
             if path in self.family.exact:
@@ -214,7 +214,7 @@ def _slope(after: CoreShot, before: CoreShot, step: float) -> tuple[Array, Array
 
 
 def _spread(derivatives: Array, p: int, columns: Ints, states: int) -> Array:
-    """Expand derivatives by some columns of the starts to all columns."""
+    """Expand derivatives with respect to some columns of the starts to all columns."""
     out = np.zeros((*derivatives.shape[:-1], p + states))
     out[..., :p] = derivatives[..., :p]
     out[..., p + columns] = derivatives[..., p:]
@@ -350,8 +350,8 @@ class FitProblem:
     def run(self, point: Iterate, *, derivatives: bool = True, reset: bool = False) -> list[Shot] | str:
         """Run all recordings. If a segment fails, return the reason as text.
 
-        With `reset`, only unmeasured states continue from the previous segment, and derivatives by the starts cover
-        only these.
+        With `reset`, only unmeasured states continue from the previous segment, and derivatives with respect to the
+        starts cover only these.
         """
         values = self.values(point.eta)
         shots = []
@@ -375,7 +375,7 @@ class FitProblem:
         return Iterate(point.eta, states)
 
     def by_coordinates(self, index: int, shot_by_parameter: Array, eta: Array) -> Array:
-        """Convert derivatives of a recording by the drive's values and the delay (last axis) to coordinates."""
+        """Convert derivatives with respect to drive values and delay (last axis) to those in the coordinates."""
         p = self.drive_size
         jacobian = self.transforms.jacobian(eta)[:p, :p]
         out = np.zeros((*shot_by_parameter.shape[:-1], self.size))
@@ -401,7 +401,7 @@ class FitProblem:
             Samples.
         outputs : ndarray, shape (n, c)
         derivatives : ndarray, shape (n, c, P + more)
-            Derivatives by the global coordinates (zeros for the sensors), then by others.
+            Derivatives with respect to the global coordinates (zeros for the sensors), then to others.
 
         Returns
         -------

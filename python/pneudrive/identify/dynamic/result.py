@@ -7,9 +7,9 @@ limit of the model error, each held number (bore, supply pressure, conductance, 
 
     d theta_h = - (Phi^T W Phi)^-1 Phi^T W d e_h,    floor = sqrt(sum over h of d theta_h^2)
 
-Phi are the derivatives of the balances' residuals by the free values, and d e_h the change of the residuals with the
-held number h. W weights each balance by one over the mean square of its terms. The formula uses the motion of the
-recordings, but not their noise.
+Phi are the derivatives of the balances' residuals with respect to the free values, and d e_h the change of the
+residuals with the held number h. W weights each balance by one over the mean square of its terms. The formula uses the
+motion of the recordings, but not their noise.
 """
 
 from __future__ import annotations
@@ -142,8 +142,8 @@ class DriveFit(Fit, kind="drive"):
         Warns
         -----
         PneudriveWarning
-            The search did not converge; or undetermined values keep the value of the drive. The warning then has the
-            error of this combination.
+            The search did not converge; or undetermined values keep the value of the drive. In the second case, the
+            warning states the error of this combination.
         """
         if not self.converged:
             warn("the search did not reach its end: the drive gets the best values so far, without intervals")

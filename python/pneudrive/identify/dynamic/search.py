@@ -287,7 +287,7 @@ def _condense(problem: FitProblem, point: Iterate, shot: Shot, i: int, *, reset:
 def _outputs(
     problem: FitProblem, i: int, shot: Shot, point: Iterate, by_unknown: Array, closing: Array
 ) -> tuple[Array, Array]:
-    """Return the outputs with gaps closed to first order, and their derivatives by all unknowns of the recording."""
+    """Return the outputs with gaps closed to first order, and their Jacobian (all unknowns of the recording)."""
     size = problem.size
     outputs = shot.outputs.copy()
     jac = np.empty((*outputs.shape, by_unknown.shape[2]))

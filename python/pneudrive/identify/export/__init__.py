@@ -175,7 +175,7 @@ def _written(friction: Friction) -> Iterator[tuple[str, Any]]:
 
 
 def _is_refused(drive: Drive, key: str, value: GivenNumber) -> bool:
-    """Return whether a default has no effect, because the drive does not have this key."""
+    """Return whether the drive does not have the key of a default."""
     try:
         drive.replace({key: value.mark.show(value.si) if isinstance(value.mark, Quantity) else value.si})
     except DescriptionError as error:

@@ -231,7 +231,7 @@ def _prior_rows(problem: FollowProblem, at: int, local: Array) -> Array:
 def _jacobians(
     problem: FollowProblem, point: FollowPoint, raws: list[Array], residuals: list[Array], pool: ThreadPoolExecutor
 ) -> list[Array]:
-    """Return the derivatives of each recording's residuals by shared, then by separate parameters."""
+    """Return the Jacobian of each recording's residuals: shared parameters, then separate ones."""
     shared = len(problem.numbers)
     jobs = []
     for at in range(len(raws)):

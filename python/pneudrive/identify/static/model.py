@@ -6,7 +6,7 @@ and exponent,
 
     F(|v|) = Fc b_c(|v|) + Fs b_s(|v|) + Fv |v|,
 
-with forces that depend on the chambers' pressures. The columns b are the core's derivatives by the forces.
+with forces that depend on the chambers' pressures. The columns b are the core's derivatives with respect to the forces.
 """
 
 from __future__ import annotations
@@ -131,7 +131,7 @@ class StaticLaw:
         raise NotImplementedError
 
     def force_and_slopes(self, theta: Array, data: Observations) -> tuple[Array, Array]:
-        """Return friction and its derivative by the parameters, shapes (n,) and (n, p)."""
+        """Return friction and its derivatives with respect to the parameters, shapes (n,) and (n, p)."""
         raise NotImplementedError
 
     def value(self, q: Array, data: Observations) -> Array:
@@ -139,7 +139,7 @@ class StaticLaw:
         return self.force_and_slopes(self.natural(q), data)[0]
 
     def value_and_jacobian(self, q: Array, data: Observations) -> tuple[Array, Array]:
-        """Return friction and its derivative by the internal coordinates, shapes (n,) and (n, p)."""
+        """Return friction and its derivatives with respect to the internal coordinates, shapes (n,) and (n, p)."""
         force, slopes = self.force_and_slopes(self.natural(q), data)
         return force, slopes @ self.natural_jacobian(q)
 
@@ -276,7 +276,7 @@ class FrictionModel(StaticLaw):
     # -- values and derivatives -------------------------------------------------------------------------------
 
     def _curve(self, speed: Array, velocity: float, exponent: float | None) -> dict[str, Array]:
-        """Return the core's derivatives by the forces and the shape parameters, for an excess Fs - Fc of 1 N."""
+        """Return the core's derivatives with respect to forces and shape parameters, for an excess Fs - Fc of 1 N."""
         values, choices, names = {"coulomb": 1.0, "viscous": 0.0}, None, ["coulomb"]
         if self.stribeck:
             values |= {"breakaway": 2.0, "stribeck_velocity": velocity}
@@ -295,7 +295,7 @@ class FrictionModel(StaticLaw):
         return dict(zip(names, slopes.T, strict=True))
 
     def _by_force(self, curve: dict[str, Array], data: Observations) -> dict[str, Array]:
-        """Return the derivatives by the forces, their pressure terms and the viscous coefficient, shape (..., n)."""
+        """Return the derivatives with respect to forces, pressure terms and viscous coefficient, shape (..., n)."""
         out = {"viscous": np.broadcast_to(data.speed_m_s, curve["coulomb"].shape)}
         for term, pressure in self._pressures(data).items():
             for force in FORCES[: 1 + self.stribeck]:
@@ -303,7 +303,7 @@ class FrictionModel(StaticLaw):
         return {name: out[name] for name in self.names if name in out}
 
     def force_and_slopes(self, theta: Array, data: Observations) -> tuple[Array, Array]:
-        """Return friction and its derivative by the parameters, shapes (n,) and (n, p)."""
+        """Return friction and its derivatives with respect to the parameters, shapes (n,) and (n, p)."""
         value = by_name(self.names, theta)
         velocity, exponent = value.get("stribeck_velocity", 1.0), value.get("stribeck_exponent", self.exponent)
         curve = self._curve(np.ascontiguousarray(data.speed_m_s), velocity, exponent)
@@ -478,7 +478,7 @@ class AnyLaw(StaticLaw):
         return replace(self, names=names, start=others, held=self.held | {name: value})
 
     def force_and_slopes(self, theta: Array, data: Observations) -> tuple[Array, Array]:
-        """Return friction and its derivative by the parameters, shapes (n,) and (n, p)."""
+        """Return friction and its derivatives with respect to the parameters, shapes (n,) and (n, p)."""
         law, values, tables = self._core
         at = values | by_name(self.names, theta)
         names, zero = [f"friction.parameters.{n}" for n in self.names], np.zeros(len(data))

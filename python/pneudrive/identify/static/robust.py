@@ -55,7 +55,7 @@ class RobustEstimate:
     residual : ndarray, shape (n,)
         Whitened residuals (friction - model) / stderr.
     jacobian : ndarray, shape (n, p)
-        Whitened derivative of the model by the internal coordinates.
+        Whitened derivative of the model with respect to the internal coordinates.
     weight : ndarray, shape (n,)
         Huber weights in (0, 1]; below 1 for outliers.
     pseudo : ndarray, shape (n,)

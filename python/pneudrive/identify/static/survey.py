@@ -62,7 +62,7 @@ MIDDLE = 48.0**-0.5
 
 @dataclass(frozen=True)
 class Surveyed:
-    """Data of one seal: values, law, and derivatives of friction by the parameters, all relative to the law.
+    """Data of one seal: values, law, and Jacobian of friction (parameters), all relative to the law.
 
     ``columns`` (n, p) are relative derivatives, ``rest`` (n,) relative residuals, ``theta`` (p,) internal coordinates.
     ``fit`` is the fit of this seal alone, for example ``survey.seals["PK"].fit.apply(drive)``.

@@ -139,7 +139,7 @@ class Link:
             self._loop.run(self._start_heart())
 
     def check_stops(self, stops: int) -> None:
-        """Treat the connection as lost if the server has stopped the axis since its beginning."""
+        """Treat the connection as lost if the server has stopped the axis since the connection began."""
         if self._heart is not None and stops != self._stops:
             self.lost = self.lost or "the server missed the heartbeat and stopped the axis"
             raise LinkError(self.lost)

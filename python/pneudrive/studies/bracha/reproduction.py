@@ -79,7 +79,7 @@ class Reproduction:
     seed: int
 
     def addition(self, found: Characterisation | None) -> Addition:
-        """Return the study's addition to the report of these recordings, or a whole report."""
+        """Return the study's addition to the report of `found`; None: a complete report of the study."""
         own = found is not None and found.synthetic  # such recordings have their own comparison with the ground truth
         parts = (
             None if own else recovered_section(self.found, self.fits),

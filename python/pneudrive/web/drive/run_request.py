@@ -102,7 +102,7 @@ class RunRequest(PageRequest):
     @field_validator("command")
     @classmethod
     def _check_command(cls, command: str | list[str]) -> str | list[str]:
-        """Reject a text that is neither a command nor the name of a file. Empty lines of a circuit are left out."""
+        """Check that each line is a command or the name of a file; remove empty lines of a list."""
         lines = command if isinstance(command, list) else [command]
         for line in lines:
             if line.strip() and not (_FILE if line.lower().rstrip().endswith(".csv") else _COMMAND).fullmatch(line):

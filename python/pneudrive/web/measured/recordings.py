@@ -335,7 +335,7 @@ def shown_samples(workspace: Workspace, path: str, request: ViewRequest) -> byte
 def shown_strokes(workspace: Workspace, path: str) -> Plain:
     """Return strokes and faults of a rig's or a drive's recording with a layout, or of a trajectory.
 
-    A stroke has start, end, direction and speed. A kind of fault has a count, and first and last times of its places.
+    A stroke has start, end, direction and speed. A kind of fault has a count, and start and end of each occurrence.
     Without times, or with too many samples, both are empty and a note states the reason.
     """
     file, nothing = workspace.path(path, TABLES), {"strokes": [], "faults": {}}

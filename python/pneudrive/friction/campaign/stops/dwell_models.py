@@ -88,7 +88,7 @@ class DwellForm:
         return self.growth in {"saturating", "hyperbolic"}
 
     def derivatives(self, duration_s: Array, time_s: float, exponent: float | None = None) -> Array:
-        """Return psi and its derivatives by duration, time and exponent, shape (n, 4)."""
+        """Return psi and its derivatives with respect to duration, time and exponent, shape (n, 4)."""
         m = self.exponent if exponent is None else exponent
         return _core.dwell_growth(self.growth, np.asarray(duration_s, dtype=float), float(time_s), float(m))
 
@@ -584,7 +584,7 @@ def design_stops(
 
 
 def _gradient(form: DwellForm, t: Array, scale: float, increment: float) -> Array:
-    """Return the derivatives by level, increment, ln of the time constant and ln of the exponent, shape (c, p)."""
+    """Return the derivatives with respect to level, increment, ln time constant and ln exponent, shape (c, p)."""
     shape = (scale, KATO_M)[: len(form.units)]
     psi, _, by_time, by_exponent = form.derivatives(t, *shape).T
     logarithmic = [increment * d * s for d, s in zip((by_time, by_exponent), shape, strict=False)]

@@ -222,7 +222,7 @@ def find_stops(
         One row for each stop, in the order of execution. Besides those of its `Condition` and its header, the columns
         are, in SI: `direction` and `speed_m_s` of the restart; duration as planned (`stop_s`) and as measured
         (`dwell_s`); `running_n`, friction of uninterrupted sliding at the stop, and its `basis`; `breakaway_n`, the
-        peak after the restart; `increment_n`, the peak less running friction; `loading_rate_n_s` and `loading_s`, rate
+        peak after the restart; `increment_n`, the peak minus running friction; `loading_rate_n_s` and `loading_s`, rate
         and time of the rise of the force; `inertia_n`, the largest contribution of the moving mass; relaxation of the
         held force; recovery: travel and time until the excess over sliding has fallen to 5 %, and the excess that is
         left; `usable`, whether the increment is used for the law of breakaway over duration; `flags`. Bounds of 95 %
