@@ -408,7 +408,7 @@ class DriveFamily:
         return json.dumps(self._form, sort_keys=True)
 
     def settle(self, values: Array) -> bool:
-        """Fix rounded derived values at the present parameter values. Return whether there are any."""
+        """Keep rounded derived values constant from now on. Return whether the family has such values."""
         self._set(values)
         rounded = [one for one in self.moving if one.digits is not None]
         for one in rounded:

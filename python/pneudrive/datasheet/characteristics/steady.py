@@ -297,7 +297,7 @@ def _stiffness(plant: HeldDrive, pressures: Any = None) -> Found:  # noqa: ANN40
     Settings
     --------
     pressures
-        absolute pressures; default: 2, 3, 4, 5 bar abs below the supply
+        absolute pressures; default: those of 2, 3, 4, 5 bar abs below the supply
 
     Results
     -------
@@ -360,7 +360,7 @@ def _frequency(plant: HeldDrive, pressures: Any = None) -> Found:  # noqa: ANN40
     Settings
     --------
     pressures
-        absolute pressures; default: 2, 3, 4, 5 bar abs below the supply
+        absolute pressures; default: those of 2, 3, 4, 5 bar abs below the supply
 
     Results
     -------

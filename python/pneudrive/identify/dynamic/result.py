@@ -289,7 +289,7 @@ _STATES = ("position_m", "velocity_m_s", "pressure_a_pa", "pressure_b_pa")
 
 
 def model_errors(drive: Drive | Circuit, solved: Solved) -> dict[str, float]:
-    """Return the least model error of each free value that has an effect on sliding, SI."""
+    """Return the assumed minimum of the model error of each free value that affects sliding, SI."""
     if not drive.is_plain:  # the balances of the chambers differ
         return {}
     found = zip(solved.problem.parameters, solved.problem.values(solved.point.eta).tolist(), strict=False)
