@@ -185,7 +185,8 @@ def test_a_view_at_all_widths_in_both_looks(whole: Server, open_tab: Callable[..
         assert page.evaluate(CUT) == [], width
         assert page.evaluate(SMALL) == [], width
         if width in OF_AXE:
-            assert faults(page) == [], width
+            if width != WIDTHS[0]:  # there the last look below sees the same, folded out
+                assert faults(page) == [], width
             page.emulate_media(color_scheme="dark")
             assert faults(page, ["color-contrast"]) == [], (width, "dark")
             tab.picture(f"view-{view}-{'object' if path else 'entry'}-{width}-dark")
