@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
-sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
+sys.path.extend(map(str, Path(__file__).resolve().parents[1:3]))  # tests, and benches
 
 from oracle.drive_records import drive, record
 from oracle.shares import is_within, options

@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 from scipy.stats import binom
 
-sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
+sys.path.extend(map(str, Path(__file__).resolve().parents[1:3]))  # tests, and benches
 
 import pneudrive as pn
 from oracle.drive_records import drive, record
