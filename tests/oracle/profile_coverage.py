@@ -201,7 +201,7 @@ def main() -> None:
             ends = fit.intervals
         count.add(f"{options.kind} {seed}", fit, ends, truth)
     sys.stdout.write(f"{count}\n")
-    sys.exit(count.inside < binom.ppf(0.001, count.total, 0.95))
+    sys.exit(bool(count.inside < binom.ppf(0.001, count.total, 0.95)))
 
 
 if __name__ == "__main__":
