@@ -82,7 +82,7 @@ def nominal_strokes(parts: Mapping[str, str], task: SizingTask) -> tuple[DriveSt
     nominal = np.full((1, len(DRAWN)), 0.5)
     low, high = task.spread.friction
     nominal[0, DRAWN.index("friction")] = (1.0 - low) / (high - low)
-    cold, hot = task.spread.temperature_k
+    cold, hot = task.temperatures_k
     nominal[0, DRAWN.index("temperature")] = (task.ambient.temperature_k - cold) / (hot - cold)
     return DriveStrokes(choice, task), nominal
 
@@ -236,9 +236,9 @@ def test_a_guide_rubs_by_what_lies_on_it(incline: str, expected: float):
     assert task.guide_friction_n == pytest.approx(expected, rel=1e-12, abs=0.0)
 
 
-def test_a_task_is_written_and_read_again_with_its_energy():
-    task = SizingTask(**TASK | {"impact_energy": "500 mJ"})
-    assert task.to_dict()["impact_energy"] == "0.5 J"
+def test_a_task_is_written_and_read_again_with_its_energy_and_its_cold_room():
+    task = SizingTask(**TASK | {"impact_energy": "500 mJ", "ambient": {"temperature": "-20 degC"}})
+    assert (task.to_dict()["impact_energy"], task.temperatures_k) == ("0.5 J", pytest.approx((243.15, 268.15)))
     assert SizingTask(**task.to_dict()) == task
 
 

@@ -324,7 +324,7 @@ def machine_checks(choice: DriveChoice, task: SizingTask, drive: SizedDrive | No
         found.append(_check("energy per hour", energy, hourly, "J", rule, "fewer cycles_per_hour"))
     if task.cycles is not None:
         lives = [part.printed_si("b10_cycles", "") for part in (cylinder, choice.valve)]
-        life = min((one for one in lives if one is not None), default=None) if None not in lives else None
+        life = min(one for one in lives if one is not None) if None not in lives else None
         rule = "B10 of cylinder and valve, ISO 19973"
         remedy = f"printed.b10_cycles of both {CATALOGUE}"
         found.append(_check("life", task.cycles, life, "cycles", rule, remedy))

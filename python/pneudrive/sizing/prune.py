@@ -67,8 +67,8 @@ class SafeBounds:
         if most is not None and self.gauge > most:
             return Shortage("supply pressure", 0.0, f"{part.name} takes {1e-5 * most:g} bar gauge at most")
         life = part.printed_si("b10_cycles", "")
-        if life is not None and self.task.cycles is not None and life < self.task.cycles:
-            return Shortage("life", life / self.task.cycles, f"{part.name} has a B10 of {life:g} cycles")
+        if life is not None and life < (needed := self.task.cycles or 0.0):
+            return Shortage("life", life / needed, f"{part.name} has a B10 of {life:g} cycles")
         return None
 
     def cylinder(self, part: PartChoice) -> Shortage | None:
@@ -102,8 +102,7 @@ class SafeBounds:
 
     def _force(self, choice: DriveChoice) -> Shortage | None:
         least = self.task.spread.friction[0] * choice.cylinder.numbers["friction.parameters.coulomb"]
-        areas = choice.areas_m2
-        for outward, area in zip((True, False), areas, strict=True):
+        for outward, area in zip((True, False), choice.areas_m2, strict=True):
             most = self.gauge * area
             needed = self.against[outward] + least
             if outward:
@@ -121,24 +120,22 @@ class SafeBounds:
         return misfit(choice) or self._time(choice)
 
     def _thrust(self, choice: DriveChoice) -> Shortage | None:
-        return self._late(lambda outward, area, _: self._thrust_s(choice, outward, area), choice)
+        return self._late(self._thrust_s, choice, choice.areas_m2)
 
     def _time(self, choice: DriveChoice) -> Shortage | None:
-        return self._late(lambda outward, _, other: self._flow_s(choice, other, outward), choice)
+        return self._late(self._flow_s, choice, choice.areas_m2[::-1])
 
-    def _late(self, least_s: Callable[[bool, float, float], float], choice: DriveChoice) -> Shortage | None:
-        areas = choice.areas_m2
-        for outward, area, other, limit in (
-            (True, *areas, self.task.outward_s),
-            (False, *reversed(areas), self.task.back_s),
-        ):
-            least = least_s(outward, area, other)
+    def _late(
+        self, least_s: Callable[[DriveChoice, float, bool], float], choice: DriveChoice, areas: Sequence[float]
+    ) -> Shortage | None:
+        for outward, area, limit in zip((True, False), areas, (self.task.outward_s, self.task.back_s), strict=True):
+            least = least_s(choice, area, outward)
             if least > limit:
                 way = "outwards" if outward else "back"
                 return Shortage("time", limit / least, f"{way}: {least:.3g} s at least, {limit:.3g} s allowed")
         return None
 
-    def _thrust_s(self, choice: DriveChoice, outward: bool, area: float) -> float:
+    def _thrust_s(self, choice: DriveChoice, area: float, outward: bool) -> float:
         """Return the time of a stroke under constant full force, without friction."""
         spread = self.task.spread
         own = choice.cylinder.numbers["moving_mass"]
@@ -154,7 +151,7 @@ class SafeBounds:
         sizes = [self.tubes[choice.tube.name]]
         sizes += [valve.get("exhaust_conductance", valve["conductance"])] if valve else []
         sizes += [choice.flow_control.numbers["needle_conductance"]] if choice.is_throttled else []
-        hot = self.task.spread.temperature_k[1]
+        hot = self.task.temperatures_k[1]
         speed = min(sizes) * wide * ANR_DENSITY_KG_M3 * AIR_GAS_CONSTANT_J_KG_K * math.sqrt(ANR_TEMPERATURE_K * hot)
         driven = max(-self.against[outward], 0.0)  # a load that pulls compresses the gas as well
         compressed = COMPRESSED + driven / (self.low * area)

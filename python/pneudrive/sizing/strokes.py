@@ -25,7 +25,7 @@ from pneudrive.ensemble.variation import CoreMembers
 from pneudrive.sizing.choices import PROPORTIONAL, SLOTS, DriveChoice, PartChoice, choices
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Iterable, Mapping, Sequence
 
     from pneudrive.arrays import Array, Keyed, Plain
     from pneudrive.sizing.task import SizingTask
@@ -217,8 +217,7 @@ class DriveStrokes:
         whole = task.supply_pa + task.supply.spread_pa * _both_ways(draws[:, 0])
         reduced = task.ambient.pressure_pa + self.return_share * (whole - task.ambient.pressure_pa)
         supply, begun = (whole, reduced) if outward else (reduced, whole)
-        cold, hot = task.spread.temperature_k
-        temperature = cold + (hot - cold) * draws[:, DRAWN.index("temperature")]
+        temperature = _between(task.temperatures_k, draws, "temperature")
         numbers = self._numbers | {"supply.pressure": 1.0, "ambient.temperature_k": 1.0}
         needles = ("flow_control_{}.needle_conductance", "cylinder.cushion_{}_needle_conductance")
         opened = [needle.format(end) for end in "ba" for needle in needles]  # in the order of `Setting`
@@ -239,8 +238,7 @@ class DriveStrokes:
         """Return the factor of each number in the core's form."""
         spread = self.task.spread
         share = {name: _both_ways(column) for name, column in zip(DRAWN, draws.T, strict=True)}
-        low, high = spread.friction
-        friction = low + (high - low) * draws[:, DRAWN.index("friction")]
+        friction = _between(spread.friction, draws, "friction")
         factors = {f"cylinder.friction.parameters.{key}": friction for key in ("coulomb", "breakaway", "viscous")}
         factors["load.mass"] = 1.0 + spread.mass * share["load"]
 
@@ -261,8 +259,7 @@ class DriveStrokes:
             if f"dead_volume_{end}" in self.choice.cylinder.assumed:
                 factors[f"cylinder.dead_volume_{end}"] = dead
                 factors[f"cylinder.cushion_{end}_port_volume"] = dead
-        low, high = np.log(spread.heat_transfer)
-        heat = low + (high - low) * draws[:, DRAWN.index("heat transfer")]
+        heat = _between(np.log(spread.heat_transfer), draws, "heat transfer")
         factors["cylinder.heat_transfer_scale"] = np.exp(heat)
         factors |= {f"tube_{end}.heat_transfer_scale": np.exp(TUBE_HEAT_POWER * heat) for end in "ab"}
         own = share["mass of the piston"] * ("moving_mass" in self.choice.cylinder.assumed)
@@ -404,6 +401,12 @@ _TEMPLATES: dict[tuple[Any, ...], tuple[System, dict[str, float]]] = {}
 def _is_size(key: str) -> bool:
     """Return whether a key is the size of a flow path."""
     return key.endswith(("conductance", "nominal_flow", "kv", "cv", "diameter"))
+
+
+def _between(ends: Iterable[float], draws: Array, name: str) -> Array:
+    """Return the values of a number that is uniform over a range."""
+    low, high = ends
+    return low + (high - low) * draws[:, DRAWN.index(name)]
 
 
 def _both_ways(share: Array) -> Array:

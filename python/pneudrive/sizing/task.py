@@ -76,8 +76,8 @@ class TaskSpreads(Described):
         default=(0.7, 1.5), description="factors of the friction of cylinder and guide"
     )
     conductance: Share = Field(default=0.1, description="of valves, tubes and needles, +-; doubled for assumed values")
-    temperature_k: Annotated[tuple[float, float], Between("K", "degC")] = Field(
-        default=(283.15, 308.15), description="of air and cylinder"
+    temperature_k: Annotated[tuple[float, float] | None, Between("K", "degC")] = Field(
+        default=None, description="of air and cylinder; absent: 10 K below to 15 K above the ambient temperature"
     )
     heat_transfer: Annotated[tuple[float, float], _Factors("")] = Field(
         default=(0.5, 2.0), description="factors of the heat transfer in chambers, by ratio; smaller ones for tubes"
@@ -198,6 +198,11 @@ class SizingTask(Described):
     def supply_pa(self) -> float:
         """Nominal supply pressure, absolute, Pa."""
         return self.supply.pressure.absolute_pa(self.ambient.pressure_pa)
+
+    @property
+    def temperatures_k(self) -> tuple[float, float]:
+        """Range of the temperature of air and cylinder, K."""
+        return self.spread.temperature_k or (self.ambient.temperature_k - 10.0, self.ambient.temperature_k + 15.0)
 
     @property
     def outward_s(self) -> float:

@@ -337,21 +337,21 @@ def _cushion(
     end_speed_by_needle : m/s over needle
         end speed from {speed:g} m/s with the described mass
     best_needle : 1
-        opening with the lowest peak pressure
+        opening with the lowest end speed; none if the piston never reaches the end
     """
     table = plant.table(plant.piston)
     side = next((side for side in "ba" if f"cushion_{side}_length" in table), "")
     if not side:
         raise CommandError(f"{plant.piston} has no cushion", remedy='Add cushion_b = { length = "17 mm", ... }.')
-    most = PRESSURE_SHARE * plant.supply_pa if pressure is None else pressure
+    most = pressure or PRESSURE_SHARE * plant.supply_pa
     masses, speeds = [share * plant.mass for share in MASSES], list(SPEEDS)
     grid = np.array([[_end(_with(plant, mass=mass), side, v) for v in speeds] for mass in masses])
     needles = np.array([_end(_with(plant, needle=(side, share)), side, speed) for share in NEEDLES])
-    best = int(np.argmin(needles[:, 0]))
+    best = np.argsort(needles[:, 0])[0]  # speeds of a piston that does not arrive are last
     over = ("mass", "speed")
     allowed = (grid[:, :, 0] <= end_speed) & (grid[:, :, 1] <= most)
     limits = f"1 if the end speed is at most {end_speed:g} m/s and the pressure at most {1e-5 * most:g} bar (assumed)"
-    ends = f"speed at the end of chamber {side}; 0 if it stops before"
+    ends = f"speed at the end of chamber {side}; none if it does not arrive within {ENTRY_S:g} s"
     return {
         "mass": masses,
         "speed": speeds,
@@ -360,7 +360,7 @@ def _cushion(
         "peak_pressure": grid[:, :, 1],
         "admissible": ResultValue(over, allowed, "1", limits),
         "end_speed_by_needle": needles[:, 0],
-        "best_needle": NEEDLES[best],
+        "best_needle": NEEDLES[best] + 0.0 * needles[best, 0],
     }
 
 
@@ -388,9 +388,9 @@ def _end(plant: HeldDrive, side: str, speed: float) -> Pair:
     start |= {f"{own}.a": f"{a!r} Pa abs", f"{own}.b": f"{b!r} Pa abs"}
     plant = plant.with_held_valves  # the valve has opened long before
     run = simulate_plant(plant, plant.plans([(0.0, toward)]), ENTRY_S, ENTRY_RATE_HZ, initial=start)
-    hit = next((one for one in run.attrs["impacts"] if one["end"] == side), None)
+    end_speed = next((one["speed_m_s"] for one in run.attrs["impacts"] if one["end"] == side), math.nan)
     peak = float(run[f"{own}.{side}.pressure"].max())
-    return (hit["speed_m_s"] if hit is not None else 0.0), peak if math.isfinite(peak) else math.nan
+    return end_speed, peak if math.isfinite(peak) else math.nan
 
 
 # --- Times of a switching valve, on a virtual test stand with a small volume at its outlet.
