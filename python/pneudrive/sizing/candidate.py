@@ -249,11 +249,6 @@ class SizingCandidate:
             return self.lead is not None and self.lead.is_slow
         return self.rough is not None and not self.rough.times
 
-    @property
-    def waits_for_lead(self) -> bool:
-        """Whether `lead` has to be run before this candidate."""
-        return self.known is None and self.lead is not None and not self.lead.lost and self.lead.known is None
-
     def look_at_reach(self, final: int) -> None:
         """Reject the candidate if its runs, or runs with the widest valve, show that it cannot do the task."""
         if self.reach(final) < 0.0:

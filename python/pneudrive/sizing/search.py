@@ -44,14 +44,14 @@ MOST = 160
 #: Number of choices that advance together, and number of pairs that are probed together.
 TOGETHER, PROBED = 16, 48
 #: Provisional ranking, in the order of air: number of cylinders per batch, number of promising cylinders at which it
-#: stops, number of tubes per cylinder, and number of choices per tube.
-BATCH, PROMISING, ROUNDS, CHOICES = 6, 6, 2, 2
+#: stops, and number of tubes per cylinder.
+BATCH, PROMISING, TUBES = 6, 6, 2
 #: Worst-case margin with rough settings above which a choice counts as promising: tuning adds about as much.
 PROMISES = -0.08
 #: Ratio of all samples to the first samples from which a choice is first simulated for its hardest samples.
 WORTH = 8
-#: Number of cylinders to rank, if enough of them do the task; number of further choices tried per cylinder.
-LISTED, TRIED = 4, 2
+#: Number of cylinders to rank, if enough of them do the task; number of failed choices that exclude a cylinder.
+LISTED, TRIED = 4, 4
 
 
 def is_of_command(asked: Mapping[str, int]) -> bool:
@@ -207,9 +207,9 @@ class Search:
         simulated = [one.drive for one in self.candidates if one.drive is not None]
         last = [one.drive for one in self.candidates if not one.lost and one.draws >= self.draws[-2]]
         ranked = sorted((one for one in last if one is not None and one.is_feasible), key=lambda drive: drive.rank)
-        counts: dict[str, int] = {}
+        counts = Counter[str]()
         for one in self.dropped:
-            counts[one.limit] = counts.get(one.limit, 0) + one.choices
+            counts[one.limit] += one.choices
         left = self.pruning.enumerated - sum(counts.values())
         short = [(one.choice, known) for one in self.candidates if (known := one.tuned or one.rough) and one.lost]
         miss = None
@@ -270,7 +270,7 @@ class Search:
             names = list(waiting)[:BATCH]
             self._probe([pair for name in names for pair in waiting.pop(name)])
             own = {name: [one for one in self.candidates if one.cylinder == name] for name in names}
-            for _ in range(ROUNDS):
+            for _ in range(TUBES):
                 self._advance_rough([one for every in own.values() for one in self._next_of(every)])
             for name, every in own.items():
                 if left := [one for one in every if one.rough and not one.lost]:
@@ -278,13 +278,10 @@ class Search:
             self._rank(best.values(), tell)
 
     def _next_of(self, every: Sequence[SizingCandidate]) -> list[SizingCandidate]:
-        """Return the most promising choices of a cylinder with a tube that was not yet run with it."""
+        """Return the most promising choice of a cylinder with a tube that was not yet run with it, if there is one."""
         run = {one.choice.tube.name for one in every if one.rough}
         left = [one for one in every if not one.lost and one.choice.tube.name not in run]
-        if not left:
-            return []
-        tube = min(left, key=self._promise).choice.tube.name
-        return sorted((one for one in left if one.choice.tube.name == tube), key=self._promise)[:CHOICES]
+        return sorted(left, key=self._promise)[:1]
 
     def _promise(self, one: SizingCandidate) -> tuple[Any, ...]:
         return one.promise(self.of_cylinder)
@@ -301,15 +298,20 @@ class Search:
         return min((one.drive for one in final if one.drive is not None), key=lambda drive: drive.rank, default=None)
 
     def _open(self) -> tuple[list[TubedCylinder], list[SizingCandidate]]:
-        """Return the pairs and candidates that may still rank above the best drive."""
+        """Return the pairs and candidates that may still rank above the best drive.
+
+        A candidate begins when its lead is tuned: often the result excludes it as well.
+        """
         best = self._best()
         pairs = [one for one in self.unseen if best is None or one.rank <= best.rank[:3]]
         for one in self.candidates:
             if not one.lost:
                 one.look_at_reach(self.final)
-        every = [one for one in self.candidates if not one.lost and one.draws < self.final]
-        every = [one for one in every if not one.waits_for_lead]
-        return pairs, [one for one in every if best is None or one.bound(self.final) < best.rank]
+        left = [one for one in self.candidates if not one.lost and one.draws < self.final]
+        left = [one for one in left if best is None or one.bound(self.final) < best.rank]
+        leading = {one for one in left if one.tuned is None}
+        left = [one for one in left if one.known is not None or one.lead not in leading]
+        return pairs, left
 
     def _converge(self) -> bool:
         """Advance all candidates that may become the best, then those of other cylinders."""
@@ -341,17 +343,17 @@ class Search:
 
         Return False if there is nothing to advance.
         """
-        tried = Counter(one.cylinder for one in self.candidates if one.drive is not None)
+        lost = Counter(one.cylinder for one in self.candidates if one.lost and one.known is not None)
         met = {one.cylinder for one in self.candidates if not one.lost and one.draws >= self.draws[-2]}
         waiting = [one for one in self.candidates if not one.lost and one.draws < self.draws[-2]]
-        waiting.sort(key=self._promise)
-        others = [one for one in waiting if one.cylinder not in met and tried[one.cylinder] < TRIED]
+        waiting.sort(key=lambda one: (-one.draws, one.known is None, self._promise(one)))
+        others = [one for one in waiting if one.cylinder not in met and lost[one.cylinder] < TRIED]
         if not others and len(met) < LISTED and self.unseen:
             name = self.unseen[0].cylinder.name
             self._probe([pair for pair in self.unseen if pair.cylinder.name == name])
             return True
         chosen = others if len(met) < LISTED else []
-        if not chosen and tried.total() < self.least:
+        if not chosen and sum(one.draws > 0 for one in self.candidates) < self.least:
             chosen = waiting
         if self.tuned >= self.most:
             chosen = [one for one in chosen if one.tuned is not None]

@@ -8,6 +8,7 @@ numbers in the core, without trajectories. A test checks that both methods agree
 from __future__ import annotations
 
 import math
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
@@ -319,8 +320,10 @@ def run_all(asked: Sequence[StrokeRuns], rtol: float = COARSE) -> list[StrokeRes
     for place, one in enumerate(asked):
         groups.setdefault(one.strokes.template_key(one.outward), []).append(place)
     found: dict[int, StrokeResults] = {}
-    for places in groups.values():
-        found |= dict(zip(places, _run_alike([asked[place] for place in places], rtol), strict=True))
+    with ThreadPoolExecutor(engine.processors()) as pool:  # one group is often too small for all processors
+        runs = pool.map(lambda places: _run_alike([asked[place] for place in places], rtol), groups.values())
+        for places, results in zip(groups.values(), runs, strict=True):
+            found |= dict(zip(places, results, strict=True))
     return [found[place] for place in range(len(asked))]
 
 
