@@ -242,10 +242,10 @@ def test_a_task_is_written_and_read_again_with_its_energy_and_its_cold_room():
     assert SizingTask(**task.to_dict()) == task
 
 
-@pytest.mark.parametrize("least", [0, -3])
-def test_a_search_of_less_than_one_choice_is_refused(least: int):
-    with pytest.raises(CommandError, match=f"least = {least} is out of bounds"):
-        size(TASK, least=least)
+@pytest.mark.parametrize("most", [0, -3])
+def test_a_search_of_less_than_one_choice_is_refused(most: int):
+    with pytest.raises(CommandError, match=f"most = {most} is out of bounds"):
+        size(TASK, most=most)
 
 
 @dataclass

@@ -69,7 +69,7 @@ def enumerated(strokes: DriveStrokes, setting: Setting) -> SizedDrive | None:
 
 def compared(task: SizingTask) -> tuple[bool, str]:
     """Return whether search and enumeration agree on a task, and what they found."""
-    found = size(task, least=1)
+    found = size(task)
     parts = choices(task)
     bounds = SafeBounds(task, parts["tube"])
     lacks = [(choice, bounds.lacks(choice)) for choice in combined(parts)]

@@ -211,7 +211,7 @@ def test_size_a_drive(server: Server, open_tab: Open, monkeypatch: pytest.Monkey
         assert report.locator(f"#candidates td:has-text('{name}')").count() > 0
     assert f"({100.0 * best.margins['time out']:.0f}\u00a0%)" in report.inner_text("#candidates")
     line = report.inner_text("#again pre >> nth=0")
-    assert line == "pneudrive size task.toml --min-candidates 10 --samples 8 --out out"
+    assert line == "pneudrive size task.toml --samples 8 --out out"
     assert "Parker Origa OSP-P50" in report.inner_text("#verdict li >> nth=0")
     report.set_viewport_size({"width": 1200, "height": 1600})
     PICTURES.mkdir(parents=True, exist_ok=True)

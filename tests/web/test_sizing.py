@@ -22,7 +22,7 @@ from web.test_friction import finished, post
 from web.test_recordings import get
 
 TASK = (Path(__file__).parents[1] / "data" / "sizing_task.toml").read_text("utf-8")
-ASKED = {"kind": "size", "task": "push.toml", "name": "push", "least": 100, "draws": 16}
+ASKED = {"kind": "size", "task": "push.toml", "name": "push", "draws": 16}
 
 
 def test_page_command_and_python_find_the_same(served: Served, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -153,7 +153,7 @@ def test_a_task_says_what_it_holds_and_what_is_wrong_with_it(served: Served) -> 
         {"task": 3},
         {"name": "a/b"},
         {"name": "push.toml"},
-        {"least": 0},
+        {"most": 0},
         {"draws": True},
         {"draws": 1e9},
         {"resume": "results/none"},

@@ -13,7 +13,7 @@ import { Button } from "../workspace/fields";
 import { changesOf, filesOf } from "../workspace/files";
 import { JobForm } from "../workspace/form";
 import { Cancel, follow, JobList, jobs, reached } from "../workspace/jobs";
-import { InFolder, NumberField, Problems, ReportOf, Table, useCopied } from "../workspace/parts";
+import { InFolder, Problems, ReportOf, Table, useCopied } from "../workspace/parts";
 import { Answer, Notes } from "../workspace/result";
 import { type Field, open, opened, problems, set, valid } from "./opened";
 import { useOpenText } from "./text";
@@ -21,7 +21,6 @@ import { useOpenText } from "./text";
 const wrong = signal<Problem[]>([]);
 const attempt = attempting(wrong);
 const name = signal("task.toml"); // of a new task
-const least = signal(10); // of a search that is continued
 const pinned = undoable(signal<string[]>([]));
 const orderBy = undoable(signal("Rank"));
 
@@ -34,7 +33,6 @@ const again = (folder: string, now: Sizing) => ({
   kind: "size",
   task: now.task,
   draws: now.draws,
-  least: least.value,
   ...now.asked,
   name: "sizing",
   resume: folder,
@@ -244,10 +242,6 @@ function Search(props: { now: Sizing; folder: string; running: (typeof jobs.valu
   return (
     <p class="row">
       The search was stopped early.
-      <label>
-        Smallest number of choices{" "}
-        <NumberField low={1} high={100} whole value={least.value} put={(number) => (least.value = number)} />
-      </label>
       <Button act={() => resume(folder, now)}>Resume</Button>
     </p>
   );

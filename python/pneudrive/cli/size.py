@@ -35,7 +35,6 @@ def size(
     task: Path,
     *,
     out: Path | None = None,
-    min_candidates: int = 10,
     max_candidates: int = 160,
     samples: int = 256,
 ) -> None:
@@ -52,8 +51,6 @@ def size(
         Task file (TOML).
     out : DIR
         Folder for report, ranking and circuit files of the ten best; it is resumed.
-    min_candidates : N
-        Smallest number of simulated choices of parts.
     max_candidates : N
         Largest number of choices of parts whose needles are set.
     samples
@@ -66,7 +63,6 @@ def size(
     found = search.size(
         task,
         progress=watch().tell,
-        least=min_candidates,
         most=max_candidates,
         draws=samples,
         draws_best=search.DRAWS_BEST_OF * samples,

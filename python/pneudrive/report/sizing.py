@@ -307,7 +307,7 @@ def _method(found: SizingResult) -> Section:
     options = ", ".join(f"{name}={count}" for name, count in asked.items())
     lines = [f'import pneudrive as pn\n\nfound = pn.size("task.toml", {options})\nfound.report("out")']
     if is_of_command(asked):
-        options = f"--min-candidates {asked['least']} --samples {asked['draws']}"
+        options = f"--samples {asked['draws']}"
         options += f" --max-candidates {asked['most']}" if asked["most"] != MOST else ""
         lines.insert(0, f"pneudrive size task.toml {options} --out out")
     return topic.section(

@@ -323,7 +323,8 @@ class SizingResult(Viewed):
         try:
             ranked = tuple(read_drive(drive) for drive in stored["ranked"])
             simulated, _ = read_choices(folder / LINES)
-            miss = stored.get("miss")
+            miss, asked = stored.get("miss"), {**stored.get("asked", {})}
+            asked.pop("least", None)  # an option of earlier versions
             return cls(
                 SizingTask.model_validate(stored["task"]),
                 **{name: stored[name] for name in ("enumerated", "left", "pruned", "tuned", "complete")},
@@ -335,7 +336,7 @@ class SizingResult(Viewed):
                 checks=tuple(MachineCheck(**check) for check in stored.get("checks", ())),
                 interrupted=stored.get("interrupted", False),
                 notes=tuple(stored.get("notes", ())),
-                asked=stored.get("asked", {}),
+                asked=asked,
             )
         except (KeyError, TypeError, ValueError, ValidationError) as error:
             raise CommandError(f"{folder / SUMMARY} is damaged: {error}", remedy="Size the task again.") from None

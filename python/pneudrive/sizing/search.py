@@ -37,8 +37,6 @@ DRAWS, DRAWS_BEST = 256, 1024
 DRAWS_BEST_OF = DRAWS_BEST // DRAWS
 #: Divisor for a first part of the samples, and smallest number of samples for which a first part is worthwhile.
 FIRST_OF, FIRST_LEAST = 4, 32
-#: Smallest number of choices that are simulated over the spreads, if available.
-LEAST = 10
 #: Largest number of choices that are tuned.
 MOST = 160
 #: Number of choices that advance together, and number of pairs that are probed together.
@@ -65,7 +63,6 @@ def is_of_command(asked: Mapping[str, int]) -> bool:
 def size(
     task: SizingTask | Keyed | str | Path,
     *,
-    least: int = LEAST,
     most: int = MOST,
     draws: int = DRAWS,
     draws_best: int = DRAWS_BEST,
@@ -81,8 +78,6 @@ def size(
     ----------
     task : SizingTask, dict or path-like
         The task, its keys as a dict, or its TOML file.
-    least : int
-        Smallest number of choices of parts that are simulated over the spreads.
     most : int
         Largest number of choices that are tuned. The result states if this limit ended the search.
     draws, draws_best : int
@@ -120,12 +115,12 @@ def size(
     >>> found.best.parts["cylinder"]
     'festo-dsbg-32-100'
     """
-    for name, value in (("least", least), ("draws", draws), ("draws_best", draws_best), ("most", most)):
+    for name, value in (("draws", draws), ("draws_best", draws_best), ("most", most)):
         if value < 1:
             raise CommandError(f"{name} = {value} is out of bounds", rule="at least 1")
     read, asked = _read(task), (draws, draws_best)
     with nullcontext() if out is None else SizingFolder(Path(out), read, asked) as folder:
-        return Search(read, least, most, asked, threads, Watch(progress, cancel), folder).result(provisional)
+        return Search(read, most, asked, threads, Watch(progress, cancel), folder).result(provisional)
 
 
 def _read(task: SizingTask | Keyed | str | Path) -> SizingTask:
@@ -141,7 +136,7 @@ class Search:
     Attributes
     ----------
     task : SizingTask
-    least, most : int
+    most : int
     asked : tuple of int
         Numbers of samples of each leading choice, and of each choice that may be the best.
     threads : int or None
@@ -150,7 +145,6 @@ class Search:
     """
 
     task: SizingTask
-    least: int
     most: int
     asked: tuple[int, int]
     threads: int | None
@@ -231,7 +225,7 @@ class Search:
             checks=tuple(machine_checks(self._candidate(ranked[0]).choice, self.task, ranked[0])) if ranked else (),
             interrupted=interrupted,
             notes=self._notes(complete, interrupted),
-            asked={"least": self.least, "most": self.most, "draws": self.draws[-2], "draws_best": self.final},
+            asked={"most": self.most, "draws": self.draws[-2], "draws_best": self.final},
         )
 
     def _notes(self, complete: bool, interrupted: bool) -> tuple[str, ...]:
@@ -339,30 +333,28 @@ class Search:
                 self.watch.look()
 
     def _others(self) -> bool:
-        """Advance a choice of another cylinder, or any choice while fewer than `least` are simulated.
+        """Advance choices of cylinders other than the best until enough are ranked.
 
         Return False if there is nothing to advance.
         """
         lost = Counter(one.cylinder for one in self.candidates if one.lost and one.known is not None)
         met = {one.cylinder for one in self.candidates if not one.lost and one.draws >= self.draws[-2]}
+        if len(met) >= LISTED:
+            return False
         waiting = [one for one in self.candidates if not one.lost and one.draws < self.draws[-2]]
         waiting.sort(key=lambda one: (-one.draws, one.known is None, self._promise(one)))
         others = [one for one in waiting if one.cylinder not in met and lost[one.cylinder] < TRIED]
-        if not others and len(met) < LISTED and self.unseen:
+        if not others and self.unseen:
             name = self.unseen[0].cylinder.name
             self._probe([pair for pair in self.unseen if pair.cylinder.name == name])
             return True
-        chosen = others if len(met) < LISTED else []
-        if not chosen and sum(one.draws > 0 for one in self.candidates) < self.least:
-            chosen = waiting
-        if self.tuned >= self.most:
-            chosen = [one for one in chosen if one.tuned is not None]
-        if not chosen:
-            return False
-        seen: set[str] = set()
-        batch = [one for one in chosen if not (one.cylinder in seen or seen.add(one.cylinder))]
-        self._advance(batch[:TOGETHER] if chosen is others else chosen[:1], is_leading=False)
-        return True
+        first: dict[str, SizingCandidate] = {}
+        for one in others:
+            if one.tuned is not None or self.tuned < self.most:
+                first.setdefault(one.cylinder, one)
+        chosen = list(first.values())[:TOGETHER]
+        self._advance(chosen, is_leading=False)
+        return bool(chosen)
 
     def _look_at_hardest(self, one: SizingCandidate) -> None:
         assert one.tuned is not None

@@ -319,9 +319,13 @@ def run_all(asked: Sequence[StrokeRuns], rtol: float = COARSE) -> list[StrokeRes
     groups: dict[tuple[Any, ...], list[int]] = {}
     for place, one in enumerate(asked):
         groups.setdefault(one.strokes.template_key(one.outward), []).append(place)
+
+    def run(places: list[int]) -> list[StrokeResults]:
+        return _run_alike([asked[place] for place in places], rtol)
+
     found: dict[int, StrokeResults] = {}
     with ThreadPoolExecutor(engine.processors()) as pool:  # one group is often too small for all processors
-        runs = pool.map(lambda places: _run_alike([asked[place] for place in places], rtol), groups.values())
+        runs = pool.map(run, groups.values())
         for places, results in zip(groups.values(), runs, strict=True):
             found |= dict(zip(places, results, strict=True))
     return [found[place] for place in range(len(asked))]

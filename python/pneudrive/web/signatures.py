@@ -200,7 +200,7 @@ def _python(kind: str, values: Keyed) -> Plain:
                 found = {"pressure_dependence": True, "pressure": form}
             return {"options": repr(values["law"]) + keywords(**found, any_shape=True)}
         case "size":
-            found = {name: values[name] for name in ("least", "most", "draws")}
+            found = {name: values[name] for name in ("most", "draws")}
             found["draws_best"] = DRAWS_BEST_OF * values["draws"]
         case "export":
             found = {"version": values["fmi"], "actuator": values["actuator"], "initial": values["initial"]}
