@@ -270,7 +270,7 @@ class Plant(Shown):
         return [
             ("natural frequency", f"{self.natural_frequency_rad_s:.3g} rad/s ({hertz:.3g} Hz)"),
             ("damping ratio", f"{self.damping_ratio:.3g}"),
-            ("speed at full opening", f"{self.speed_m_s:.3g} m/s"),
+            ("speed at full opening, exhaust choked", f"{self.speed_m_s:.3g} m/s"),
             ("rate of force at full opening", f"{1e-3 * self.force_rate_n_s:.3g} kN/s"),
             ("lag of the command", f"{1e3 * self.lag_s:.3g} ms"),
             ("Coulomb friction", f"{self.coulomb_n:.3g} N"),
