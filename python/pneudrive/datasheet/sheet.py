@@ -231,8 +231,13 @@ def _hazards(plant: HeldDrive, results: dict[str, xr.Dataset]) -> Iterator[Findi
         text = f"without pressure, weight pulls the piston with {plain(plant.hanging_n)} N, but friction at rest holds "
         remedy = "A lock or a clamp must hold the load (ISO 4414)."
         yield Finding(f"{HAZARD}{text}{plain(friction)} N.", "bad", remedy)
-    limit = energy_limit_j(plant.bore_m)
-    energy = float(results["square-response"].end_energy.max()) if "square-response" in results else 0.0
+    limit, response = energy_limit_j(plant.bore_m), results.get("square-response")
+    if response is None:
+        return
+    if response.stroke_time.isnull().any():
+        remedy = "Raise supply.pressure, or take a larger bore. The figures of air are not those of strokes."
+        yield Finding(f"{HAZARD}the piston does not reach both ends under full command.", "bad", remedy)
+    energy = float(response.end_energy.max())
     if energy > limit:
         text = f"an impact of {plain(energy)} J is harder than a cylinder of this bore usually takes, {plain(limit)} J"
         rule = f"(assumed: {1e-3 * IMPACT_ENERGY_J_M2:g} mJ for each mm2 of piston)"

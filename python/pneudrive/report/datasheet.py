@@ -239,9 +239,9 @@ def sheet_view(found: Datasheet) -> View:
 
 
 def _leading(found: Datasheet) -> Iterator[LeadingValue]:
-    """Yield stroke times, the impact of higher energy with its assumed limit, and the air of a cycle."""
-    if "square-response" in found.results:
-        square = found.results["square-response"]
+    """Yield stroke times and the harder impact with its assumed limit, if the piston reaches its ends; then the air."""
+    square = found.results.get("square-response")
+    if square is not None and square.stroke_time.notnull().all():
         for way, time in zip(("out", "back"), square.stroke_time.to_numpy(), strict=True):
             yield LeadingValue(ShownValue(f"time {way}", "", f"time {way}", float(time), "s"))
         energy, limit = float(square.end_energy.max()), energy_limit_j(HeldDrive(found.drive).bore_m)

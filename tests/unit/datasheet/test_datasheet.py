@@ -90,6 +90,13 @@ def test_strokes_that_the_drive_does_not_do_count_against_it(tmp_path):
     assert len(found.numbers) == 22  # as many as beside a drive that moves
 
 
+def test_a_drive_that_cannot_move_its_load_is_a_hazard(monkeypatch):
+    monkeypatch.setattr(sheet, "OF_A_SHEET", ("square-response",))
+    stuck = DRIVE.replace({"cylinder.incline": "90 deg", "load.mass": "200 kg"})
+    texts = [one.text for one in build(stuck, [], None, UNWATCHED, intervals=False).hazards]
+    assert any("does not reach both ends" in text for text in texts)
+
+
 def test_intervals_reach_the_numbers_of_the_page(monkeypatch):
     monkeypatch.setattr(sheet, "OF_A_SHEET", ("minimum-pressure",))
     monkeypatch.setattr("pneudrive.datasheet.characteristics.steady.least_pressure", lambda *_: 2e5)
