@@ -254,7 +254,7 @@ class Search:
         self.unseen = [one for one in self.unseen if id(one) not in gone]
 
     def _first_ranking(self, tell: Callable[[SizingResult], None] | None) -> None:
-        """Rank cylinders by nominal runs, and report the ranking after each batch."""
+        """Rank cylinders by nominal runs, and report the ranking after each tube of a batch."""
         waiting: dict[str, list[TubedCylinder]] = {}
         for pair in self.unseen:
             waiting.setdefault(pair.cylinder.name, []).append(pair)
@@ -266,10 +266,10 @@ class Search:
             own = {name: [one for one in self.candidates if one.cylinder == name] for name in names}
             for _ in range(TUBES):
                 self._advance_rough([one for every in own.values() for one in self._next_of(every)])
-            for name, every in own.items():
-                if left := [one for one in every if one.rough and not one.lost]:
-                    best[name] = min(left, key=self._promise)
-            self._rank(best.values(), tell)
+                for name, every in own.items():
+                    if left := [one for one in every if one.rough and not one.lost]:
+                        best[name] = min(left, key=self._promise)
+                self._rank(best.values(), tell)
 
     def _next_of(self, every: Sequence[SizingCandidate]) -> list[SizingCandidate]:
         """Return the most promising choice of a cylinder with a tube that was not yet run with it, if there is one."""
