@@ -23,6 +23,7 @@ def test_the_table_agrees_with_pint():
         ("-5 °C", "K", 268.15),
         ("1.1 dm3/(s bar)", "m^3/(s Pa)", 1.1e-8),
         ("700 l/min ANR", "m^3/s ANR", 700e-3 / 60),
+        ("42 m3/h (ANR)", "m^3/s ANR", 42 / 3600),
         ("1.5 N/bar", "N/Pa", 1.5e-5),
         ("1e5N/m", "N/m", 1e5),
         ("2 N·s/mm", "N s/m", 2000.0),

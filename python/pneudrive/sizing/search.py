@@ -304,8 +304,7 @@ class Search:
         left = [one for one in self.candidates if not one.lost and one.draws < self.final]
         left = [one for one in left if best is None or one.bound(self.final) < best.rank]
         leading = {one for one in left if one.tuned is None}
-        left = [one for one in left if one.known is not None or one.lead not in leading]
-        return pairs, left
+        return pairs, [one for one in left if one.known is not None or one.lead not in leading]
 
     def _converge(self) -> bool:
         """Advance all candidates that may become the best, then those of other cylinders."""

@@ -338,6 +338,7 @@ def converter(unit: str, si_unit: str) -> tuple[float, float]:
     DescriptionError
         The unit is unknown, or has another dimension.
     """
+    unit = unit.replace("(ANR)", "ANR")
     known = TABLE.get(canonical(unit))
     if known is None or (known[0] != si_unit and si_unit not in KINDS):
         return converter_of_pint(unit, si_unit)
