@@ -235,8 +235,8 @@ def _hazards(plant: HeldDrive, results: dict[str, xr.Dataset]) -> Iterator[Findi
     if response is None:
         return
     if response.stroke_time.isnull().any():
-        remedy = "Raise supply.pressure, or take a larger bore. The figures of air are not those of strokes."
-        yield Finding(f"{HAZARD}the piston does not reach both ends under full command.", "bad", remedy)
+        text = "the piston does not reach both ends under full command, so the figures of air are not those of strokes"
+        yield Finding(f"{HAZARD}{text}.", "bad", "Raise supply.pressure, or take a larger bore.")
     energy = float(response.end_energy.max())
     if energy > limit:
         text = f"an impact of {plain(energy)} J is harder than a cylinder of this bore usually takes, {plain(limit)} J"

@@ -360,7 +360,7 @@ def _cushion(
         "peak_pressure": grid[:, :, 1],
         "admissible": ResultValue(over, allowed, "1", limits),
         "end_speed_by_needle": needles[:, 0],
-        "best_needle": NEEDLES[best] + 0.0 * needles[best, 0],
+        "best_needle": math.nan if math.isnan(needles[best, 0]) else NEEDLES[best],
     }
 
 

@@ -48,8 +48,9 @@ class WrittenState(written.WrittenParameter):
 class FrictionLaw(written.Written):
     """Friction law written as formulas.
 
-    Frozen. Formulas are texts in SI. They may contain parameters, states, names of `let`, ``v`` (velocity), ``x``
-    (position), ``pressure_a``, ``pressure_b`` (gauge) and ``pi``. `docs/guide/own-law.md` has the whole grammar.
+    Frozen. Formulas are texts in SI. They may contain parameters, states and names of `let`. Further names are ``v``
+    (velocity), ``x`` (position), ``pressure_a`` and ``pressure_b`` (gauge), and ``pi``. `docs/guide/own-law.md` has the
+    whole grammar.
 
     Parameters
     ----------

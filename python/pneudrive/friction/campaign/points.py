@@ -43,9 +43,9 @@ def unsteady(cycles: CycleTable, tares: CycleTable, stiffness_n_m: float | None,
     """Return for each cycle the reason why sliding was not steady; "" for steady sliding.
 
     There are three signs. (1) The axis moves unevenly. (2) The piston moves unevenly. Its position is the axis position
-    minus the deflection of the force sensor. (3) If samples are too far apart for (1) and (2): the force oscillates by
-    much more than the sensor's noise. At the natural frequency of the rig, such an oscillation would change the speed
-    of the piston by 40 %.
+    minus the deflection of the force sensor. (3) The force oscillates by much more than the sensor's
+    noise. This sign counts if samples are too far apart for (1) and (2). At the natural frequency of the rig, such an
+    oscillation would change the speed of the piston by 40 %.
     """
     scatter, speed = np.nan_to_num(cycles["scatter_n"]).max(axis=1), cycles.over_sides("velocity_m_s")
     # Without zero runs: slow noise is visible within a bin of a slow cycle, but not within a bin of a fast cycle.
