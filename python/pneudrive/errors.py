@@ -66,6 +66,10 @@ def messages(package: str) -> dict[str, dict[str, str]]:
     return package_table(__file__, f"{package}/messages.toml")
 
 
+#: Parts of an error beside the problem itself.
+DETAILS = ("where", "value", "rule", "remedy")
+
+
 class PneudriveError(Exception):
     """Base of every error that pneudrive raises on purpose.
 
@@ -117,7 +121,7 @@ class PneudriveError(Exception):
         """
         package, _, name = message.partition(".")
         parts = {part: text.format(**values) for part, text in messages(package)[name].items()}
-        parts |= {part: values[part] for part in ("where", "value", "rule", "remedy") if values.get(part) is not None}
+        parts |= {part: values[part] for part in DETAILS if values.get(part) is not None}
         return cls(parts.pop("what"), **parts)
 
     def __str__(self) -> str:
@@ -141,28 +145,10 @@ class PneudriveError(Exception):
 
     def turned(self, kind: type[Wrong]) -> Wrong:
         """Return the same message as an error of another kind."""
-        return together([kind(e.what, where=e.where, value=e.value, rule=e.rule, remedy=e.remedy) for e in self.each()])
-
-    def __reduce__(self) -> tuple[object, ...]:
-        """Keep all fields when the error crosses a process boundary."""
-        return _rebuild, (type(self), self.what, self.where, self.value, self.rule, self.remedy, self.others)
+        return together([kind(e.what, **{part: getattr(e, part) for part in DETAILS}) for e in self.each()])
 
 
 ErrorKind = type[PneudriveError]
-
-
-def _rebuild(
-    kind: ErrorKind,
-    what: str,
-    where: str | None,
-    value: object,
-    rule: str | None,
-    remedy: str | None,
-    others: tuple[PneudriveError, ...],
-) -> PneudriveError:
-    error = kind(what, where=where, value=value, rule=rule, remedy=remedy)
-    error.others = others
-    return error
 
 
 def together(errors: Sequence[Wrong]) -> Wrong:

@@ -98,7 +98,10 @@ def _integrated(begin_s: float, start_m: float, sign: float, each: Sequence[Pair
         numbers = [x, v * t, a * t**2 / 2.0, j * t**3 / 6.0, s * t**4 / 24.0]
         if t > 0.0:
             rows.append([begin_s, t, *numbers, *[0.0] * (POWERS - len(numbers))])
-        x, v, a, j = sum(numbers), v + a * t + j * t**2 / 2 + s * t**3 / 6, a + j * t + s * t**2 / 2, j + s * t
+        x = sum(numbers)
+        v = v + a * t + j * t**2 / 2 + s * t**3 / 6
+        a = a + j * t + s * t**2 / 2
+        j = j + s * t
         begin_s += t
     return rows
 

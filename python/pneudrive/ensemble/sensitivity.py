@@ -230,4 +230,5 @@ def _indices(f: Array) -> Array:
     b = f[1] - f[:2].mean(axis=(0, -1))[..., None]
     moved = f[2:] - f[0]
     with np.errstate(invalid="ignore", divide="ignore"):  # a resample that is all one point
-        return np.stack([np.mean(b * moved, axis=-1), 0.5 * np.mean(moved**2, axis=-1)]) / f[:2].var(axis=(0, -1))
+        first, total = np.mean(b * moved, axis=-1), 0.5 * np.mean(moved**2, axis=-1)
+        return np.stack([first, total]) / f[:2].var(axis=(0, -1))

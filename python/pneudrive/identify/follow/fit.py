@@ -382,7 +382,8 @@ def _result(
     for name, value in values.items():
         alike = [r for r in beside if name in r.values and r.gain < AS_WELL]
         if alike:
-            spreads[name] = (min(value, *(r.values[name] for r in alike)), max(value, *(r.values[name] for r in alike)))
+            values_alike = [value, *(r.values[name] for r in alike)]
+            spreads[name] = (min(values_alike), max(values_alike))
         lows, highs = zip(intervals[name], *(r.intervals[name] for r in alike), strict=True)
         change = max((max(part / value, value / part) for part in parts.get(name, ())), default=1.0)
         stated[name] = (min(*lows, value / change), max(*highs, value * change))
