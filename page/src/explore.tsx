@@ -2,8 +2,8 @@
 import { render as draw } from "preact";
 import { useEffect, useRef, useState } from "preact/hooks";
 import "./explore.css";
-import { digits, followInk, isDark } from "./plots/looks";
-import { curveOf, Plot } from "./plots/plot";
+import { digits, followInk, isDark, withUnit } from "./plots/looks";
+import { curvesOf, Plot } from "./plots/plot";
 import { type Frame, unpack } from "./server/frame";
 import type { Field, RunPanel } from "./server/generated";
 import { Range } from "./workspace/fields";
@@ -63,7 +63,7 @@ function Explore({ model }: { model: Model }) {
     const changes: Changes = {};
     for (const one of begin.sliders) {
       const value = values[one.key];
-      if (value !== undefined && value !== one.number) changes[one.key] = one.unit ? `${value} ${one.unit}` : value;
+      if (value !== undefined && value !== one.number) changes[one.key] = withUnit(value, one.unit);
     }
     link.current.waiting = changes;
     pump();
@@ -83,12 +83,8 @@ function Explore({ model }: { model: Model }) {
       else setNumbers(numbersOf(frame.head.changes)); // the sliders of another view were moved
       setWrong(frame.head.problems ?? []);
       if (!frame.head.problems) setAnswer(frame);
-      if (isOwn)
-        Object.assign(place.current!.dataset, {
-          sent: link.current.sent,
-          drawn: frame.head.number,
-          most: link.current.most,
-        });
+      const { sent, most } = link.current;
+      if (isOwn) Object.assign(place.current!.dataset, { sent, drawn: frame.head.number, most });
       pump();
     };
     model.on("msg:custom", heard);
@@ -123,15 +119,7 @@ function Explore({ model }: { model: Model }) {
       {head?.assumed !== undefined && <p>Simulated; {head.assumed} values are assumed.</p>}
       <div class="plots">
         {head?.panels?.map((panel) => (
-          <Plot
-            key={panel.title}
-            title={panel.title}
-            unit={panel.unit}
-            size={panel.size}
-            curves={panel.curves.map((one) =>
-              curveOf(answer!.arrays, answer!.arrays.get("time_s")!, one.column, one.label),
-            )}
-          />
+          <Plot key={panel.title} {...panel} curves={curvesOf(answer!, panel)} />
         ))}
       </div>
       <ul>

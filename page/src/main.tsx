@@ -6,6 +6,7 @@ import { follow, link, route } from "./routes";
 import { connection, unlock } from "./server/server";
 import { followActions, forgetSteps } from "./undo";
 import { VIEWS, type View, verbsOf } from "./views";
+import { Choose, ENTRIES } from "./workspace/choose";
 import { changesOf, isOld, kindOf, list, nameOf, studies, takeDrops, watchFolder } from "./workspace/files";
 import { Tray } from "./workspace/jobs";
 import { ConnectionLine } from "./workspace/parts";
@@ -22,13 +23,15 @@ const MOST_TABS = 12;
 /** Open objects, each with its last view. The browser keeps them for this tab. */
 const tabs = signal<{ path: string; view: string }[]>(JSON.parse(sessionStorage.getItem(KEY) ?? "[]"));
 
+tabs.subscribe((open) => sessionStorage.setItem(KEY, JSON.stringify(open)));
+
 const shown = computed(() => VIEWS.find((one) => one.name === route.value.view) ?? VIEWS[0]!);
 /** Views that are loaded. */
 const loaded = signal<Record<string, ComponentType>>({});
 
 async function load(one: View): Promise<void> {
   if (one.name in loaded.peek()) return;
-  const component = await one.load();
+  const { default: component } = await one.load();
   loaded.value = { ...loaded.peek(), [one.name]: component };
 }
 effect(() => void load(shown.value));
@@ -41,13 +44,11 @@ function keepTab({ view, path }: { view: string; path: string }): void {
   tabs.value = now.some((one) => one.path === path)
     ? now.map((one) => (one.path === path ? { path, view } : one))
     : [...now.slice(1 - MOST_TABS), { path, view }];
-  sessionStorage.setItem(KEY, JSON.stringify(tabs.value));
 }
 
 function closeTab(path: string): void {
   const at = tabs.value.findIndex((one) => one.path === path);
   tabs.value = tabs.value.filter((one) => one.path !== path);
-  sessionStorage.setItem(KEY, JSON.stringify(tabs.value));
   const next = tabs.value[Math.min(at, tabs.value.length - 1)];
   if (route.value.path === path) location.hash = next ? link(next.view, next.path) : link("studies");
 }
@@ -122,9 +123,7 @@ function Tabs() {
                   aria-current={one.path === path ? "page" : undefined}>
                   <PathName path={shortName(one.path)} />
                 </a>
-                <Button class="icon" aria-label={`Close ${one.path}`} act={() => closeTab(one.path)}>
-                  ×
-                </Button>
+                <Button class="icon" aria-label={`Close ${one.path}`} act={() => closeTab(one.path)} words="×" />
               </li>
             ))}
           </ul>
@@ -193,6 +192,7 @@ function Page() {
   useFocus(route.value);
   const Palette = palette.value?.Palette;
   const Shown = loaded.value[shown.value.name];
+  const isEntry = !path && view in ENTRIES;
   return (
     <>
       {/* biome-ignore lint/a11y/useValidAnchor: the browser may open it; only its default is replaced */}
@@ -204,9 +204,9 @@ function Page() {
           class="icon"
           aria-expanded={isShown.value}
           aria-label="Files of the folder"
-          act={() => (isShown.value = !isShown.value)}>
-          ☰
-        </Button>
+          act={() => (isShown.value = !isShown.value)}
+          words="☰"
+        />
         <h1>
           <a href={link("studies")}>pneudrive</a>
         </h1>
@@ -229,7 +229,9 @@ function Page() {
         <div class="middle">
           <Tabs />
           <main id="main" tabIndex={-1} data-view={view}>
-            {connection.value !== "locked" && <Guarded at={link(view, path)}>{Shown && <Shown />}</Guarded>}
+            {connection.value !== "locked" && (
+              <Guarded at={link(view, path)}>{isEntry ? <Choose view={view} /> : Shown && <Shown />}</Guarded>
+            )}
           </main>
           <footer>
             This page shows and simulates. It is not a safety function.

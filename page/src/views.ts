@@ -4,90 +4,40 @@ import type { ComponentType } from "preact";
 export interface View {
   name: string;
   title: string; // as a verb of an object
-  load: () => Promise<ComponentType>;
+  load: () => Promise<{ default: ComponentType }>;
   opens: string[]; // kinds of objects of which it is the first view
   takes?: string[]; // other kinds of which it is a view
 }
 
+const DESCRIBED = ["drive", "circuit"];
+const TABLES = ["other", "formula", "tank", "regulator"];
+const RESULTS = ["fit", "friction map", "validation", "comparison", "sizing", "campaign"];
+
 export const VIEWS: View[] = [
-  {
-    name: "studies",
-    title: "Overview",
-    load: async () => (await import("./workspace/studies")).StudiesView,
-    opens: [],
-  },
-  {
-    name: "drive",
-    title: "Drive",
-    load: async () => (await import("./drive/drive")).DriveView,
-    opens: ["other", "formula", "tank", "regulator"],
-    takes: ["drive", "circuit"],
-  },
-  {
-    name: "simulate",
-    title: "Simulate",
-    load: async () => (await import("./simulate/simulate")).SimulateView,
-    opens: ["drive", "circuit"],
-  },
-  {
-    name: "recording",
-    title: "Recording",
-    load: async () => (await import("./measured/recording")).RecordingView,
-    opens: ["recording"],
-  },
-  {
-    name: "friction",
-    title: "Friction",
-    load: async () => (await import("./measured/friction")).FrictionView,
-    opens: ["friction map", "fit"],
-  },
+  { name: "studies", title: "Overview", load: () => import("./workspace/studies"), opens: [] },
+  { name: "drive", title: "Drive", load: () => import("./drive/drive"), opens: TABLES, takes: DESCRIBED },
+  { name: "simulate", title: "Simulate", load: () => import("./simulate/simulate"), opens: DESCRIBED },
+  { name: "recording", title: "Recording", load: () => import("./measured/recording"), opens: ["recording"] },
+  { name: "friction", title: "Friction", load: () => import("./measured/friction"), opens: ["friction map", "fit"] },
   {
     name: "control",
     title: "Control",
-    load: async () => (await import("./control/control")).ControlView,
+    load: () => import("./control/control"),
     opens: ["comparison"],
-    takes: ["drive", "circuit"],
+    takes: DESCRIBED,
   },
   {
     name: "validation",
     title: "Validate",
-    load: async () => (await import("./measured/validation")).ValidationView,
+    load: () => import("./measured/validation"),
     opens: ["validation"],
-    takes: ["drive", "circuit", "recording"],
+    takes: [...DESCRIBED, "recording"],
   },
-  {
-    name: "sizing",
-    title: "Sizing",
-    load: async () => (await import("./drive/sizing")).SizingView,
-    opens: ["task", "sizing"],
-  },
-  {
-    name: "campaign",
-    title: "Campaign",
-    load: async () => (await import("./measured/campaign")).CampaignView,
-    opens: ["campaign", "protocol"],
-  },
-  {
-    name: "datasheet",
-    title: "Data sheet",
-    load: async () => (await import("./drive/datasheet")).DatasheetView,
-    opens: [],
-    takes: ["drive", "circuit"],
-  },
-  {
-    name: "handover",
-    title: "Export",
-    load: async () => (await import("./drive/handover")).HandoverView,
-    opens: ["fmu"],
-    takes: ["drive", "circuit"],
-  },
-  {
-    name: "result",
-    title: "Values",
-    load: async () => (await import("./workspace/result")).ResultView,
-    opens: [],
-    takes: ["fit", "friction map", "validation", "comparison", "sizing", "campaign"],
-  },
+  { name: "sizing", title: "Sizing", load: () => import("./drive/sizing"), opens: ["task", "sizing"] },
+  { name: "campaign", title: "Campaign", load: () => import("./measured/campaign"), opens: ["campaign", "protocol"] },
+  { name: "datasheet", title: "Data sheet", load: () => import("./drive/datasheet"), opens: [], takes: DESCRIBED },
+  { name: "handover", title: "Export", load: () => import("./drive/handover"), opens: ["fmu"], takes: DESCRIBED },
+  { name: "result", title: "Values", load: () => import("./workspace/result"), opens: [], takes: RESULTS },
 ];
 
 /** Return the name of the first view of a kind: undefined for a kind without one. */

@@ -4,17 +4,17 @@ import { signal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
 import { opened } from "../drive/opened";
 import { FigureView } from "../plots/figure";
-import { digits } from "../plots/looks";
-import { curveOf, Plot, pixelsOfPlots, zooming } from "../plots/plot";
+import { digits, withUnit } from "../plots/looks";
+import { curvesOf, Plot, pixelsOfPlots, zooming } from "../plots/plot";
 import { type StripRow, stripFigure } from "../plots/points";
 import { inCatalogue, isToml, link, route } from "../routes";
 import type { Frame } from "../server/frame";
 import type { Choices, Gain, ControlHead as Head } from "../server/generated";
-import { ask, attempting, type Problem, read, write } from "../server/server";
+import { ask, attempts, read, write } from "../server/server";
 import { undoable } from "../undo";
-import { useLive } from "../workspace/answers";
-import { Button } from "../workspace/fields";
-import { list, studies } from "../workspace/files";
+import { isShowable, useLive } from "../workspace/answers";
+import { Button, Fold, Remarks } from "../workspace/fields";
+import { cataloguePaths, filesOf, freeName, list, pathsOf } from "../workspace/files";
 import { field, JobForm, requestOf } from "../workspace/form";
 import { follow } from "../workspace/jobs";
 import { Copied, InFolder, NumberField, Problems, Select, SliderRow, TextField, Unsaved } from "../workspace/parts";
@@ -34,31 +34,20 @@ const choices = signal<Choices | null>(null);
 const answer = signal<Frame<Head> | null>(null);
 /** Gains that follow from the drive: the initial values of the sliders. */
 const tuned = signal<Gain[]>([]);
-const wrong = signal<Problem[]>([]);
+const [wrong, attempt] = attempts();
 const isRunning = signal(false);
 const zoom = signal<[number, number] | null>(null); // the part of the time that is shown
-
-/** Return the drives and circuits of the folder, then those of the catalogue. */
-function described(): string[] {
-  const files = studies.value?.files.filter((one) => one.kind === "drive" || one.kind === "circuit") ?? [];
-  return [...files.map((one) => one.path), ...(studies.value?.catalogue ?? []).map((one) => one.path)];
-}
-
-const filesOf = (kind: string): string[] =>
-  studies.value?.files.filter((one) => one.kind === kind).map((one) => one.path) ?? [];
 
 function request(): Record<string, unknown> | null {
   if (!drive.value || !choices.value) return null;
   const units = new Map(tuned.peek().map((one) => [one.key, one.unit]));
-  const changed = Object.entries(gains.value).map(([key, value]) => [
-    key,
-    units.get(key) ? `${value} ${units.get(key)}` : value,
-  ]);
   return {
     what: "control",
     path: drive.value,
     law: law.value,
-    gains: Object.fromEntries(changed),
+    gains: Object.fromEntries(
+      Object.entries(gains.value).map(([key, value]) => [key, withUnit(value, units.get(key))]),
+    ),
     reference: reference.value,
     setup: setup.value,
     mismatch: mismatch.value,
@@ -73,7 +62,7 @@ async function choose(path: string): Promise<void> {
   gains.value = {};
   choices.value = zoom.value = null;
   answer.value = null;
-  await attempting(wrong)(async () => {
+  await attempt(async () => {
     const found = await read<Choices>("/api/control", { path });
     if (drive.value !== path) return;
     reference.value = found.references.find((one) => one.name === "R3")?.text ?? found.references[0]?.text ?? "";
@@ -82,7 +71,7 @@ async function choose(path: string): Promise<void> {
   });
 }
 
-export function ControlView() {
+export default function ControlView() {
   const { path } = route.value;
   return path && !isDrive(path) ? <ScoreCard path={path} /> : <Start path={path} />;
 }
@@ -90,7 +79,7 @@ export function ControlView() {
 const isDrive = (path: string): boolean => isToml(path) || inCatalogue(path);
 
 function Start({ path }: { path: string }) {
-  const all = described();
+  const all = [...pathsOf("drive", "circuit"), ...cataloguePaths()];
   useEffect(() => {
     const first = path || (opened.value && all.includes(opened.value.path) ? opened.value.path : all[0]);
     if (first && (path ? path !== drive.value : !all.includes(drive.value))) void choose(first);
@@ -103,13 +92,11 @@ function Start({ path }: { path: string }) {
       return asked;
     },
     (frame, isMore) => {
-      wrong.value = frame.head.problems ?? [];
-      if (!frame.head.problems) {
-        answer.value = frame;
-        const before = new Map(tuned.peek().map((one) => [one.key, one]));
-        tuned.value = frame.head.gains.map((one) => (one.key in gains.peek() && before.get(one.key)) || one);
-      }
       isRunning.value = isMore;
+      if (!isShowable(frame, wrong)) return;
+      answer.value = frame;
+      const before = new Map(tuned.peek().map((one) => [one.key, one]));
+      tuned.value = frame.head.gains.map((one) => (one.key in gains.peek() && before.get(one.key)) || one);
     },
   );
   return (
@@ -133,33 +120,20 @@ function Start({ path }: { path: string }) {
             label="Law"
             value={law.value}
             put={(one) => ((gains.value = {}), (tuned.value = []), (law.value = one))}
-            options={[...(choices.value?.laws ?? []), ...filesOf("controller")]}
+            options={[...(choices.value?.laws ?? []), ...pathsOf("controller")]}
           />
         </div>
         <Unsaved path={drive.value} />
         <ReferenceField />
         <div class="twin">
-          <Select
-            label="Setup"
-            value={setup.value}
-            put={(one) => (setup.value = one)}
-            options={[...(choices.value?.setups ?? []), ...filesOf("setup")]}
-          />
+          <Select label="Setup" of={setup} options={[...(choices.value?.setups ?? []), ...pathsOf("setup")]} />
           <Select
             label="True drive"
-            value={mismatch.value}
-            put={(one) => (mismatch.value = one)}
+            of={mismatch}
             options={[["", "as described"], ...(choices.value?.mismatches ?? [])]}
           />
           <label class="choice">
-            Seed{" "}
-            <NumberField
-              low={0}
-              high={Number.MAX_SAFE_INTEGER}
-              whole
-              value={seed.value}
-              put={(one) => (seed.value = one)}
-            />
+            Seed <NumberField low={0} high={Number.MAX_SAFE_INTEGER} whole of={seed} />
           </label>
           <label class="choice">
             Duration{" "}
@@ -170,9 +144,7 @@ function Start({ path }: { path: string }) {
         <GainSliders />
         {!isToml(law.value) && (
           <p class="row">
-            <Button disabled={!answer.value} act={() => saveController()}>
-              Save the controller
-            </Button>
+            <Button disabled={!answer.value} act={() => saveController()} words="Save the controller" />
             <a class="button" href={link("handover", drive.value)}>
               Export the drive
             </a>
@@ -186,11 +158,7 @@ function Start({ path }: { path: string }) {
       <div class="after">
         <Details />
         <Compare />
-        <InFolder
-          files={studies.value?.files.filter((one) => one.kind === "comparison") ?? []}
-          title="Comparisons"
-          view="control"
-        />
+        <InFolder files={filesOf("comparison")} title="Comparisons" view="control" />
       </div>
     </div>
   );
@@ -220,29 +188,28 @@ const savedAs = signal("");
 
 /** Write law and gains as a controller file, which runs and comparisons offer as a law. */
 const saveController = (): Promise<void> =>
-  attempting(wrong)(async () => {
+  attempt(async () => {
     const gainsText = answer.value!.head.gains.map((gain) => {
       const value = gains.value[gain.key] ?? gain.number;
-      return `${gain.key} = ${gain.unit ? `"${value} ${gain.unit}"` : value}`;
+      return `${gain.key} = ${JSON.stringify(withUnit(value, gain.unit))}`;
     });
     const stem = drive.value.replace(/^catalogue:|\.toml$/gi, "");
-    const used = new Set(filesOf("controller"));
-    let [file, number] = [`${stem}-${law.value}.toml`, 1];
-    while (used.has(file)) file = `${stem}-${law.value}-${++number}.toml`;
+    const used = pathsOf("controller").map((one) => one.replace(/\.toml$/, ""));
+    const file = `${freeName(`${stem}-${law.value}`, used)}.toml`;
     await write(file, ["schema = 1", `law = "${law.value}"`, "", "[gains]", ...gainsText, ""].join("\n"), "");
     savedAs.value = `Saved ${file}.`;
     await list();
   });
 
 const tried = signal<{ of: string; rows: StripRow[] } | null>(null);
-const notTried = signal<Problem[]>([]);
+const [notTried, trying] = attempts();
 
 /** The goal, and all laws against it on a logarithmic scale. */
 function Goal() {
   const asked = JSON.stringify({ ...request(), law: "", gains: {}, pixels: 0 });
   const isTried = tried.value?.of === asked;
   const all = () =>
-    attempting(notTried)(async () => {
+    trying(async () => {
       tried.value = { of: asked, rows: [] };
       for (const name of choices.value?.laws ?? []) {
         const found = await ask<{ value: number | null }>("/api/law", { ...request(), law: name, gains: {} });
@@ -282,9 +249,9 @@ function ReferenceField() {
             key={one.name}
             title={one.text}
             aria-pressed={reference.value === one.text}
-            act={() => (reference.value = one.text)}>
-            {one.name}
-          </Button>
+            act={() => (reference.value = one.text)}
+            words={one.name}
+          />
         ))}
       </p>
     </>
@@ -298,8 +265,6 @@ function GainSliders() {
       {tuned.value.map((gain) => {
         const value = gains.value[gain.key] ?? gain.number;
         const isChanged = gain.key in gains.value;
-        const put = (next: number) => (gains.value = { ...gains.value, [gain.key]: next });
-        const ends: [number, number] = [gain.low, gain.high];
         return (
           <SliderRow
             key={gain.key}
@@ -309,11 +274,11 @@ function GainSliders() {
             title={gain.rule}
             value={value}
             shown={isChanged ? value : digits(value)}
-            ends={ends}
+            ends={[gain.low, gain.high]}
             unit={gain.unit}
             kind={isChanged ? "changed" : ""}
             state={isChanged ? "changed" : "follows"}
-            put={put}
+            put={(next) => (gains.value = { ...gains.value, [gain.key]: next })}
           />
         );
       })}
@@ -345,15 +310,13 @@ function Curves() {
       <section class="plots" aria-label="Curves" data-samples={head.samples}>
         {head.panels.map((panel, k, every) => (
           <Plot
-            bare={k < every.length - 1}
-            {...zooming(zoom)}
             key={panel.title}
-            title={panel.title}
-            unit={panel.unit}
-            size={panel.size}
+            {...panel}
+            {...zooming(zoom)}
+            bare={k < every.length - 1}
             height={HEIGHTS[k] ?? 62}
             bands={panel.title === "Error" ? [band] : []}
-            curves={panel.curves.map((one) => curveOf(arrays, time, one.column, one.label))}
+            curves={curvesOf(now, panel)}
           />
         ))}
       </section>
@@ -367,24 +330,18 @@ function Details() {
   if (!head) return null;
   return (
     <section aria-label="Details of the run">
-      {head.warnings.map((one) => (
-        <p class="note" key={one}>
-          {one}.
-        </p>
-      ))}
+      <Remarks of={head.warnings.map((one) => `${one}.`)} />
       <p>
         The drive {head.drive},{" "}
         {head.mismatch[0] ? `changed by ${head.mismatch[0]}. ${head.mismatch[1]}` : "as described."}
       </p>
-      <details open={!isOverMain()}>
-        <summary>All measures, deviations and events</summary>
+      <Fold open={!isOverMain()} title="All measures, deviations and events">
         <Values view={head.view} />
-      </details>
+      </Fold>
       <Told view={head.told} />
-      <details>
-        <summary>The same as a command and as Python</summary>
+      <Fold title="The same as a command and as Python">
         <Copied command={head.command} python={head.python} />
-      </details>
+      </Fold>
     </section>
   );
 }
@@ -393,18 +350,15 @@ function Details() {
 function Compare() {
   const found = choices.value;
   if (!found) return null;
-  const pairs = (names: string[]) => names.map((name): [string, string] => [name, name]);
   const isSpread = Boolean(requestOf("control").spread);
   const own = {
     title: "Compare",
     door: "/api/comparisons",
     fields: [
-      field("laws", "Laws", "several", { choices: pairs([...found.laws, ...filesOf("controller")]) }),
-      field("along", "Standard references", "several", { choices: pairs(found.references.map(({ name }) => name)) }),
+      field("laws", "Laws", "several", { choices: [...found.laws, ...pathsOf("controller")] }),
+      field("along", "Standard references", "several", { choices: found.references.map(({ name }) => name) }),
       field("other", "And along", "text", { hint: "a reference of your own" }),
-      field("spread", "Spread of drives", "choice", {
-        choices: [["", "none: seeds of noise"], ...pairs(found.spreads)],
-      }),
+      field("spread", "Spread of drives", "choice", { choices: [["", "none: seeds of noise"], ...found.spreads] }),
       field("count", isSpread ? "Members" : "Seeds", "number", { most: MOST_MEMBERS }),
       field("name", "Into results/", "name"),
     ],

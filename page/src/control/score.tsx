@@ -9,13 +9,14 @@ import { stripFigure } from "../plots/points";
 import { kept, link } from "../routes";
 import type { Frame } from "../server/frame";
 import type { Card, SentView, Tracks } from "../server/generated";
-import { ask, attempting, frame, type Problem, read } from "../server/server";
+import { ask, attempts, frame, read } from "../server/server";
 import { undoable } from "../undo";
 import { useAnswer } from "../workspace/answers";
-import { Button } from "../workspace/fields";
+import { Button, Fold } from "../workspace/fields";
 import { follow, JobList, jobs } from "../workspace/jobs";
 import { Copied, NumberField, Problems, ReportOf, Select } from "../workspace/parts";
 import { Answer, Findings, Notes, useView, Values } from "../workspace/result";
+import { type Cell, Table } from "../workspace/table";
 
 export const MM = 1e-3;
 /** Measure that the goal limits. */
@@ -44,7 +45,7 @@ const LOOK_MS = 1000; // between two looks at a comparison that runs
 const measure = undoable(signal(MEASURE));
 const along = undoable(signal(""));
 const zoom = signal<[number, number] | null>(null); // the part of the time that is shown
-const notResumed = signal<Problem[]>([]); // it stays while the card is read again
+const [notResumed, resuming] = attempts(); // it stays while the card is read again
 const grownAt = signal(0); // when runs were last seen to come in
 const STILL_MS = 10_000; // without a run of another process: it has ended, or is slow
 
@@ -94,12 +95,14 @@ export function ScoreCard({ path }: { path: string }) {
       <Problems of={[...problems, ...notResumed.value]} />
       {view && <Answer view={view} />}
       {found && !found.finished && (
-        <p data-done={found.done}>
-          {found.done} of {found.total} runs are done. The medians below are of those, and can change.
-        </p>
+        <>
+          <p data-done={found.done}>
+            {found.done} of {found.total} runs are done. The medians below are of those, and can change.
+          </p>
+          <Unfinished path={path} state={job?.state} />
+          <Findings of={found.failed.map((text) => ({ text, state: "bad", remedy: "" }))} />
+        </>
       )}
-      {found && !found.finished && <Unfinished path={path} state={job?.state} />}
-      {found && !found.finished && <Findings of={found.failed.map((text) => ({ text, state: "bad", remedy: "" }))} />}
       <JobList of={path} />
       {found && found.done > 0 && <Along found={found} reference={reference} now={tracks} />}
       <p class="note">
@@ -109,13 +112,12 @@ export function ScoreCard({ path }: { path: string }) {
       <Notes of={view?.notes ?? []} />
       {found && <Told view={found.told} />}
       {found && (
-        <details>
-          <summary>The same as a command and as Python</summary>
+        <Fold title="The same as a command and as Python">
           <Copied
             command={found.command || "This benchmark was not started by a command in this folder."}
             python={found.python}
           />
-        </details>
+        </Fold>
       )}
     </div>
   );
@@ -125,7 +127,7 @@ function Unfinished({ path, state }: { path: string; state: string | undefined }
   const isRunning = state === "running";
   const isElsewhere = !state && Date.now() - grownAt.value < STILL_MS; // asked again at each look
   const resume = () =>
-    attempting(notResumed)(async () => {
+    resuming(async () => {
       await ask("/api/comparisons", { resume: path });
       await follow();
     });
@@ -140,6 +142,10 @@ function Unfinished({ path, state }: { path: string; state: string | undefined }
 
 function Matrix({ found, reference }: { found: MeasuredCard; reference: string }) {
   const now = found.measures.find((one) => one.name === found.measure)!;
+  const headOf = ({ name, text }: Card["references"][number]) => ({
+    text: <Button class="link" aria-pressed={reference === name} act={() => (along.value = name)} words={name} />,
+    data: { title: text },
+  });
   const middle = found.spread
     ? "median, then the limit for 95 % and for all of the members"
     : "median of the seeds, then least and largest";
@@ -155,49 +161,36 @@ function Matrix({ found, reference }: { found: MeasuredCard; reference: string }
         {measure.value === MEASURE && <GoalField />}
         <span class="note">{middle}; simulated. ★ smallest of a column.</span>
       </p>
-      <div class="scroll" tabIndex={0} role="region" aria-label={`${now.title} of controllers and references`}>
-        <table class="card">
-          <thead>
-            <tr>
-              <th scope="col">{now.title}</th>
-              {found.references.map((one) => (
-                <th scope="col" key={one.name} title={one.text}>
-                  <Button class="link" aria-pressed={reference === one.name} act={() => (along.value = one.name)}>
-                    {one.name}
-                  </Button>
-                </th>
-              ))}
-            </tr>
-          </thead>
-          <tbody>
-            {found.laws.map((law, index) => (
-              <tr key={law}>
-                <th scope="row">
-                  <Mark index={index} /> {law}
-                </th>
-                {found.references.map((one) => (
-                  <Cell key={one.name} of={found.cells.find((it) => it.law === law && it.reference === one.name)} />
-                ))}
-              </tr>
-            ))}
-          </tbody>
-        </table>
-      </div>
+      <Table
+        class="card"
+        label={`${now.title} of controllers and references`}
+        heads={[now.title, ...found.references.map(headOf)]}
+        rows={found.laws.map((law, index) => [
+          <>
+            <Mark index={index} /> {law}
+          </>,
+          ...found.references.map(({ name }) =>
+            cellOf(found.cells.find((cell) => cell.law === law && cell.reference === name)),
+          ),
+        ])}
+      />
     </section>
   );
 }
 
-function Cell({ of }: { of: Card["cells"][number] | undefined }) {
-  if (!of) return <td>–</td>;
-  const range = of.range.filter((one) => one).join(" … ");
-  return (
-    <td data-cell={`${of.law}/${of.reference}`} data-si={of.value} class={of.best ? "best" : ""}>
-      {pretty(of.text) || "–"}
-      {of.best && " ★"}
-      {range && of.text && <small>{pretty(range)}</small>}
-      {of.lost > 0 && <small class="kind changed">lost: {of.lost}</small>}
-    </td>
+function cellOf(cell: Card["cells"][number] | undefined): Cell {
+  if (!cell) return "–";
+  const range = cell.range.filter((end) => end).join(" … ");
+  const text = (
+    <>
+      {pretty(cell.text) || "–"}
+      {cell.best && " ★"}
+      {range && cell.text && <small>{pretty(range)}</small>}
+      {cell.lost > 0 && <small class="kind changed">lost: {cell.lost}</small>}
+    </>
   );
+  const data = { "data-cell": `${cell.law}/${cell.reference}`, "data-si": cell.value, class: cell.best ? "best" : "" };
+  return { text, data };
 }
 
 /** Line style of a controller. */
@@ -223,6 +216,11 @@ function Along({ found, reference, now }: { found: MeasuredCard; reference: stri
         of: `${name}, ${found.spread ? "member" : "seed"} ${run.seed}`,
       })),
   }));
+  const tracks = (column: string) =>
+    now!.head.laws.map((law) => ({ ...curve(now!, law, column, law), look: found.laws.indexOf(law) }));
+  const references = (now?.head.laws ?? [])
+    .slice(0, 1)
+    .map((law) => ({ ...curve(now!, law, "reference_m", "reference"), look: found.laws.length }));
   const limit = measured.name === MEASURE ? (goalOf() * MM) / measured.size : undefined;
   return (
     <section aria-label={`Along ${reference}`}>
@@ -244,26 +242,10 @@ function Along({ found, reference, now }: { found: MeasuredCard; reference: stri
         <div class="plots">
           <Plot
             title="Tracks"
-            unit="mm"
-            size={1e-3}
-            height={110}
-            bare
-            {...zooming(zoom)}
-            curves={[
-              ...now.head.laws.map((law) => ({ ...curve(now, law, "position_m", law), look: found.laws.indexOf(law) })),
-              ...(now.head.laws[0]
-                ? [{ ...curve(now, now.head.laws[0], "reference_m", "reference"), look: found.laws.length }]
-                : []),
-            ]}
+            {...{ unit: "mm", size: MM, height: 110, bare: true, ...zooming(zoom) }}
+            curves={[...tracks("position_m"), ...references]}
           />
-          <Plot
-            title="Errors"
-            unit={now.head.error.unit}
-            size={now.head.error.size}
-            height={110}
-            {...zooming(zoom)}
-            curves={now.head.laws.map((law) => ({ ...curve(now, law, "error_m", law), look: found.laws.indexOf(law) }))}
-          />
+          <Plot title="Errors" {...now.head.error} height={110} {...zooming(zoom)} curves={tracks("error_m")} />
         </div>
       )}
       {now && <p class="note">First run of each controller. Error: reference minus true position.</p>}
@@ -276,8 +258,7 @@ const curve = (of: Frame<Tracks>, law: string, column: string, label: string) =>
 
 /** The drive as laws assume it, and the deviations of the true one. */
 export const Told = ({ view }: { view: SentView }) => (
-  <details>
-    <summary>{view.title}</summary>
+  <Fold title={view.title}>
     <Values view={view} />
-  </details>
+  </Fold>
 );

@@ -1,6 +1,7 @@
 /** Drawing of a circuit: shapes from the server become SVG elements one by one, never parsed text. */
 import type { JSX } from "preact";
 import { useRef, useState } from "preact/hooks";
+import { onZoom, viewKeys } from "../plots/turning";
 import type { CircuitDrawing as Drawing, PistonShapes, Shape } from "../server/generated";
 import { Button } from "../workspace/fields";
 
@@ -58,9 +59,11 @@ const PT = 1 / 7.2; // modules of 0.1 inch
 const LETTER = 0.56; // width of a letter, relative to the size of the text
 const ANCHOR: Record<string, "start" | "middle" | "end"> = { left: "start", center: "middle", right: "end" };
 
+const pointsOf = ({ points }: Shape): string => points.map(([x, y]) => `${x},${-y}`).join(" ");
+
 function drawn(shape: Shape): JSX.Element {
   const [x, y] = [shape.points[0]![0], -shape.points[0]![1]];
-  const points = shape.points.map(([px, py]) => `${px},${-py}`).join(" ");
+  const points = pointsOf(shape);
   switch (shape.word) {
     case "line":
     case "thick":
@@ -103,25 +106,14 @@ function arc(x: number, y: number, r: number, [low, high]: [number, number]): st
 function Chambers({ at, moved, name }: { at: PistonShapes; moved: Moved; name: string }) {
   const [left, low, right, high] = at.barrel;
   const face = pistonAt(at, moved.share);
-  const wide = at.piston[1] - at.piston[0];
+  const behind = face + at.piston[1] - at.piston[0];
+  const air = (x: number, end: number, tint: number) => (
+    <rect class="air" x={x} y={-high} width={Math.max(end - x, 0)} height={high - low} fill-opacity={tint} />
+  );
   return (
     <g role="img" aria-label={moved.said} data-piston={name} data-position={moved.position}>
-      <rect
-        class="air"
-        x={left}
-        y={-high}
-        width={Math.max(face - left, 0)}
-        height={high - low}
-        fill-opacity={moved.tints[0]}
-      />
-      <rect
-        class="air"
-        x={face + wide}
-        y={-high}
-        width={Math.max(right - face - wide, 0)}
-        height={high - low}
-        fill-opacity={moved.tints[1]}
-      />
+      {air(left, face, moved.tints[0])}
+      {air(behind, right, moved.tints[1])}
       <text x={left + 1.5} y={-low + 0.8} font-size={6 * PT}>
         a {moved.pressures[0]}
       </text>
@@ -183,29 +175,19 @@ export function ZoomedCircuit(props: CircuitProps) {
     setBox([now[0] + px * now[2] * (1 - share), now[1] + py * now[3] * (1 - share), width, now[3] * share]);
   };
   const pan = (x: number, y: number, of = now) => setBox([of[0] + x * of[2], of[1] + y * of[3], of[2], of[3]]);
-  const keys: Record<string, () => void> = {
-    "+": () => zoom(CLOSER),
-    "=": () => zoom(CLOSER),
-    "-": () => zoom(1 / CLOSER),
-    "0": () => setBox(null),
-    ArrowLeft: () => pan(-PAN, 0),
-    ArrowRight: () => pan(PAN, 0),
-    ArrowUp: () => pan(0, -PAN),
-    ArrowDown: () => pan(0, PAN),
-  };
+  const keys = viewKeys({
+    zoom: (way) => zoom(CLOSER ** way),
+    reset: () => setBox(null),
+    step: (x, y) => pan(PAN * x, PAN * y),
+  });
   return (
     <div
       class="canvas"
-      onKeyDown={(event) => keys[event.key] && (event.preventDefault(), keys[event.key]!())}
-      onWheel={(event) => {
-        if (!event.ctrlKey) return;
-        event.preventDefault();
+      onKeyDown={keys}
+      onWheel={onZoom((way, event) => {
         const at = event.currentTarget.getBoundingClientRect();
-        zoom(event.deltaY < 0 ? CLOSER : 1 / CLOSER, [
-          (event.clientX - at.left) / at.width,
-          (event.clientY - at.top) / at.height,
-        ]);
-      }}
+        zoom(CLOSER ** way, [(event.clientX - at.left) / at.width, (event.clientY - at.top) / at.height]);
+      })}
       onPointerDown={(event) => (from.current = { x: event.clientX, y: event.clientY, box: now })}
       onPointerUp={() => (from.current = null)}
       onPointerLeave={() => (from.current = null)}
@@ -217,15 +199,9 @@ export function ZoomedCircuit(props: CircuitProps) {
       }}>
       <Circuit {...props} box={now} />
       <p class="tools" role="group" aria-label="Zoom of the drawing">
-        <Button aria-label="Closer" act={() => zoom(CLOSER)}>
-          +
-        </Button>
-        <Button aria-label="Wider" act={() => zoom(1 / CLOSER)}>
-          −
-        </Button>
-        <Button aria-label="Fit the drawing" disabled={!box} act={() => setBox(null)}>
-          Fit
-        </Button>
+        <Button aria-label="Closer" act={() => zoom(CLOSER)} words="+" />
+        <Button aria-label="Wider" act={() => zoom(1 / CLOSER)} words="−" />
+        <Button aria-label="Fit the drawing" disabled={!box} act={() => setBox(null)} words="Fit" />
       </p>
     </div>
   );
@@ -236,10 +212,12 @@ interface CircuitProps {
   box?: Box;
   chosen?: string;
   onChoose?: (component: string) => void;
-  motion?: Motion;
+  motion?: Motion | undefined;
   ports?: PortChoice | undefined;
   onLine?: (net: number) => void;
 }
+
+const tinted = (share: number) => `color-mix(in oklab, var(--accent) ${Math.round(100 * share)}%, var(--edge))`;
 
 export function Circuit(props: CircuitProps) {
   const { drawing, motion } = props;
@@ -261,19 +239,11 @@ export function Circuit(props: CircuitProps) {
             class="net"
             data-net={said}
             data-share={share}
-            style={
-              share === undefined
-                ? undefined
-                : { color: `color-mix(in oklab, var(--accent) ${Math.round(100 * share)}%, var(--edge))` }
-            }
+            style={share === undefined ? undefined : { color: tinted(share) }}
             onPointerEnter={() => props.onLine?.(net)}
             onPointerLeave={() => props.onLine?.(-1)}>
             <title>{said}</title>
-            {own
-              .filter((one) => one.word !== "dot")
-              .map((one) => (
-                <polyline class="reach" points={one.points.map(([x, y]) => `${x},${-y}`).join(" ")} />
-              ))}
+            {own.map((one) => one.word !== "dot" && <polyline class="reach" points={pointsOf(one)} />)}
             {own.map(drawn)}
           </g>
         );
@@ -290,32 +260,15 @@ export function Circuit(props: CircuitProps) {
           ) : (
             <Shifted name={name} shapes={own} ports={Object.values(drawing.ports[name]!)} by={shift} />
           );
-        const chambers = at && moved && <Chambers at={at} moved={moved} name={name} />;
-        if (!props.onChoose)
-          return (
-            <g key={name}>
-              {chambers}
-              {shapes}
-            </g>
-          );
-        const choose = () => props.onChoose?.(name);
+        const { onChoose } = props;
+        const button = onChoose && {
+          ...{ "data-key": name, role: "button" as const, tabindex: 0, class: "component" },
+          ...{ "aria-pressed": props.chosen === name, ...pressed(() => onChoose(name)) },
+        };
         return (
-          <g
-            key={name}
-            data-key={name}
-            role="button"
-            tabindex={0}
-            aria-pressed={props.chosen === name}
-            class="component"
-            onClick={choose}
-            onKeyDown={(event) => {
-              if (event.key === "Enter" || event.key === " ") {
-                event.preventDefault();
-                choose();
-              }
-            }}>
-            <Area shapes={own} />
-            {chambers}
+          <g key={name} {...button}>
+            {button && <Area shapes={own} />}
+            {at && moved && <Chambers at={at} moved={moved} name={name} />}
             {shapes}
           </g>
         );
@@ -356,13 +309,19 @@ function Shifted(props: { name: string; shapes: Shape[]; ports: [number, number]
   );
 }
 
-/** Port that can be selected and joined with another one. */
-function PortMark({ id, at: [x, y], of }: { id: string; at: [number, number]; of: PortChoice }) {
+/** Handlers of a drawn button: a click, Enter and the space bar act. */
+const pressed = (act: () => void) => {
   const choose = (event: Event) => {
     event.preventDefault();
     event.stopPropagation();
-    of.onPort(id);
+    act();
   };
+  const onKeyDown = (event: KeyboardEvent) => (event.key === "Enter" || event.key === " ") && choose(event);
+  return { onClick: choose, onKeyDown };
+};
+
+/** Port that can be selected and joined with another one. */
+function PortMark({ id, at: [x, y], of }: { id: string; at: [number, number]; of: PortChoice }) {
   return (
     <circle
       class="port"
@@ -373,8 +332,7 @@ function PortMark({ id, at: [x, y], of }: { id: string; at: [number, number]; of
       tabindex={0}
       aria-label={`Port ${id}`}
       aria-pressed={of.port === id}
-      onClick={choose}
-      onKeyDown={(event) => (event.key === "Enter" || event.key === " ") && choose(event)}>
+      {...pressed(() => of.onPort(id))}>
       <title>{id}</title>
     </circle>
   );

@@ -13,7 +13,7 @@ import { useDrawing, valid } from "./opened";
 
 const out = signal(""); // of the job that was started here
 
-export function DatasheetView() {
+export default function DatasheetView() {
   const { path } = route.value;
   const state = jobs.value.find((one) => one.out === out.value)?.state;
   const shapes = useDrawing();

@@ -4,16 +4,15 @@ import { signal, useSignal } from "@preact/signals";
 import { count } from "../plots/looks";
 import { route } from "../routes";
 import type { Frame } from "../server/frame";
-import type { RunHead as Head, Part } from "../server/generated";
+import type { Field, RunHead as Head, Part } from "../server/generated";
 import { ask, type Problem } from "../server/server";
 import { pin, pinned, request, Sliders } from "../simulate/simulate";
-import { useLive } from "../workspace/answers";
-import { Choose } from "../workspace/choose";
-import { Button, Tick } from "../workspace/fields";
+import { isShowable, useLive } from "../workspace/answers";
+import { Breakable, Button, Fold, Options, Remarks, Tick } from "../workspace/fields";
 import { Problems, TextField } from "../workspace/parts";
-import { notesOf, whole, ZoomedCircuit } from "./circuit";
+import { type Motion, notesOf, whole, ZoomedCircuit } from "./circuit";
 import { endsOf, MovingCircuit } from "./moving";
-import { drawing, type Field, opened, problems, set, setNumber, takePart, useDrawing, valid } from "./opened";
+import { drawing, opened, problems, set, setNumber, takePart, useDrawing, valid } from "./opened";
 import { chosen, keys, portChoice, Structure } from "./structure";
 import { useOpenText } from "./text";
 
@@ -21,23 +20,12 @@ const name = signal("");
 const isNarrow = globalThis.matchMedia?.("(max-width: 40rem)").matches;
 const belongs = (field: Field): boolean => !chosen.value || field.component === chosen.value;
 
-export function DriveView() {
-  if (route.value.path) return <Described />;
-  return (
-    <Choose
-      title="Drives"
-      hint="A drive or a circuit is a TOML file. Open one to see its drawing, its values and its text."
-      view="drive"
-      kinds={["drive", "circuit"]}
-      catalogue
-    />
-  );
-}
-
 const WIDE = 1.5; // width over height of a drawing that gets the whole width of the page
 
 const isRun = signal(false);
 const line = signal(-1); // that the pointer is on
+
+const HOW_LINES = "Lines: the stronger the colour, the higher the pressure. Point at a line for its pressure and flow.";
 
 /** The drawing, at rest or in a run. The run follows each change of the text. */
 function Running() {
@@ -50,8 +38,7 @@ function Running() {
     },
     (frame) => {
       if (frame.head.path !== opened.value?.path) return;
-      wrong.value = frame.head.problems ?? [];
-      if (!frame.head.problems) answer.value = frame;
+      if (isShowable(frame, wrong)) answer.value = frame;
     },
     [isRun.value],
   );
@@ -66,34 +53,29 @@ function Running() {
     onLine: (net: number) => void (line.value = net),
   };
   const pins = shapes.nets[line.value];
+  const shown = (motion: Motion | undefined, words: string) => (
+    <>
+      <ZoomedCircuit {...props} motion={motion} />
+      <p class="note pointed">{words}</p>
+    </>
+  );
   return (
     <>
       {now ? (
         <MovingCircuit now={now} drawing={shapes}>
-          {(motion) => (
-            <>
-              <ZoomedCircuit {...props} motion={motion} />
-              <p class="note pointed">
-                {motion.lines[line.value]?.said ??
-                  "Lines: the stronger the colour, the higher the pressure. Point at a line for its pressure and flow."}
-              </p>
-            </>
-          )}
+          {(motion) => shown(motion, motion.lines[line.value]?.said ?? HOW_LINES)}
         </MovingCircuit>
       ) : (
-        <>
-          <ZoomedCircuit {...props} />
-          <p class="note pointed">{pins ? endsOf(pins) : "Click a symbol to see only its values."}</p>
-        </>
+        shown(undefined, pins ? endsOf(pins) : "Click a symbol to see only its values.")
       )}
       {isRun.value && <Problems of={wrong.value} />}
       <Structure>
         <Button
           aria-pressed={isRun.value}
           title="With the command, the duration and the sliders of Simulate"
-          act={() => (isRun.value = !isRun.value)}>
-          Run in the drawing
-        </Button>
+          act={() => (isRun.value = !isRun.value)}
+          words="Run in the drawing"
+        />
       </Structure>
       {isRun.value && pinned.value.length > 0 && (
         <div class="pinned">
@@ -104,7 +86,7 @@ function Running() {
   );
 }
 
-function Described() {
+export default function DriveView() {
   const now = opened.value;
   const shapes = useDrawing();
   const [editor, state] = useOpenText(route.value.path, name);
@@ -121,11 +103,7 @@ function Described() {
         )}
         <Running key={now.path} />
         {shapes && <p class="note">{notesOf(shapes)}</p>}
-        {valid.value?.notes?.map((note) => (
-          <p class="note" key={note}>
-            {note}
-          </p>
-        ))}
+        <Remarks of={valid.value?.notes ?? []} />
       </section>
       <div>
         <section aria-label="Name and state">{state}</section>
@@ -133,12 +111,9 @@ function Described() {
           <Fields />
         </section>
         <section aria-label="Text">
-          <details class="text" open={!isNarrow}>
-            <summary>
-              <h2>{now.sha256 ? now.path : "Text of a new file"}</h2>
-            </summary>
+          <Fold class="text" open={!isNarrow} title={<h2>{now.sha256 ? now.path : "Text of a new file"}</h2>}>
             {editor}
-          </details>
+          </Fold>
         </section>
       </div>
     </div>
@@ -152,9 +127,7 @@ function Units({ field }: { field: Field }) {
       aria-label={`Unit of ${field.key}`}
       value={field.unit}
       onChange={(event) => void set(field.key, field.text, event.currentTarget.value)}>
-      {field.units!.map((one) => (
-        <option key={one}>{one}</option>
-      ))}
+      <Options of={field.units!} />
     </select>
   );
 }
@@ -171,13 +144,10 @@ const bare = ({ text, unit, units }: Field): string =>
   units && units.length > 1 && unit && text.endsWith(` ${unit}`) ? text.slice(0, -unit.length - 1) : text;
 
 /** Put a typed value into the text. A number alone has the unit of the menu. */
-function put(field: Field, value: string): void {
-  if (field.unit === "") void setNumber(field.key, value);
-  else
-    void set(
-      field.key,
-      field.unit && value.trim() && Number.isFinite(Number(value)) ? `${value.trim()} ${field.unit}` : value,
-    );
+function put({ key, unit }: Field, value: string): void {
+  const isNumber = value.trim() && Number.isFinite(Number(value));
+  if (unit === "") void setNumber(key, value);
+  else void set(key, unit && isNumber ? `${value.trim()} ${unit}` : value);
 }
 
 /** Values that matter first: end of the key, and name. */
@@ -212,11 +182,7 @@ function Fields() {
     <>
       <h2>
         {chosen.value ? `Values of ${chosen.value}.` : "Values"}{" "}
-        {chosen.value ? (
-          <Button class="link" act={() => (chosen.value = "")}>
-            Show all
-          </Button>
-        ) : null}
+        {chosen.value && <Button class="link" act={() => (chosen.value = "")} words="Show all" />}
       </h2>
       <Parts />
       {chosen.value ? (
@@ -285,18 +251,21 @@ function PartMenu({ family, table }: { family: string; table: string }) {
   );
 }
 
+/** Return where a value comes from. */
+const originOf = ({ kind, origin, copies }: Field): string =>
+  [kind, origin.replace(/^assumed: /, ""), copies && `one value for ${copies.join(", ")}`].filter(Boolean).join(", ");
+
 /** Rows of values: their names, or their keys under the names of their tables. */
 function FieldTable({ fields, names }: { fields: Field[]; names?: Map<string, string> }) {
   return (
     <table class="fields">
       <thead>
         <tr>
-          <th scope="col">Key</th>
-          <th scope="col">Value</th>
-          <th scope="col">Unit</th>
-          <th scope="col" title="Slider in Simulate">
-            Slider
-          </th>
+          {["Key", "Value", "Unit", "Slider"].map((head) => (
+            <th scope="col" key={head} title={head === "Slider" ? "Slider in Simulate" : undefined}>
+              {head}
+            </th>
+          ))}
         </tr>
       </thead>
       <tbody>
@@ -310,24 +279,8 @@ function FieldTable({ fields, names }: { fields: Field[]; names?: Map<string, st
           ),
           <tr key={field.key}>
             <th scope="row" title={field.key}>
-              {names?.get(field.key) ??
-                split(field.key)[1]
-                  .split(/(?<=[._])/)
-                  .map((part) => (
-                    <>
-                      {part}
-                      <wbr />
-                    </>
-                  ))}{" "}
-              <span class={`kind ${field.kind}`}>
-                {[
-                  field.kind,
-                  field.origin.replace(/^assumed: /, ""),
-                  field.copies && `one value for ${field.copies.join(", ")}`,
-                ]
-                  .filter(Boolean)
-                  .join(", ")}
-              </span>
+              {names?.get(field.key) ?? <Breakable words={split(field.key)[1]} />}{" "}
+              <span class={`kind ${field.kind}`}>{originOf(field)}</span>
             </th>
             <td>
               <TextField aria-label={field.key} value={bare(field)} put={(value) => put(field, value)} />

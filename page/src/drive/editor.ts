@@ -63,17 +63,12 @@ export function edit(place: HTMLElement, text: string, changed: (text: string) =
       const lines = view.state.doc.lines;
       const found = problems.map((one) => {
         const line = view.state.doc.line(Math.min(Math.max(one.line ?? 1, 1), lines));
-        const message = [one.what, one.rule && `Rule: ${one.rule}`, one.remedy && `Hint: ${one.remedy}`]
-          .filter(Boolean)
-          .join("\n");
+        const words = [one.what, one.rule && `Rule: ${one.rule}`, one.remedy && `Hint: ${one.remedy}`];
+        const message = words.filter(Boolean).join("\n");
         return { from: line.from, to: line.to, severity: "error" as const, message };
       });
-      view.dispatch(
-        setDiagnostics(
-          view.state,
-          found.sort((a, b) => a.from - b.from),
-        ),
-      );
+      found.sort((a, b) => a.from - b.from);
+      view.dispatch(setDiagnostics(view.state, found));
     },
     go(line) {
       const at = view.state.doc.line(Math.min(line, view.state.doc.lines));

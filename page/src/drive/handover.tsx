@@ -1,26 +1,24 @@
 /** View that exports a drive for other tools, and shows the description of an FMU of the folder. */
 
-import { signal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
 import { download } from "../plots/saving";
 import { link, route } from "../routes";
 import type { Fmu } from "../server/generated";
-import { attempting, bytes, type Problem, read } from "../server/server";
-import { useAnswer } from "../workspace/answers";
-import { Button } from "../workspace/fields";
+import { attempts, bytes } from "../server/server";
+import { useRequest } from "../workspace/answers";
+import { Button, Fold, Lines } from "../workspace/fields";
 import { filesOf, nameOf, studies } from "../workspace/files";
 import { JobForm } from "../workspace/form";
 import { InFolder, Problems } from "../workspace/parts";
 import { Notes, Values } from "../workspace/result";
 import { isOverMain } from "../workspace/tree";
 
-const wrong = signal<Problem[]>([]);
-const attempt = attempting(wrong);
+const [wrong, attempt] = attempts();
 
-export function HandoverView() {
+export default function HandoverView() {
   const { view, path } = route.value;
   const at = view === "handover" && path.toLowerCase().endsWith(".fmu") ? path : "";
-  const [fmu, problems] = useAnswer(at, () => read<Fmu>("/api/fmu", { path: at }));
+  const [fmu, problems] = useRequest<Fmu>("/api/fmu", at ? { path: at } : null);
   useEffect(() => void (wrong.value = []), [at, path]);
   if (!at) return <Start path={path} />;
   return (
@@ -59,13 +57,12 @@ function Seen({ now: { view, sha256, fmpy } }: { now: Fmu }) {
       <p class="lead">{view.title}.</p>
       <Notes of={view.notes} />
       <h2>Three lines run it in FMPy</h2>
-      <pre data-copy="fmpy" tabIndex={0} role="group" aria-label="Python with FMPy, in the folder of the workspace">
+      <Lines data-copy="fmpy" name="Python with FMPy, in the folder of the workspace">
         {fmpy}
-      </pre>
-      <details open={!isOverMain()}>
-        <summary>Inputs, outputs and parameters</summary>
+      </Lines>
+      <Fold open={!isOverMain()} title="Inputs, outputs and parameters">
         <Values view={{ ...view, notes: [] }} />
-      </details>
+      </Fold>
     </section>
   );
 }

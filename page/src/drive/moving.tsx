@@ -5,11 +5,9 @@ import { useEffect } from "preact/hooks";
 import { digits, instant } from "../plots/looks";
 import { indexAt } from "../plots/plot";
 import type { Frame, Numbers } from "../server/frame";
-import type { Finding, RunHead as MotionHead } from "../server/generated";
-import { Button, Range } from "../workspace/fields";
+import type { Finding, RunHead } from "../server/generated";
+import { Button, Fold, Range } from "../workspace/fields";
 import { BOX, type Drawing, type Line, type Motion } from "./circuit";
-
-export type { MotionHead };
 
 const BAR = 1e5;
 const GRAM = 1e-3;
@@ -35,7 +33,7 @@ function largestOf(values: Numbers): number {
 }
 
 /** Return the state of the drawing at a row of the run. */
-export function motionAt(now: Frame<MotionHead>, drawing: Drawing, row: number): Motion {
+export function motionAt(now: Frame<RunHead>, drawing: Drawing, row: number): Motion {
   const { arrays } = now;
   const time = arrays.get("time_s")!;
   const own = arrays.get("motion/time_s");
@@ -63,8 +61,7 @@ export function motionAt(now: Frame<MotionHead>, drawing: Drawing, row: number):
     first([`${name}.${port}.pressure_pa`, ...(isDrive ? [`pressure_${port}_pa`] : []), `${name}.pressure_pa`]);
   const flowOf = (name: string, port: string) =>
     first([
-      `${name}.${port}.mass_flow_kg_s`,
-      `${name}.mass_flow_${port}_kg_s`,
+      ...[`${name}.${port}.mass_flow_kg_s`, `${name}.mass_flow_${port}_kg_s`],
       ...(isDrive ? [`mass_flow_${port}_kg_s`] : []),
       `${name}.mass_flow_kg_s`,
     ]);
@@ -74,16 +71,12 @@ export function motionAt(now: Frame<MotionHead>, drawing: Drawing, row: number):
     flow: pins.length === 2 ? pins.map((pin) => flowOf(...pin)).find(Boolean) : undefined,
   }));
   const most = Math.max(1, ...known.flatMap((one) => (one.pressure ? [largestOf(one.pressure)] : [])));
-  const lines: Line[] = known.map(({ pins, pressure, flow }) => ({
-    share: pressure ? pressure[at]! / most : undefined,
-    said: [
-      endsOf(pins),
-      pressure && `${digits(pressure[at]! / BAR, 3)} bar absolute`,
-      flow && `${digits(Math.abs(flow[at]!) / GRAM, 2)} g/s`,
-    ]
-      .filter(Boolean)
-      .join(", "),
-  }));
+  const lines: Line[] = known.map(({ pins, pressure, flow }) => {
+    const absolute = pressure && `${digits(pressure[at]! / BAR, 3)} bar absolute`;
+    const moving = flow && `${digits(Math.abs(flow[at]!) / GRAM, 2)} g/s`;
+    const said = [endsOf(pins), absolute, moving].filter(Boolean).join(", ");
+    return { share: pressure && pressure[at]! / most, said };
+  });
   return { pistons, shifts, lines };
 }
 
@@ -103,7 +96,7 @@ export const TimeRange = (props: { label: string; name?: string; end: number; at
 );
 
 /** Time of a run as a slider, and Play. With "reduced motion", only the slider moves it. */
-function TimeSlider({ now, words }: { now: Frame<MotionHead>; words: string }) {
+function TimeSlider({ now, words }: { now: Frame<RunHead>; words: string }) {
   const time = now.arrays.get("time_s")!;
   const end = time[time.length - 1]!;
   const at = Math.min(timeAt.value, end);
@@ -140,7 +133,7 @@ function TimeSlider({ now, words }: { now: Frame<MotionHead>; words: string }) {
  * is folded below a platform.
  */
 export function MovingCircuit(props: {
-  now: Frame<MotionHead>;
+  now: Frame<RunHead>;
   drawing: Drawing;
   remedy?: (of: Finding) => ComponentChildren; // of a platform
   children: (motion: Motion) => ComponentChildren;
@@ -157,24 +150,19 @@ export function MovingCircuit(props: {
   const motion = motionAt(now, drawing, row);
   const cylinders = now.head.cylinders ?? [];
   const places = cylinders.map((one) => `, ${one.name} at ${digits(1000 * motion.pistons[one.name]!.position)} mm`);
+  const sample = indexAt(now.arrays.get("motion/time_s") ?? [], time[row]!);
   if (platforms.length)
     return (
       <figure class="motion" data-row={row}>
         {View &&
           platforms.map((one, k) => (
-            <View
-              key={one.name}
-              now={now}
-              platform={one}
-              remedy={remedy}
-              sample={indexAt(now.arrays.get("motion/time_s")!, time[row]!)}>
+            <View key={one.name} now={now} platform={one} remedy={remedy} sample={sample}>
               {k === 0 && <TimeSlider now={now} words={` of ${digits(time[time.length - 1])} s`} />}
             </View>
           ))}
-        <details class="panel">
-          <summary>Circuit</summary>
+        <Fold class="panel" title="Circuit">
           {children(motion)}
-        </details>
+        </Fold>
       </figure>
     );
   return (

@@ -2,12 +2,21 @@
 import { effect, signal, untracked } from "@preact/signals";
 import { useEffect } from "preact/hooks";
 import { link, route } from "../routes";
-import type { Checked, Field, CheckedFile as Found } from "../server/generated";
-import { answering, ask, isAnswering, newest, type Problem, Refused, read, typed, write } from "../server/server";
+import type { Checked, CheckedFile as Found } from "../server/generated";
+import {
+  answering,
+  ask,
+  isAnswering,
+  newest,
+  type Problem,
+  problemsOf,
+  Refused,
+  read,
+  typed,
+  write,
+} from "../server/server";
 import { remember, type Source } from "../undo";
 import type { Drawing } from "./circuit";
-
-export type { Checked, Field };
 
 export interface Opened {
   path: string;
@@ -124,8 +133,8 @@ function take(found: Checked, mine: number, { path, text, isTask }: Pick<Opened,
 }
 
 function refused(error: unknown, mine: number): void {
-  if (!(error instanceof Refused)) throw error;
-  if (mine === asked) problems.value = error.problems;
+  const found = problemsOf(error);
+  if (mine === asked) problems.value = found;
 }
 
 /** Only one check is in flight. Problems therefore appear as soon as the server answers, even during fast typing. */
@@ -175,8 +184,10 @@ export function useDrawing(): Drawing | null {
 
 let edits = Promise.resolve();
 
-/** Edit the text at a door of the server, after all earlier edits. `then` gets the component to show. */
-function queue(address: string, what: object, then?: (chosen: string) => void): Promise<void> {
+type Then = (chosen: string) => void; // gets the component to show
+
+/** Edit the text at a door of the server, after all earlier edits. */
+function queue(address: string, what: object, then?: Then): Promise<void> {
   const into = opened.value?.path;
   return (edits = edits.then(() => edit(into, address, what, then)));
 }
@@ -186,20 +197,13 @@ export const set = (key: string, value: string | number, unit?: string): Promise
   queue("/api/edit", { key, value, unit });
 
 /** Change the structure of a circuit in the text. */
-export const restructure = (
-  what: { act: string; one?: string; other?: string; kind?: string },
-  then: (chosen: string) => void,
-): void => void queue("/api/structure", { path: opened.value?.path, ...what }, then);
+export const restructure = (what: { act: string; one?: string; other?: string; kind?: string }, then: Then): void =>
+  void queue("/api/structure", { path: opened.value?.path, ...what }, then);
 
 /** Write the values of a part of the catalogue into a table of the text. */
 export const takePart = (table: string, part: string): void => void queue("/api/part", { table, part });
 
-async function edit(
-  into: string | undefined,
-  address: string,
-  what: object,
-  then?: (chosen: string) => void,
-): Promise<void> {
+async function edit(into: string | undefined, address: string, what: object, then?: Then): Promise<void> {
   for (let now = opened.value; now && now.path === into; now = opened.value) {
     try {
       const { text, chosen } = await ask<{ text: string; chosen?: string }>(address, { text: now.text, ...what });
@@ -220,12 +224,11 @@ async function edit(
 }
 
 /** Set a value that is not in a unit. */
-export function setNumber(key: string, text: string): Promise<void> {
+export async function setNumber(key: string, text: string): Promise<void> {
   try {
-    return set(key, typed(key, text));
+    await set(key, typed(key, text));
   } catch (error) {
     refused(error, asked);
-    return Promise.resolve();
   }
 }
 

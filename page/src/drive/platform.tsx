@@ -3,13 +3,15 @@
 import type { ComponentChildren } from "preact";
 import { useMemo, useRef, useState } from "preact/hooks";
 import { digits } from "../plots/looks";
+import { endsOf } from "../plots/scale";
+import { onZoom, viewKeys } from "../plots/turning";
 import { useWidth } from "../plots/width";
 import { kept } from "../routes";
 import type { Frame, Numbers } from "../server/frame";
-import type { Finding, SentLeg, SentPlatform } from "../server/generated";
+import type { Finding, RunHead, SentLeg, SentPlatform } from "../server/generated";
 import { Button } from "../workspace/fields";
 import { Answer } from "../workspace/result";
-import type { MotionHead } from "./moving";
+import { Table } from "../workspace/table";
 
 type Point = [x: number, y: number, z: number];
 type Flat = [x: number, y: number];
@@ -80,17 +82,11 @@ interface Box {
 
 /** Return the box around all points of a run. The radius of its sphere keeps the scale while the view turns. */
 function boxOf(platform: SentPlatform, points: Numbers): Box {
-  const [low, high]: [Point, Point] = [
-    [Infinity, Infinity, Infinity],
-    [-Infinity, -Infinity, -Infinity],
-  ];
-  const include = (value: number, axis: number) => {
-    low[axis] = Math.min(low[axis]!, value);
-    high[axis] = Math.max(high[axis]!, value);
-  };
-  for (let k = 0; k < points.length; k++) include(points[k]!, k % 3);
-  for (const point of [...platform.parts.flatMap((part) => part.points), ...platform.reach])
-    for (const axis of [0, 1, 2]) include(point[axis]!, axis);
+  const others = [...platform.parts.flatMap((part) => part.points), ...platform.reach];
+  const ends = [0, 1, 2].map((axis) =>
+    endsOf([...Array.from(points).filter((_, k) => k % 3 === axis), ...others.map((point) => point[axis]!)]),
+  );
+  const [low, high] = [ends.map(([least]) => least) as Point, ends.map(([, most]) => most) as Point];
   const centre = low.map((value, axis) => (value + high[axis]!) / 2) as Point;
   return { centre, low, high, radius: Math.hypot(...low.map((value, axis) => (high[axis]! - value) / 2)) || 1 };
 }
@@ -183,7 +179,7 @@ function ForceBar({ force, limits: [low, high], width }: { force: number; limits
 }
 
 interface SceneProps {
-  now: Frame<MotionHead>;
+  now: Frame<RunHead>;
   platform: SentPlatform;
   sample: number;
   shown: Camera;
@@ -287,63 +283,46 @@ function Scene({ now, platform, sample, shown, width }: SceneProps) {
 }
 
 /** State of each leg: piston in its stroke, force between its limits, and pressures. */
-function Legs({ now, platform, sample }: { now: Frame<MotionHead>; platform: SentPlatform; sample: number }) {
+function Legs({ now, platform, sample }: { now: Frame<RunHead>; platform: SentPlatform; sample: number }) {
   const at = (column: string) => now.arrays.get(`motion/${column}`)?.[sample] ?? Number.NaN;
-  return (
-    <table class="legs" aria-label={`Legs of ${platform.name}`}>
-      <thead>
-        <tr>
-          {["Leg", "Piston", "Force, across", "a, b, bar abs"].map((head) => (
-            <th scope="col" key={head}>
-              {head}
-            </th>
-          ))}
-        </tr>
-      </thead>
-      <tbody>
-        {platform.legs.map((leg) => {
-          const cylinder = now.head.cylinders?.find((one) => one.name === leg.name);
-          const [force, side] = [at(leg.force), at(leg.force.replace(/_force_n$/, "_side_force_n"))];
-          const x = cylinder ? at(cylinder.position) : Number.NaN;
-          return (
-            <tr key={leg.name}>
-              <th scope="row">{leg.name.replace(/_/g, " ")}</th>
-              <td>
-                {cylinder && (
-                  <>
-                    <svg class="stroke" viewBox="0 0 100 14" preserveAspectRatio="none" aria-hidden="true">
-                      <rect y="5" width="100" height="4" />
-                      <rect class="at" x={96 * Math.min(Math.max(x / cylinder.stroke_m, 0), 1)} width="4" height="14" />
-                    </svg>
-                    {digits(1000 * x, 4)} of {digits(1000 * cylinder.stroke_m, 4)} mm
-                  </>
-                )}
-              </td>
-              <td>
-                <svg class="forces" width="88" height="12" aria-hidden="true">
-                  <g transform="translate(0 3)">
-                    <ForceBar force={force} limits={leg.limits} width={88} />
-                  </g>
-                </svg>
-                <span data-output={leg.force} data-si={force}>
-                  {signed(force)}
-                </span>
-                ,{" "}
-                <span data-output={leg.force.replace(/_force_n$/, "_side_force_n")} data-si={side}>
-                  {digits(side, 2)} N
-                </span>
-              </td>
-              <td>{cylinder?.pressures.map((column) => digits(at(column) / BAR, 3)).join(", ")}</td>
-            </tr>
-          );
-        })}
-      </tbody>
-    </table>
-  );
+  const rows = platform.legs.map((leg) => {
+    const cylinder = now.head.cylinders?.find((one) => one.name === leg.name);
+    const across = leg.force.replace(/_force_n$/, "_side_force_n");
+    const [force, side, x] = [at(leg.force), at(across), cylinder ? at(cylinder.position) : Number.NaN];
+    return [
+      leg.name.replace(/_/g, " "),
+      cylinder && (
+        <>
+          <svg class="stroke" viewBox="0 0 100 14" preserveAspectRatio="none" aria-hidden="true">
+            <rect y="5" width="100" height="4" />
+            <rect class="at" x={96 * Math.min(Math.max(x / cylinder.stroke_m, 0), 1)} width="4" height="14" />
+          </svg>
+          {digits(1000 * x, 4)} of {digits(1000 * cylinder.stroke_m, 4)} mm
+        </>
+      ),
+      <>
+        <svg class="forces" width="88" height="12" aria-hidden="true">
+          <g transform="translate(0 3)">
+            <ForceBar force={force} limits={leg.limits} width={88} />
+          </g>
+        </svg>
+        <span data-output={leg.force} data-si={force}>
+          {signed(force)}
+        </span>
+        ,{" "}
+        <span data-output={across} data-si={side}>
+          {digits(side, 2)} N
+        </span>
+      </>,
+      cylinder?.pressures.map((column) => digits(at(column) / BAR, 3)).join(", "),
+    ];
+  });
+  const heads = ["Leg", "Piston", "Force, across", "a, b, bar abs"];
+  return <Table class="legs" label={`Legs of ${platform.name}`} heads={heads} rows={rows} />;
 }
 
 /** Pose at a sample, as numbers. */
-function Pose({ now, platform, sample }: { now: Frame<MotionHead>; platform: SentPlatform; sample: number }) {
+function Pose({ now, platform, sample }: { now: Frame<RunHead>; platform: SentPlatform; sample: number }) {
   const shown = platform.outputs.filter((one) => !one.column.endsWith("_force_n"));
   return (
     <dl class="leading" aria-label={`Pose of ${platform.name}`}>
@@ -364,7 +343,7 @@ function Pose({ now, platform, sample }: { now: Frame<MotionHead>; platform: Sen
 
 /** The view of a platform with what turns it. `children` moves the time. */
 export function PlatformAt(props: {
-  now: Frame<MotionHead>;
+  now: Frame<RunHead>;
   platform: SentPlatform;
   sample: number;
   remedy?: ((of: Finding) => ComponentChildren) | undefined;
@@ -381,16 +360,8 @@ export function PlatformAt(props: {
   };
   const by = (turn: number, lift: number, zoom = 1) =>
     put({ turn: shown.turn + turn, lift: shown.lift + lift, zoom: shown.zoom * zoom });
-  const keys: Record<string, () => void> = {
-    ArrowLeft: () => by(STEP, 0),
-    ArrowRight: () => by(-STEP, 0),
-    ArrowUp: () => by(0, STEP),
-    ArrowDown: () => by(0, -STEP),
-    "+": () => by(0, 0, CLOSER),
-    "=": () => by(0, 0, CLOSER),
-    "-": () => by(0, 0, 1 / CLOSER),
-    "0": () => put(FREE),
-  };
+  const zoom = (way: 1 | -1) => by(0, 0, CLOSER ** way);
+  const keys = viewKeys({ zoom, reset: () => put(FREE), step: (right, down) => by(-STEP * right, -STEP * down) });
   const end = () => {
     if (turning) put(turning);
     turnTo((from.current = null));
@@ -409,9 +380,7 @@ export function PlatformAt(props: {
               Drag or press the arrow keys to turn, + and − to zoom.
             </span>
             {Object.entries(VIEWS).map(([name, view]) => (
-              <Button key={name} act={() => put(view)}>
-                {name}
-              </Button>
+              <Button key={name} act={() => put(view)} words={name} />
             ))}
           </div>
           <div
@@ -421,10 +390,8 @@ export function PlatformAt(props: {
             role="group"
             aria-label={`View of ${platform.name}, turned ${Math.round(shown.turn)} degrees, lifted ${Math.round(shown.lift)} degrees`}
             aria-describedby={`keys-${platform.name}`}
-            onKeyDown={(event) => keys[event.key] && (event.preventDefault(), keys[event.key]!())}
-            onWheel={(event) =>
-              event.ctrlKey && (event.preventDefault(), by(0, 0, event.deltaY < 0 ? CLOSER : 1 / CLOSER))
-            }
+            onKeyDown={keys}
+            onWheel={onZoom(zoom)}
             onPointerDown={(event) => {
               from.current = { x: event.clientX, y: event.clientY, camera: shown };
               event.currentTarget.setPointerCapture(event.pointerId);
@@ -433,14 +400,10 @@ export function PlatformAt(props: {
             onPointerCancel={end}
             onPointerMove={(event) => {
               const start = from.current;
-              if (start)
-                turnTo(
-                  limited({
-                    ...start.camera,
-                    turn: start.camera.turn - DRAG * (event.clientX - start.x),
-                    lift: start.camera.lift + DRAG * (event.clientY - start.y),
-                  }),
-                );
+              if (!start) return;
+              const { turn, lift, zoom } = start.camera;
+              const [right, down] = [event.clientX - start.x, event.clientY - start.y];
+              turnTo(limited({ turn: turn - DRAG * right, lift: lift + DRAG * down, zoom }));
             }}>
             {width > 0 && <Scene now={now} platform={platform} sample={sample} shown={shown} width={width} />}
           </div>

@@ -5,21 +5,21 @@ import { useEffect, useLayoutEffect, useRef } from "preact/hooks";
 import { FigureView } from "../plots/figure";
 import { count, digits } from "../plots/looks";
 import { isToml, link, route } from "../routes";
-import type { Candidate, Finding, Limit, Sizing } from "../server/generated";
-import { ask, attempting, type Problem, read } from "../server/server";
+import type { Candidate, Field, Finding, Limit, Sizing } from "../server/generated";
+import { ask, attempts, read } from "../server/server";
 import { undoable } from "../undo";
 import { useAnswer } from "../workspace/answers";
-import { Button } from "../workspace/fields";
+import { Button, Fold } from "../workspace/fields";
 import { changesOf, filesOf } from "../workspace/files";
 import { JobForm } from "../workspace/form";
 import { Cancel, follow, JobList, jobs, reached } from "../workspace/jobs";
-import { InFolder, Problems, ReportOf, Table, useCopied } from "../workspace/parts";
+import { InFolder, Problems, ReportOf, Select, useCopied } from "../workspace/parts";
 import { Answer, Notes } from "../workspace/result";
-import { type Field, open, opened, problems, set, valid } from "./opened";
+import { Table } from "../workspace/table";
+import { open, opened, problems, set, valid } from "./opened";
 import { useOpenText } from "./text";
 
-const wrong = signal<Problem[]>([]);
-const attempt = attempting(wrong);
+const [wrong, attempt] = attempts();
 const name = signal("task.toml"); // of a new task
 const pinned = undoable(signal<string[]>([]));
 const orderBy = undoable(signal("Rank"));
@@ -29,19 +29,14 @@ const isFile = computed(() => isToml(path.value));
 
 const LOOK_MS = 500;
 /** Request that continues the search of a folder as it was begun. */
-const again = (folder: string, now: Sizing) => ({
-  kind: "size",
-  task: now.task,
-  draws: now.draws,
-  ...now.asked,
-  name: "sizing",
-  resume: folder,
-});
+const again = (folder: string, { task, draws, asked }: Sizing) => {
+  return { kind: "size", task, draws, ...asked, name: "sizing", resume: folder };
+};
 
 const resume = (folder: string, now: Sizing): Promise<void> =>
   attempt(async () => (await ask("/api/jobs", again(folder, now)), void follow()));
 
-export function SizingView() {
+export default function SizingView() {
   const folder = isFile.value ? "" : path.value;
   const state = jobs.value.find((one) => one.out === folder)?.state;
   const round = useSignal(0);
@@ -102,10 +97,9 @@ function TaskView() {
         <section aria-label="What the task says">
           <h2>{task?.name ?? "What the task says"}</h2>
           <TaskValues label="Values of the task" of={given!} />
-          <details>
-            <summary>{count(others!.length, "default")}</summary>
+          <Fold title={count(others!.length, "default")}>
             <TaskValues label="Defaults of the task" of={others!} />
-          </details>
+          </Fold>
           <ul>
             {task?.follows?.map((one) => (
               <li key={one.what}>
@@ -140,6 +134,7 @@ function Result({ now, folder }: { now: Sizing; folder: string }) {
   const isDone = now.done && !running;
   const [copy, copied] = useCopied(now.asked && now.task ? again(folder, now) : null, attempt);
   const kept = now.view?.findings.filter((one) => one.state === "good") ?? [];
+  const findings = now.view?.findings.filter((one) => one.state !== "good") ?? [];
   const state = running || now.searched ? "running" : now.done ? "done" : "stopped";
   return (
     <>
@@ -160,11 +155,7 @@ function Result({ now, folder }: { now: Sizing; folder: string }) {
       </div>
       {now.view ? (
         <Answer
-          view={{
-            ...now.view,
-            title: withoutFigures(now.view.title),
-            findings: now.view.findings.filter((one) => one.state !== "good"),
-          }}
+          view={{ ...now.view, title: withoutFigures(now.view.title), findings }}
           remedy={(finding) => now.task && <Remedies of={finding} task={now.task} />}
         />
       ) : (
@@ -197,10 +188,9 @@ function Result({ now, folder }: { now: Sizing; folder: string }) {
       )}
       {now.candidates.length > 0 && <Choices now={now} />}
       {now.view && (
-        <details class="panel">
-          <summary>Reasons, savings, kept checks, and the size of the search</summary>
+        <Fold class="panel" title="Reasons, savings, kept checks, and the size of the search">
           <Notes of={[...kept.map((one) => one.text), ...now.view.notes]} />
-        </details>
+        </Fold>
       )}
       <div class="row">
         {now.sheet && <DataSheet folder={folder} />}
@@ -218,14 +208,11 @@ const withoutFigures = (title: string): string => title.replace(/: [\d.]+ s of .
 /** Progress of a search, and its continuation. */
 function Search(props: { now: Sizing; folder: string; running: (typeof jobs.value)[number] | undefined }) {
   const { now, folder, running } = props;
+  const { done = 0, total = 1 } = running?.progress ?? {};
   if (running)
     return (
       <p class="row">
-        <progress
-          aria-label="Progress of the search"
-          value={running.progress?.done ?? 0}
-          max={Math.max(running.progress?.total ?? 1, 1)}
-        />
+        <progress aria-label="Progress of the search" value={done} max={Math.max(total, 1)} />
         {reached(running)}
         <Cancel job={running}>Cancel the search</Cancel>
       </p>
@@ -309,59 +296,43 @@ function columnsOf(every: Candidate[]): Candidate[] {
 function Ranges({ now }: { now: Sizing }) {
   const shown = columnsOf(now.candidates);
   const names = [...new Set(shown.flatMap((one) => one.limits.map((limit) => limit.name)))];
+  const limits = names.map((name) => {
+    const cells = shown.map((one) => one.limits.find((limit) => limit.name === name));
+    const most = 1.1 * Math.max(...cells.flatMap((one) => [one?.limit ?? 0, one?.value ?? 0]), 1e-9);
+    const [limit] = [...new Set(cells.map((one) => one?.limit))];
+    const isCommon = typeof limit === "number" && cells.every((one) => one?.limit === limit);
+    const title = (
+      <>
+        {name}
+        {isCommon && <small>{`limit ${digits(limit)} ${cells[0]!.unit}`}</small>}
+      </>
+    );
+    const bars = cells.map((one) => (one ? <Range of={one} most={most} isCommon={isCommon} /> : "–"));
+    return { cells: [title, ...bars], data: { "data-limit": name } };
+  });
+  const margins = shown.map((one) => (
+    <>
+      {one.margin === null ? "–" : `${digits(PERCENT * one.margin)} %`} <small>{one.binding}</small>
+    </>
+  ));
+  const kept = shown.map((one) => (
+    <>
+      {one.met} of {one.draws} <small>at least {digits(PERCENT * one.at_least)} %</small>
+    </>
+  ));
+  const heads = shown.map((one) => ({
+    text: one.file ? <a href={link("drive", one.file)}>{one.title}</a> : one.title,
+    data: { "data-column-of": one.name, title: one.parts },
+  }));
   return (
     <>
-      <div class="wide" tabIndex={0} role="region" aria-label="Candidates against their limits">
-        <table class="ranges">
-          <thead>
-            <tr>
-              <th scope="col">
-                <span class="hidden">Value</span>
-              </th>
-              {shown.map((one) => (
-                <th scope="col" key={one.name} data-column-of={one.name} title={one.parts}>
-                  {one.file ? <a href={link("drive", one.file)}>{one.title}</a> : one.title}
-                </th>
-              ))}
-            </tr>
-          </thead>
-          <tbody>
-            {names.map((name) => {
-              const cells = shown.map((one) => one.limits.find((limit) => limit.name === name));
-              const most = 1.1 * Math.max(...cells.flatMap((one) => [one?.limit ?? 0, one?.value ?? 0]), 1e-9);
-              const [limit] = [...new Set(cells.map((one) => one?.limit))];
-              const isCommon = typeof limit === "number" && cells.every((one) => one?.limit === limit);
-              return (
-                <tr key={name} data-limit={name}>
-                  <th scope="row">
-                    {name}
-                    {isCommon && <small>{`limit ${digits(limit)} ${cells[0]!.unit}`}</small>}
-                  </th>
-                  {cells.map((one, k) => (
-                    <td key={shown[k]!.name}>{one ? <Range of={one} most={most} isCommon={isCommon} /> : "–"}</td>
-                  ))}
-                </tr>
-              );
-            })}
-            <tr>
-              <th scope="row">margin</th>
-              {shown.map((one) => (
-                <td key={one.name}>
-                  {one.margin === null ? "–" : `${digits(PERCENT * one.margin)} %`} <small>{one.binding}</small>
-                </td>
-              ))}
-            </tr>
-            <tr>
-              <th scope="row">samples that keep all limits</th>
-              {shown.map((one) => (
-                <td key={one.name}>
-                  {one.met} of {one.draws} <small>at least {digits(PERCENT * one.at_least)} %</small>
-                </td>
-              ))}
-            </tr>
-          </tbody>
-        </table>
-      </div>
+      <Table
+        class="ranges"
+        frame="wide"
+        label="Candidates against their limits"
+        heads={["", ...heads]}
+        rows={[...limits, ["margin", ...margins], ["samples that keep all limits", ...kept]]}
+      />
       <p class="note">
         Band: 98 % of the samples. Thick mark: the value that 1 % of them exceed; for air, the mean. Dashed: the limit.
       </p>
@@ -372,12 +343,8 @@ function Ranges({ now }: { now: Sizing }) {
 const WIDTH = 100;
 
 /** The range of a value as a bar, with the value, its mark and its limit. */
-function Range(props: { of: Limit; most: number; isCommon: boolean }) {
-  const {
-    of: { value, limit, unit, margin, interval },
-    most,
-    isCommon,
-  } = props;
+function Range({ of, most, isCommon }: { of: Limit; most: number; isCommon: boolean }) {
+  const { value, limit, unit, margin, interval } = of;
   const at = (one: number | null) => (WIDTH * Math.min(Math.max(one ?? most, 0), most)) / most;
   const [low, high] = interval ?? [value, value];
   const isMissed = limit !== null && (margin === null || margin < 0);
@@ -414,19 +381,13 @@ function Choices({ now: { candidates: every, view } }: { now: Sizing }) {
   const pin = (name: string, isPinned: boolean) =>
     (pinned.value = isPinned ? pinned.value.filter((other) => other !== name) : [...pinned.value, name]);
   return (
-    <details class="panel">
-      <summary>Every simulated choice: {every.length}</summary>
+    <Fold class="panel" title={`Every simulated choice: ${every.length}`}>
       {view?.figures.map((one) => (
         <FigureView key={one.name} shown={one} />
       ))}
-      <label>
-        Order by{" "}
-        <select value={orderBy.value} onChange={(event) => (orderBy.value = event.currentTarget.value)}>
-          {COLUMNS.map(([title]) => (
-            <option key={title}>{title}</option>
-          ))}
-        </select>
-      </label>
+      <div class="row">
+        <Select label="Order by" of={orderBy} options={COLUMNS.map(([title]) => title)} />
+      </div>
       <Table
         label="Every simulated choice"
         heads={["Parts", ...COLUMNS.map(([title]) => title), "What limits it", "Settings"]}
@@ -440,9 +401,9 @@ function Choices({ now: { candidates: every, view } }: { now: Sizing }) {
                 <Button
                   class="link"
                   aria-label={`${isPinned ? "Unpin" : "Pin"} ${one.name}`}
-                  act={() => pin(one.name, isPinned)}>
-                  {isPinned ? "unpin" : "pin"}
-                </Button>
+                  act={() => pin(one.name, isPinned)}
+                  words={isPinned ? "unpin" : "pin"}
+                />
               </>,
               ...COLUMNS.map(([, column, shown]) => (
                 <span data-column={column} data-si={shown(one)}>
@@ -456,6 +417,6 @@ function Choices({ now: { candidates: every, view } }: { now: Sizing }) {
         })}
       />
       {rows.length > MOST_ROWS && <p class="note">{rows.length - MOST_ROWS} more are in choices.jsonl.</p>}
-    </details>
+    </Fold>
   );
 }

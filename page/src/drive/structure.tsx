@@ -3,9 +3,9 @@ import { signal } from "@preact/signals";
 import type { ComponentChildren } from "preact";
 import { useEffect } from "preact/hooks";
 import type { Kind } from "../server/generated";
-import { attempting, type Problem, read } from "../server/server";
+import { attempts, read } from "../server/server";
 import { future, past, step } from "../undo";
-import { Button } from "../workspace/fields";
+import { Button, type Option, Options } from "../workspace/fields";
 import type { PortChoice } from "./circuit";
 import { opened, problems, restructure, valid } from "./opened";
 
@@ -15,14 +15,13 @@ export const chosen = signal("");
 const port = signal("");
 const kind = signal("");
 const kinds = signal<Kind[]>([]);
-const wrong = signal<Problem[]>([]);
+const [, attempt] = attempts();
 
-function forget(component = ""): void {
-  [port.value, chosen.value] = ["", component];
-}
+const forget = (component = ""): void => void ([port.value, chosen.value] = ["", component]);
 
-const join = (other: string): void => restructure({ act: "join", one: port.value, other }, () => forget());
-const remove = (one: string): void => restructure({ act: "remove", one }, () => forget());
+/** Change the structure; nothing is selected after it. */
+const act = (change: Parameters<typeof restructure>[0]): void => restructure(change, () => forget());
+const remove = (one: string): void => act({ act: "remove", one });
 
 /** The ports of the drawing while it is edited: the first one is selected, and the second one is joined with it. */
 export function portChoice(): PortChoice | undefined {
@@ -31,7 +30,7 @@ export function portChoice(): PortChoice | undefined {
     port: port.value,
     onPort: (one) => {
       if (port.value === one) port.value = "";
-      else if (port.value) join(one);
+      else if (port.value) act({ act: "join", one: port.value, other: one });
       else port.value = one;
     },
   };
@@ -49,7 +48,7 @@ export function Structure({ children }: { children: ComponentChildren }) {
   useEffect(() => forget(), [opened.value?.path]);
   useEffect(() => {
     if (isEditing.value && !kinds.value.length)
-      void attempting(wrong)(async () => {
+      void attempt(async () => {
         kinds.value = (await read<{ kinds: Kind[] }>("/api/kinds")).kinds;
         kind.value = kinds.value[0]!.kind;
       });
@@ -63,24 +62,16 @@ export function Structure({ children }: { children: ComponentChildren }) {
         <Button aria-pressed={isEditing.value} act={() => ((isEditing.value = !isEditing.value), (port.value = ""))}>
           Edit the circuit
         </Button>
-        <Button disabled={!past.value.length} act={() => step(past, future)}>
-          Undo
-        </Button>
-        <Button disabled={!future.value.length} act={() => step(future, past)}>
-          Redo
-        </Button>
+        <Button disabled={!past.value.length} act={() => step(past, future)} words="Undo" />
+        <Button disabled={!future.value.length} act={() => step(future, past)} words="Redo" />
         {isEditing.value && isCircuit && chosen.value && (
-          <Button disabled={blocked} act={() => remove(chosen.value)}>
-            Remove {chosen.value}
-          </Button>
+          <Button disabled={blocked} act={() => remove(chosen.value)} words={`Remove ${chosen.value}`} />
         )}
       </p>
       {isEditing.value && !isCircuit && (
         <p class="row">
           <span>A drive has a fixed structure. As a circuit, each component can be added, joined and removed.</span>
-          <Button disabled={blocked} act={() => restructure({ act: "open" }, () => forget())}>
-            Open it as a circuit
-          </Button>
+          <Button disabled={blocked} act={() => act({ act: "open" })} words="Open it as a circuit" />
         </p>
       )}
       {isEditing.value && isCircuit && !port.value && (
@@ -95,21 +86,15 @@ export function Structure({ children }: { children: ComponentChildren }) {
             aria-label="Component to add"
             value={kind.value}
             onChange={(event) => (kind.value = event.currentTarget.value)}>
-            {kinds.value.map((one) => (
-              <option key={one.kind} value={one.kind}>
-                {one.title}
-              </option>
-            ))}
+            <Options of={kinds.value.map((one): Option => [one.kind, one.title])} />
           </select>
           <Button
             class="primary"
             disabled={blocked}
-            act={() => restructure({ act: "add", one: port.value, kind: kind.value }, forget)}>
-            Add here
-          </Button>
-          <Button disabled={blocked} act={() => restructure({ act: "cut", one: port.value }, () => forget())}>
-            Cut its line
-          </Button>
+            act={() => restructure({ act: "add", one: port.value, kind: kind.value }, forget)}
+            words="Add here"
+          />
+          <Button disabled={blocked} act={() => act({ act: "cut", one: port.value })} words="Cut its line" />
           <span class="note">Click another port to join it.</span>
         </p>
       )}

@@ -52,24 +52,18 @@ export function useOpenText(path: string, name: Signal<string>): [editor: Compon
   const fileName = now?.sha256 ? now.path.slice(now.path.lastIndexOf("/") + 1) : "unnamed.toml";
   const own = now?.isTask ? "task" : fileName; // as the server calls the text
   const inText = problems.value.filter((one) => isIn(one, own));
-  const [editor, goTo] = useEditor(
-    now ? `text ${now.path}` : "",
-    now?.text ?? "",
-    inText,
-    (text) => void change(text, true),
-  );
+  const type = (text: string) => void change(text, true);
+  const [editor, goTo] = useEditor(now ? `text ${now.path}` : "", now?.text ?? "", inText, type);
   const isSaved = !now || now.text === now.saved;
   const isOld = !isSaved && said.value === wasSaved(path); // it was typed on since
   const state = (
     <>
       <p class="row">
         {path && !inCatalogue(path) ? (
-          <Button aria-disabled={isSaved} act={() => isSaved || save(path)}>
-            Save
-          </Button>
+          <Button aria-disabled={isSaved} act={() => isSaved || save(path)} words="Save" />
         ) : (
           <>
-            <TextInput label="Name of the file" of={name} hint="axis.toml" />
+            <TextInput label="Name of the file" of={name} placeholder="axis.toml" />
             <Button class="primary" disabled={!now || !name.value} act={() => save(name.value).then(list)}>
               Save as a new file
             </Button>

@@ -6,32 +6,26 @@ import { FigureView } from "../plots/figure";
 import { duration } from "../plots/looks";
 import { pointsFigure } from "../plots/points";
 import { link, route } from "../routes";
-import type { Campaign, Plan } from "../server/generated";
-import { ask, attempting, frame, type Problem, Refused, read, typed } from "../server/server";
+import type { Campaign, CycleHead, Plan, ShownFigure } from "../server/generated";
+import { ask, attempts, frame, type Problem, pause, Refused, read, typed } from "../server/server";
 import { word } from "../workspace/command";
-import { Button } from "../workspace/fields";
-import { filesOf, kindOf, list, nameOf, studies } from "../workspace/files";
+import { Button, Lines, Remarks } from "../workspace/fields";
+import { filesOf, kindOf, list, nameOf, pathsOf, studies } from "../workspace/files";
 import { field, JobForm, requestOf } from "../workspace/form";
 import { follow, JobList, jobs } from "../workspace/jobs";
 import { Copied, InFolder, Problems, ReportOf } from "../workspace/parts";
 import { Answer, Findings, useView } from "../workspace/result";
 
 const found = signal<Campaign | null>(null);
-const wrong = signal<Problem[]>([]);
+const [wrong, attempt] = attempts();
 export const unread = signal<Problem[]>([]); // why the campaign could not be read, at the last look
-const attempt = attempting(wrong);
 const LOOK_MS = 500;
 const HOLD_MS = 1000; // abort is held down this long
 const MM = 1000;
 const CYCLE_MS = 200; // between two looks at the cycle in progress
+const OPEN_MS = 100; // between two looks for the folder of a new campaign
 
-interface Cycle {
-  cycle: string;
-  left: string;
-  samples: number;
-  position: number[];
-  force: number[];
-}
+type Cycle = CycleHead & Record<"position" | "force", number[]>;
 
 const cycle = signal<Cycle | null>(null);
 const plan = signal<Plan | null>(null);
@@ -56,22 +50,21 @@ function repeat(pauseMs: number, step: (isGone: () => boolean) => Promise<void>)
   const run = async () => {
     while (!gone) {
       await step(() => gone);
-      await new Promise((resolve) => setTimeout(resolve, pauseMs));
+      await pause(pauseMs);
     }
   };
   void run();
   return () => void (gone = true);
 }
 
-export function CampaignView() {
+export default function CampaignView() {
   const { path: object } = route.value;
   const path = kindOf(object) === "protocol" ? "" : object;
   useEffect(() => {
     found.value = null;
     wrong.value = unread.value = [];
     void follow();
-    if (!path) return;
-    return repeat(LOOK_MS, (isGone) => look(path, isGone));
+    return path ? repeat(LOOK_MS, (isGone) => look(path, isGone)) : undefined;
   }, [path]);
   const isRunning = Boolean(path && found.value?.state);
   useEffect(() => {
@@ -79,7 +72,7 @@ export function CampaignView() {
     if (!isRunning) return;
     const end = repeat(CYCLE_MS, async (isGone) => {
       try {
-        const { head, arrays } = await frame<Pick<Cycle, "cycle" | "left" | "samples">>("/api/cycle", { path });
+        const { head, arrays } = await frame<CycleHead>("/api/cycle", { path });
         const of = (name: string) => Array.from(arrays.get(name) ?? []);
         if (!isGone() && head.cycle)
           cycle.value = { ...head, position: of("position_m").map((one) => MM * one), force: of("force_n") };
@@ -105,6 +98,22 @@ export function CampaignView() {
 
 /** A line of the journal with its time as people write it. */
 const dated = (line: string): string => line.replace(/^(\d{4}-\d\d-\d\d)T(\d\d:\d\d:\d\d)\S*/, "$1 $2 ");
+
+function cycleFigure({ cycle, samples, position, force }: Cycle): ShownFigure {
+  const name = `Cycle in progress: ${cycle}, ${samples} samples`;
+  const groups = [{ label: "", points: [], curve: { x: position, y: force } }];
+  return pointsFigure({ name, x: "position, mm", y: "force, N", panels: [{ title: name, groups }] });
+}
+
+function frictionFigure(measured: Campaign["groups"]): ShownFigure {
+  const [name, caption] = ["Friction so far", "Quick estimates."];
+  const groups = measured.map(({ label, points }) => ({
+    label,
+    points: points.map((point) => ({ x: MM * point.speed, y: point.friction, spread: null })),
+  }));
+  const axes = { x: "speed, mm/s", y: "friction, N", isLog: true };
+  return pointsFigure({ name, caption, ...axes, panels: [{ title: name, groups }] });
+}
 
 function Watched({ now, path }: { now: Campaign; path: string }) {
   const total = now.planned ?? now.done;
@@ -135,38 +144,12 @@ function Watched({ now, path }: { now: Campaign; path: string }) {
         <div class="result-figures">
           {running && running.position.length > 1 && (
             <div class="panel" data-cycle={running.cycle} data-samples={running.samples}>
-              <FigureView
-                shown={pointsFigure({
-                  name: `Cycle in progress: ${running.cycle}, ${running.samples} samples`,
-                  ...{ x: "position, mm", y: "force, N" },
-                  panels: [
-                    {
-                      title: `Cycle in progress: ${running.cycle}, ${running.samples} samples`,
-                      groups: [{ label: "", points: [], curve: { x: running.position, y: running.force } }],
-                    },
-                  ],
-                })}
-              />
+              <FigureView shown={cycleFigure(running)} />
             </div>
           )}
           {now.groups.length > 0 && (
             <div class="panel">
-              <FigureView
-                shown={pointsFigure({
-                  name: "Friction so far",
-                  caption: "Quick estimates.",
-                  ...{ x: "speed, mm/s", y: "friction, N", isLog: true },
-                  panels: [
-                    {
-                      title: "Friction so far",
-                      groups: now.groups.map(({ label, points }) => ({
-                        label,
-                        points: points.map((point) => ({ x: MM * point.speed, y: point.friction, spread: null })),
-                      })),
-                    },
-                  ],
-                })}
-              />
+              <FigureView shown={frictionFigure(now.groups)} />
             </div>
           )}
         </div>
@@ -174,16 +157,9 @@ function Watched({ now, path }: { now: Campaign; path: string }) {
           <section class="panel" aria-label="Findings">
             <h3>What these data cannot tell</h3>
             {view && <Findings of={view.findings} />}
-            {now.problems.map((one) => (
-              <p class="note" key={one}>
-                {one}
-              </p>
-            ))}
-            {Object.entries(now.flags).map(([flag, count]) => (
-              <p class="note" key={flag}>
-                flag {flag}: {count}
-              </p>
-            ))}
+            <Remarks
+              of={[...now.problems, ...Object.entries(now.flags).map(([flag, count]) => `flag ${flag}: ${count}`)]}
+            />
             <ReportOf folder={path} />
           </section>
           {isOver && (
@@ -198,9 +174,9 @@ function Watched({ now, path }: { now: Campaign; path: string }) {
         </aside>
       </div>
       <h2>Journal, newest first</h2>
-      <pre class="journal" tabIndex={0} role="group" aria-label="Journal">
+      <Lines class="journal" name="Journal">
         {now.log.map(dated).reverse().join("\n")}
-      </pre>
+      </Lines>
     </>
   );
 }
@@ -241,9 +217,9 @@ function Requests({ now, path }: { now: Campaign; path: string }) {
         onPointerLeave={release}
         onKeyDown={(event) => !event.repeat && (event.key === "Enter" || event.key === " ") && hold()}
         onKeyUp={release}
-        onBlur={release}>
-        Abort (hold for 1 s)
-      </Button>
+        onBlur={release}
+        words="Abort (hold for 1 s)"
+      />
       <strong>Not an emergency stop.</strong>
     </p>
   );
@@ -268,19 +244,19 @@ async function openFirst(job: { number: number; out: string }): Promise<void> {
       if (!(error instanceof Refused)) throw error;
       if (isOver()) return; // the list of jobs says why
     }
-    await new Promise((resolve) => setTimeout(resolve, 100));
+    await pause(OPEN_MS);
   }
 }
 
 function Start({ protocol }: { protocol: string }) {
-  const protocols = [...(studies.value?.protocols ?? []), ...filesOf("protocol").map((one) => one.path)];
+  const protocols = [...(studies.value?.protocols ?? []), ...pathsOf("protocol")];
   const chosen = requestOf("campaign").protocol;
   useEffect(() => void (plan.value = null), [chosen]);
   const own = {
     title: "Run",
     door: "/api/campaigns",
     fields: [
-      field("protocol", "Protocol", "choice", { choices: protocols.map((one): [string, string] => [one, one]) }),
+      field("protocol", "Protocol", "choice", { choices: protocols }),
       field("name", "Into campaigns/", "text"),
       field("pace", "Times real time", "text", { hint: "fastest" }),
     ],
@@ -301,9 +277,7 @@ function Start({ protocol }: { protocol: string }) {
       </JobForm>
       {plan.value && (
         <section aria-label="Plan" data-plan={plan.value.cycles} data-si={plan.value.time_s}>
-          <pre tabIndex={0} role="group" aria-label="Plan and pre-flight check">
-            {plan.value.text}
-          </pre>
+          <Lines name="Plan and pre-flight check">{plan.value.text}</Lines>
           <Copied command={plan.value.command} python={plan.value.python} />
         </section>
       )}

@@ -1,10 +1,10 @@
 /** Differences between two drives, or between two fits of one kind. */
+
 import { FigureView } from "../plots/figure";
 import { digits, pretty } from "../plots/looks";
 import type { Compared } from "../server/generated";
-import { Table } from "../workspace/parts";
-
-export type { Compared };
+import { Fold, Lines } from "../workspace/fields";
+import { Table } from "../workspace/table";
 
 /** Return whether two intervals such as "0.5 … 3.3" overlap. */
 function isAlike(some: string, others: string): boolean {
@@ -38,12 +38,9 @@ export function Differences({ sentence, figure, values, lines, names: [before, a
         }))}
       />
       {lines.length > 0 && (
-        <details>
-          <summary>Lines that differ</summary>
-          <pre tabIndex={0} role="region" aria-label="Lines that differ">
-            {lines.join("\n")}
-          </pre>
-        </details>
+        <Fold title="Lines that differ">
+          <Lines name="Lines that differ">{lines.join("\n")}</Lines>
+        </Fold>
       )}
     </section>
   );

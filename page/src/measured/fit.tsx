@@ -2,7 +2,7 @@
 import { signal } from "@preact/signals";
 import { link } from "../routes";
 import type { BehindFit, NextPoints as Next } from "../server/generated";
-import { attempting, type Problem, read } from "../server/server";
+import { attempts, read } from "../server/server";
 import { Button } from "../workspace/fields";
 import { JobForm, requestOf } from "../workspace/form";
 import { Copied, Problems } from "../workspace/parts";
@@ -10,8 +10,7 @@ import { Figures, Values } from "../workspace/result";
 
 const behind = signal<(BehindFit & { of: string }) | null>(null);
 const next = signal<(Next & { of: string }) | null>(null);
-const wrong = signal<Problem[]>([]);
-const attempt = attempting(wrong);
+const [wrong, attempt] = attempts();
 
 /** Read the details of a fit, and lead to them. */
 export async function showBehind(path: string): Promise<void> {
@@ -25,12 +24,11 @@ export function Behind({ path }: { path: string }) {
   return (
     <section id="behind" aria-label="Behind the fit">
       <Problems of={wrong.value} />
-      {!found && (
+      {!found ? (
         <p class="row">
           <Button act={() => showBehind(path)}>Residuals, profiles and next points of {path}</Button>
         </p>
-      )}
-      {found && (
+      ) : (
         <>
           {found.view.title && <p class="note">{found.view.title}</p>}
           <Figures view={found.view} />

@@ -7,6 +7,7 @@ import { digits } from "../plots/looks";
 import { type Group, isWide, MOST_SERIES, pointsFigure } from "../plots/points";
 import { isToml, kept, link, route } from "../routes";
 import type {
+  Compared,
   FrictionCurve as Curve,
   Finding,
   FrictionMap,
@@ -16,17 +17,15 @@ import type {
   Slice,
 } from "../server/generated";
 import { usePosted, useRequest } from "../workspace/answers";
-import { Choose } from "../workspace/choose";
-import { Button, Tick } from "../workspace/fields";
-import { changesOf, filesOf, folderOf, nameOf, studies } from "../workspace/files";
+import { Button, Fold, type Option, Tick } from "../workspace/fields";
+import { changesOf, filesOf, folderOf, nameOf, pathsOf, studies } from "../workspace/files";
 import { JobForm } from "../workspace/form";
 import { follow } from "../workspace/jobs";
-import { Copied, Problems, ReportOf, Select, Table } from "../workspace/parts";
+import { Copied, Problems, ReportOf, Select } from "../workspace/parts";
 import { Answer, Findings, Shown, useView, Values } from "../workspace/result";
-import { type Compared, Differences } from "./differences";
+import { Table } from "../workspace/table";
+import { Differences } from "./differences";
 import { Behind, showBehind } from "./fit";
-
-export type { FrictionMap, Slice };
 
 /** Points of one seal and pressure, with the curve of the fit; `assembly` is seal, mounting and drive. */
 interface Part<Key extends string> {
@@ -55,40 +54,29 @@ export function levels(speeds: number[]): number[] {
   return [...speeds].sort((a, b) => a - b).filter((speed, k, all) => k === 0 || speed > all[k - 1]! * (1 + NEAR));
 }
 
-/** Return groups over an axis of size `size`, from points and curves whose abscissa is named `key`. */
-function groupsOver<Key extends "speed" | "gauge">(key: Key, size: number, parts: Part<Key>[]): Group[] {
-  return parts.map(({ label, assembly, points, curve }) => {
-    const runs = [...new Set(points.map((point) => point.recording))];
-    return {
-      label: label.replace(`${assembly}: `, ""),
-      points: points.map((point) => ({
-        x: size * point[key],
-        y: point.friction,
-        spread: point.spread,
-        run: key === "speed" ? runs.indexOf(point.recording) : 0,
-      })),
-      ...(curve && {
-        curve: {
-          x: curve[key].map((at) => size * at),
-          y: curve.friction,
-          low: curve.low,
-          high: curve.high,
-          measured: curve.measured.map((at) => size * (at ?? Number.NaN)),
-        },
-      }),
-    };
-  });
+/** Return a group over an axis of size `size`, from points and a curve whose abscissa is named `key`. */
+function groupOver<Key extends "speed" | "gauge">(key: Key, size: number, part: Part<Key>): Group {
+  const { label, assembly, points, curve } = part;
+  const runs = [...new Set(points.map((point) => point.recording))];
+  const runOf = (recording: string) => (key === "speed" ? runs.indexOf(recording) : 0);
+  const drawn = curve && {
+    ...{ x: curve[key].map((at) => size * at), y: curve.friction, low: curve.low, high: curve.high },
+    measured: curve.measured.map((at) => size * (at ?? Number.NaN)),
+  };
+  return {
+    label: label.replace(`${assembly}: `, ""),
+    points: points.map((point) => ({
+      ...{ x: size * point[key], y: point.friction, spread: point.spread, run: runOf(point.recording) },
+    })),
+    ...(drawn && { curve: drawn }),
+  };
 }
 
 /** Return the panels of a figure: one for each seal. */
 const panelsOf = <Key extends "speed" | "gauge">(key: Key, size: number, parts: Part<Key>[]) =>
   [...new Set(parts.map((part) => part.assembly))].map((title, _, all) => ({
     title: all.length > 1 ? title : "",
-    groups: groupsOver(
-      key,
-      size,
-      parts.filter((part) => part.assembly === title),
-    ),
+    groups: parts.filter((part) => part.assembly === title).map((part) => groupOver(key, size, part)),
   }));
 
 /** Friction over the pressure of a chamber, with a panel for each seal. */
@@ -99,27 +87,18 @@ export function overPressure({ chamber, groups }: Slice, caption: string): Shown
   return pointsFigure({ name: "Friction over pressure", caption, x, y: "friction, N", panels, isFromZero: true });
 }
 
-/** Whether pressure was varied more than speed, as a map of one seal shows. */
+/** Whether the axis is pressure: as chosen, or because pressure was varied more than speed, as a map of one seal shows. */
 function isOverPressure(groups: FrictionMap["groups"]): boolean {
+  if (axis.value) return axis.value === "pressure";
   const speeds = groups.flatMap((group) => group.points.map((point) => point.speed));
   const counts = groups.map((group) => groups.filter((one) => one.assembly === group.assembly).length);
   return Math.max(...counts) > 1 && Math.max(...speeds) < NARROW * Math.min(...speeds);
 }
 
-export function FrictionView() {
+export default function FrictionView() {
   const { path } = route.value;
   const isFit = isToml(path);
   const [view, problems] = useRequest<SentView>("/api/view", isFit ? { path } : null, [changesOf(path)]);
-  if (!path)
-    return (
-      <Choose
-        title="Friction"
-        hint="A friction map holds the measured points, a fit holds the law. Characterise a recording to get both: open it, accept a layout, then press Characterise."
-        view="friction"
-        kinds={["friction map", "fit"]}
-        recordings
-      />
-    );
   const beside = [folderOf(path), "map.parquet"].filter(Boolean).join("/");
   const hasMap = studies.value?.files.some((file) => file.path === beside);
   if (!isFit) return <MapView key={path} path={path} fit="" />;
@@ -133,14 +112,13 @@ export function FrictionView() {
       <ReportOf folder={folderOf(path)} />
       {view && <Behind path={path} />}
       {view && !hasMap && (
-        <details>
-          <summary>Apply it to a drive</summary>
+        <Fold title="Apply it to a drive">
           <JobForm
             kind="apply"
             given={{ fit: path }}
             start={{ out: path.replace(/(fit)?\.toml$/, "identified.toml") }}
           />
-        </details>
+        </Fold>
       )}
     </div>
   );
@@ -160,13 +138,7 @@ function MapView({ path, fit: opened }: { path: string; fit: string }) {
   const fit = drawn || (found?.seals[now] ?? "");
   const fitted = useView(fit);
   const name = nameOf(folderOf(path)) || nameOf(path);
-  const isMap = !fitted && !fit;
-  const remedy = (finding: Finding) =>
-    fit && finding.state !== "good" ? (
-      <p>
-        <Button act={() => showBehind(fit)}>Plan the next points</Button>
-      </p>
-    ) : null;
+  const answer = fitted ?? (fit ? null : whole);
   return (
     <div class="friction">
       <h2>
@@ -175,9 +147,7 @@ function MapView({ path, fit: opened }: { path: string; fit: string }) {
       </h2>
       <Problems of={problems} />
       {!found && !problems.length && <p role="status">Reading {path}.</p>}
-      {found && !other.value && (fitted ?? (isMap && whole)) && (
-        <Answer view={(fitted ?? whole)!} withFindings={false} />
-      )}
+      {found && !other.value && answer && <Answer view={answer} withFindings={false} />}
       {found && (
         <>
           <Choices path={path} found={found} names={names} now={now} drawn={drawn} />
@@ -190,7 +160,7 @@ function MapView({ path, fit: opened }: { path: string; fit: string }) {
               )}
             </div>
             <aside>
-              <Aside path={path} views={[fitted, whole]} remedy={remedy} />
+              <Aside path={path} fit={fit} views={[fitted, whole]} />
             </aside>
           </div>
           <Points found={found} now={now} />
@@ -202,13 +172,13 @@ function MapView({ path, fit: opened }: { path: string; fit: string }) {
 }
 
 /** Open findings, the values of the fit, the report, and another fit. */
-function Aside(props: {
-  path: string;
-  views: (SentView | null)[];
-  remedy: (finding: Finding) => preact.ComponentChildren;
-}) {
-  const { path, views, remedy } = props;
-  const [fitted, whole] = views;
+function Aside({ path, fit, views: [fitted, whole] }: { path: string; fit: string; views: (SentView | null)[] }) {
+  const remedy = ({ state }: Finding) =>
+    fit && state !== "good" ? (
+      <p>
+        <Button act={() => showBehind(fit)}>Plan the next points</Button>
+      </p>
+    ) : null;
   const again = async (job: { number: number; out: string }) => {
     await follow(job.number);
     if (route.value.path === path) chosenFit.value = job.out;
@@ -223,10 +193,9 @@ function Aside(props: {
         </section>
       )}
       {fitted && <Values view={fitted} />}
-      <details>
-        <summary>Fit another law</summary>
+      <Fold title="Fit another law">
         <JobForm kind="fit" given={{ map: path }} jobs={["fit", "design"]} after={again} />
-      </details>
+      </Fold>
     </>
   );
 }
@@ -235,16 +204,18 @@ function Aside(props: {
 function Choices(props: { path: string; found: FrictionMap; names: string[]; now: string; drawn: string }) {
   const { path, found, names, now, drawn } = props;
   const groups = found.groups.filter((group) => now === ALL || group.assembly === now);
-  const isOver = axis.value ? axis.value === "pressure" : isOverPressure(found.groups);
-  const speeds = levels(groups.flatMap((group) => group.points.map((point) => point.speed)));
-  const maps = (studies.value?.files ?? []).filter(({ kind, path: file }) => kind === "friction map" && file !== path);
+  const isOver = isOverPressure(found.groups);
+  const speeds = levels(groups.flatMap((group) => group.points.map((point) => point.speed))).map(
+    (speed): Option => [String(speed), `${digits(MM * speed, 3)} mm/s`],
+  );
+  const maps = pathsOf("friction map").filter((file) => file !== path);
   const seals = names.filter((name) => name !== now && found.seals[name] && found.seals[now]);
   const over = (name: string) => (
     <Button
       aria-pressed={(name === "pressure") === isOver}
-      act={() => ([axis.value, level.value, other.value] = [name, "", ""])}>
-      {name}
-    </Button>
+      act={() => ([axis.value, level.value, other.value] = [name, "", ""])}
+      words={name}
+    />
   );
   return (
     <p class="row">
@@ -260,43 +231,25 @@ function Choices(props: { path: string; found: FrictionMap; names: string[]; now
         over {over("pressure")} {over("speed")}
       </span>
       {isOver ? (
-        <Select
-          label="At one speed"
-          value={level.value}
-          options={[
-            ["", "all"],
-            ...speeds.map((speed): [string, string] => [String(speed), `${digits(MM * speed, 3)} mm/s`]),
-          ]}
-          put={(speed) => (level.value = speed)}
-        />
+        <Select label="At one speed" of={level} options={[["", "all"], ...speeds]} />
       ) : (
         <>
-          <Select
-            label="At one pressure"
-            value={level.value}
-            options={[["", "all"], ...groups.map((group) => group.label)]}
-            put={(label) => (level.value = label)}
-          />
+          <Select label="At one pressure" of={level} options={[["", "all"], ...groups.map(({ label }) => label)]} />
           <Tick
             label="speed on a logarithmic scale"
-            value={isLog.value ?? isWide(groupsOver("speed", MM, groups))}
+            value={isLog.value ?? isWide(groups.map((group) => groupOver("speed", MM, group)))}
             put={(isIn) => (isLog.value = isIn)}
           />
         </>
       )}
       {(seals.length > 0 || maps.length > 0) && (
-        <Select
-          label="Compare with"
-          value={other.value}
-          options={[["", "nothing"], ...seals, ...maps.map((file) => file.path)]}
-          put={(name) => (other.value = name)}
-        />
+        <Select label="Compare with" of={other} options={[["", "nothing"], ...seals, ...maps]} />
       )}
       {found.fits.length > 0 && names.length === 1 && (
         <Select
           label="Curves of"
           value={drawn || found.seals[now] || ""}
-          options={[...(drawn || found.seals[now] ? [] : [["", "choose"] as [string, string]]), ...found.fits]}
+          options={drawn || found.seals[now] ? found.fits : [["", "choose"], ...found.fits]}
           put={(file) => (chosenFit.value = file)}
         />
       )}
@@ -308,7 +261,7 @@ const BARS =
   "Bars: U (k = 2), statistical and systematic. Bands: 95 % of the fitted curve; dotted beyond the measured range.";
 
 function MapFigure({ path, fit, found, now }: { path: string; fit: string; found: FrictionMap; now: string }) {
-  const isOver = axis.value ? axis.value === "pressure" : isOverPressure(found.groups);
+  const isOver = isOverPressure(found.groups);
   const speed = level.value || "all";
   const [slice, problems] = useRequest<Slice>("/api/slice", isOver ? { path, fit, speed } : null, [found]);
   const isIn = ({ assembly }: { assembly: string }) => now === ALL || assembly === now;
@@ -325,17 +278,16 @@ function MapFigure({ path, fit, found, now }: { path: string; fit: string; found
         name: "Friction over speed",
         caption: `${BARS}${hints} ${found.fit}`,
         ...{ x: "speed, mm/s", y: "friction, N", panels: panelsOf("speed", MM, groups), isFromZero: true },
-        isLog: isLog.value ?? isWide(groupsOver("speed", MM, groups)),
+        isLog: isLog.value ?? isWide(groups.map((group) => groupOver("speed", MM, group))),
       });
   return (
     <div class="panel">
       <Problems of={problems} />
       {figure ? <FigureView shown={figure} /> : !problems.length && <p role="status">Reading the points.</p>}
       {isOver && shown?.python && (
-        <details>
-          <summary>These curves in Python</summary>
+        <Fold title="These curves in Python">
           <Copied of="at one speed" python={shown.python} />
-        </details>
+        </Fold>
       )}
     </div>
   );
@@ -361,8 +313,7 @@ function Points({ found, now }: { found: FrictionMap; now: string }) {
   const groups = found.groups.filter((group) => now === ALL || group.assembly === now);
   const points = groups.flatMap((group) => group.points.map((point) => ({ ...point, group: group.label })));
   return (
-    <details>
-      <summary>Measured points</summary>
+    <Fold title="Measured points">
       <Table
         label="Points of the map"
         heads={["Recording", "Direction", "Speed, mm/s", "Friction, N", "U (k = 2), N", "Chambers", "Flags"]}
@@ -386,6 +337,6 @@ function Points({ found, now }: { found: FrictionMap; now: string }) {
         <p class="note">{points.length - MOST_ROWS} more points are in the figure and in the file.</p>
       )}
       {found.left_out > 0 && <p class="note">{found.left_out} points are in the file only.</p>}
-    </details>
+    </Fold>
   );
 }

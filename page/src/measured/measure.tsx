@@ -4,15 +4,17 @@ import { signal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
 import { digits, instant } from "../plots/looks";
 import type { Mark } from "../plots/paint";
-import type { MeasuredRow as Row, Stroke } from "../server/generated";
-import { ask, newest, type Problem, Refused, read } from "../server/server";
+import type { MeasuredRows, OpenedRecording, Stroke, Strokes } from "../server/generated";
+import { ask, attempts, newest, pause, problemsOf, Refused, read } from "../server/server";
 import { Button, Range, Tick } from "../workspace/fields";
-import { studies } from "../workspace/files";
-import { NumberField, Problems, Select, Table } from "../workspace/parts";
+import { pathsOf } from "../workspace/files";
+import { NumberField, Problems, Select } from "../workspace/parts";
+import { Table } from "../workspace/table";
 
 export type { Stroke };
 
-export type Faults = Record<string, { count: number; places: [number, number][] }>;
+export type Faults = Strokes["faults"];
+type Span = [number, number];
 
 interface Beside {
   path: string;
@@ -27,7 +29,7 @@ export const beside = signal<Beside | null>(null);
 export const cursors = signal<[number, number] | null>(null);
 
 const reading = signal("");
-const wrong = signal<Problem[]>([]);
+const [wrong, attempt] = attempts();
 
 /** Forget everything that belonged to the previous recording. */
 export function forgetBeside(): void {
@@ -80,12 +82,7 @@ export function nextPlace(places: [number, number][], middle: number): [number, 
 }
 
 /** Table of the recording's faults by kind. A button moves from one place to the next. */
-export function FaultsLine(props: {
-  faults: Faults;
-  span: [number, number];
-  whole: [number, number];
-  onShow: (span: [number, number]) => void;
-}) {
+export function FaultsLine(props: { faults: Faults; span: Span; whole: Span; onShow: (span: Span) => void }) {
   const { faults, span, whole, onShow } = props;
   const kinds = Object.entries(faults);
   if (!kinds.length) return null;
@@ -100,17 +97,14 @@ export function FaultsLine(props: {
       <span>Faults, marked at the foot of the plots:</span>
       {kinds.map(([kind, one]) => (
         <span key={kind} data-fault={kind} data-count={one.count}>
-          {WORDS[kind] ?? kind.replace(/_/g, " ")} {one.count}
+          {WORDS[kind] ?? kind.replace(/_/g, " ")} {one.count}{" "}
           {one.places.length > 0 && (
-            <>
-              {" "}
-              <Button
-                class="link"
-                act={() => show(one.places)}
-                aria-label={`Show the next place: ${WORDS[kind] ?? kind}`}>
-                show the next
-              </Button>
-            </>
+            <Button
+              class="link"
+              act={() => show(one.places)}
+              aria-label={`Show the next place: ${WORDS[kind] ?? kind}`}
+              words="show the next"
+            />
           )}
         </span>
       ))}
@@ -118,36 +112,30 @@ export function FaultsLine(props: {
   );
 }
 
-const pause = (ms: number) => new Promise((resolve) => setTimeout(resolve, ms));
+export const READ_MS = 150; // between two looks at a file that is being read
 
 /** Form that selects another recording, and the strokes of both that are aligned. */
 export function BesideRecording(props: { path: string; strokes: Stroke[]; onShow: (span: [number, number]) => void }) {
   const { path, strokes, onShow } = props;
   const now = beside.value;
-  const files = (studies.value?.files ?? []).filter((one) => one.kind === "recording" && one.path !== path);
+  const files = pathsOf("recording").filter((file) => file !== path);
   const choose = async (other: string) => {
-    wrong.value = [];
     reading.value = other;
-    try {
+    await attempt(async () => {
       while (other && reading.value === other) {
-        const there = await read<{ channels?: unknown; problems?: Problem[] }>("/api/recording", { path: other });
+        const there = await read<OpenedRecording>("/api/recording", { path: other });
         if (there.problems) throw new Refused(200, there.problems, {});
         if (there.channels) break;
-        await pause(150);
+        await pause(READ_MS);
       }
-      const found = other ? (await read<{ strokes: Stroke[] }>("/api/strokes", { path: other })).strokes : [];
+      const found = other ? (await read<Strokes>("/api/strokes", { path: other })).strokes : [];
       if (reading.value !== other) return;
-      reading.value = "";
       const isAligned = strokes.length > 0 && found.length > 0;
       const numbers: [number, number] = isAligned ? alike(strokes, found) : [1, 1];
-      beside.value = other
-        ? { path: other, strokes: found, numbers, shift: isAligned ? shiftOf(strokes, found, numbers) : 0 }
-        : null;
-    } catch (error) {
-      if (!(error instanceof Refused)) throw error;
-      reading.value = "";
-      wrong.value = error.problems;
-    }
+      const shift = isAligned ? shiftOf(strokes, found, numbers) : 0;
+      beside.value = other ? { path: other, strokes: found, numbers, shift } : null;
+    });
+    if (reading.value === other) reading.value = "";
   };
   const align = (which: 0 | 1, number: number) => {
     const numbers: [number, number] = which ? [now!.numbers[0], number] : [number, now!.numbers[1]];
@@ -168,7 +156,7 @@ export function BesideRecording(props: { path: string; strokes: Stroke[]; onShow
         <Select
           label="Draw over it"
           value={now?.path ?? ""}
-          options={[["", "no other recording"], ...files.map((file) => file.path)]}
+          options={[["", "no other recording"], ...files]}
           put={(file) => void choose(file)}
         />
         {reading.value && <span role="status">{reading.value} is read.</span>}
@@ -191,16 +179,16 @@ export function BesideRecording(props: { path: string; strokes: Stroke[]; onShow
   );
 }
 
-const measured = signal<{ rows: Row[]; of: string } | null>(null);
+const measured = signal<(MeasuredRows & { of: string }) | null>(null);
 let asked = ""; // what is to be measured, as JSON
 const fetchMeasured = newest(async () => {
   const of = asked;
   try {
-    measured.value = { ...(await ask<{ rows: Row[] }>("/api/measure", JSON.parse(of))), of };
+    measured.value = { ...(await ask<MeasuredRows>("/api/measure", JSON.parse(of))), of };
     wrong.value = [];
   } catch (error) {
-    if (!(error instanceof Refused)) throw error;
-    if (of === asked) wrong.value = error.problems; // else another recording was opened meanwhile
+    const problems = problemsOf(error);
+    if (of === asked) wrong.value = problems; // else another recording was opened meanwhile
   }
 });
 
@@ -213,25 +201,20 @@ export function pick(time: number): void {
 /** Field of a time, with a resolution of a millionth of the view. */
 export const told = (time: number, [from, to]: [number, number]): string => instant(time, (to - from) / 1e6);
 
-/** Two cursors, with the time, difference and slope between them for each shown channel. */
-export function Measuring(props: {
+interface MeasuredProps {
   path: string;
-  version: string;
-  columns: string[];
-  span: [number, number];
+  span: Span;
   isTimed: boolean;
-}) {
+}
+
+/** Two cursors, with the time, difference and slope between them for each shown channel. */
+export function Measuring(props: MeasuredProps & { version: string; columns: string[] }) {
   const { path, version, columns, span, isTimed } = props;
   const now = cursors.value;
   const other = beside.value;
   const unit = isTimed ? "s" : "samples";
-  const wanted = JSON.stringify({
-    path,
-    at: now,
-    columns,
-    beside: other?.strokes.length ? other.path : "",
-    shift: other?.shift ?? 0,
-  });
+  const overlay = { beside: other?.strokes.length ? other.path : "", shift: other?.shift ?? 0 };
+  const wanted = JSON.stringify({ path, at: now, columns, ...overlay });
   useEffect(() => {
     asked = wanted;
     if (now) void fetchMeasured();
@@ -268,7 +251,7 @@ export function Measuring(props: {
         {now && cursor(1)}
         {now && <span class="note">A click in a plot moves the nearer cursor there.</span>}
       </p>
-      {now && <MeasuredTable path={path} wanted={wanted} span={span} isTimed={isTimed} />}
+      {now && <MeasuredTable {...{ path, wanted, span, isTimed }} />}
     </section>
   );
 }
@@ -277,8 +260,7 @@ export function Measuring(props: {
  * Table of the measured values. It is separate from the cursors, so that an answer does not overwrite a field in
  * use.
  */
-function MeasuredTable(props: { path: string; wanted: string; span: [number, number]; isTimed: boolean }) {
-  const { path, wanted, span, isTimed } = props;
+function MeasuredTable({ path, wanted, span, isTimed }: MeasuredProps & { wanted: string }) {
   const found = measured.value;
   if (!found) return null;
   const unit = isTimed ? "s" : "samples";

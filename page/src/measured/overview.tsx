@@ -5,7 +5,7 @@ import { FigureView } from "../plots/figure";
 import { count, digits } from "../plots/looks";
 import { saveRows } from "../plots/saving";
 import { link } from "../routes";
-import type { CommandInput } from "../server/generated";
+import type { Form, FrictionMap, Slice } from "../server/generated";
 import type { Listed } from "../server/server";
 import { useRequest } from "../workspace/answers";
 import { Button, Tick } from "../workspace/fields";
@@ -14,7 +14,8 @@ import { JobForm } from "../workspace/form";
 import { stale, trace, useHeadlines } from "../workspace/lineage";
 import { Findings, useView } from "../workspace/result";
 import { comparePair, partsOf, Rename } from "../workspace/studies";
-import { type FrictionMap, overPressure, type Slice } from "./friction";
+import { ObjectLink } from "../workspace/tree";
+import { overPressure } from "./friction";
 
 const MOST_OPEN = 8; // recordings whose names are shown at once
 const MOST = 200; // names of a row; the search of the tree finds the others
@@ -23,7 +24,6 @@ const MM = 1000; // mm in a metre
 const SPARK = { width: 120, height: 36, room: 4 };
 
 type Part = Slice["groups"][number];
-type Forms = Record<string, { fields: CommandInput[] }>;
 
 const chosen = signal<string[]>([]);
 const verb = signal(""); // command whose form is open for the chosen recordings
@@ -92,6 +92,10 @@ export function Recordings({ files: all }: { files: Listed[] }) {
   );
 }
 
+/** Return the ends of some values in words. */
+const range = (values: number[], count: number): string =>
+  [Math.min(...values), Math.max(...values)].map((end) => digits(end, count)).join(" to ");
+
 /** Whether recordings of the folder made the points of a seal. */
 const isOf = ({ points }: Part, { recordings }: FrictionMap, paths: string[]): boolean =>
   points.some((point) => paths.includes(recordings[point.recording] ?? ""));
@@ -102,15 +106,12 @@ function Friction({ path, map, slice }: { path: string; map: FrictionMap; slice:
   const seals = Object.keys(map.seals).length;
   const speeds = map.groups.flatMap((group) => group.points.map((point) => MM * point.speed));
   const gauges = slice.groups.flatMap((group) => group.points.map((point) => point.gauge / BAR));
-  const [low, high] = [Math.min(...gauges), Math.max(...gauges)].map((gauge) => digits(gauge, 2));
-  const ends = [Math.min(...speeds), Math.max(...speeds)].map((speed) => digits(speed, 2)).join(" to ");
+  const recordings = count(Object.keys(map.recordings).length, "recording");
   return (
     <>
       <h3>
         <a href={link("friction", path)}>{`Friction of ${count(seals, "seal")}`}</a>{" "}
-        <span class="note">
-          {`${count(Object.keys(map.recordings).length, "recording")}, ${low} to ${high} bar gauge, ${ends} mm/s`}
-        </span>
+        <span class="note">{`${recordings}, ${range(gauges, 2)} bar gauge, ${range(speeds, 2)} mm/s`}</span>
       </h3>
       <div class="result">
         <div class="panel">
@@ -138,16 +139,11 @@ function Spark({ part, all }: { part: Part; all: Part[] }) {
   const x = (gauge: number) => room + (Math.max(gauge, 0) / most.gauge) * (width - 2 * room);
   const y = (friction: number) => height - room - (friction / most.friction) * (height - 2 * room);
   const { curve } = part;
+  const line = curve?.gauge.map((gauge, k) => `${x(gauge).toFixed(1)} ${y(curve.friction[k] ?? 0).toFixed(1)}`);
   return (
     <svg width={width} height={height} role="img" aria-label={`Friction of ${part.assembly} over pressure`}>
       <path d={`M0 ${height - 1}H${width}`} stroke="var(--grid)" />
-      {curve && (
-        <path
-          d={`M${curve.gauge.map((gauge, k) => `${x(gauge).toFixed(1)} ${y(curve.friction[k] ?? 0).toFixed(1)}`).join("L")}`}
-          fill="none"
-          stroke="var(--fig-blue)"
-        />
-      )}
+      {line && <path d={`M${line.join("L")}`} fill="none" stroke="var(--fig-blue)" />}
       {part.points.map((point, k) => (
         <circle key={k} cx={x(point.gauge)} cy={y(point.friction)} r="2.2" fill="var(--fig-blue)" />
       ))}
@@ -184,7 +180,7 @@ function Row(props: {
       <span class="holds">
         {part && (
           <>
-            <b>{`${digits(Math.min(...friction), 3)} to ${digits(Math.max(...friction), 3)} N`}</b> {fit}
+            <b>{range(friction, 3)} N</b> {fit}
           </>
         )}
       </span>
@@ -223,9 +219,7 @@ function Names({ paths }: { paths: string[] }) {
               value={chosen.value.includes(path)}
               put={(isIn) => choose([path], isIn)}
             />
-            <a href={link("recording", path)} title={path}>
-              {nameOf(path)}
-            </a>
+            <ObjectLink path={path} view="recording" name={nameOf(path)} />
             {stale.value.stale[path] && (
               <b class="missed" data-stale={path}>
                 out of date
@@ -233,9 +227,7 @@ function Names({ paths }: { paths: string[] }) {
             )}
             <details class="chip-menu">
               <summary aria-label={`More of ${path}`}>⋯</summary>
-              <Button class="link" aria-label={`Made from: ${path}`} act={() => trace(path)}>
-                made from
-              </Button>{" "}
+              <Button class="link" aria-label={`Made from: ${path}`} act={() => trace(path)} words="made from" />{" "}
               <Rename path={path} />
             </details>
           </li>
@@ -249,7 +241,7 @@ function Names({ paths }: { paths: string[] }) {
 /** Actions on all chosen recordings. A command is offered for those that have its channels. */
 function Chosen(props: { paths: string[]; map: FrictionMap | null; slice: Slice | null; mapPath: string }) {
   const { paths, map, slice, mapPath } = props;
-  const [forms] = useRequest<Forms>("/api/forms", paths.length ? {} : null, [studies.value]);
+  const [forms] = useRequest<Record<string, Form>>("/api/forms", paths.length ? {} : null, [studies.value]);
   if (!paths.length) return null;
   const able = (kind: string) => {
     const offered = forms?.[kind]?.fields.find((field) => field.kind === "recordings")?.choices ?? [];
@@ -280,13 +272,12 @@ function Chosen(props: { paths: string[]; map: FrictionMap | null; slice: Slice 
         <Button class="primary" disabled={!rig.length} act={() => (verb.value = "characterise")}>
           {rig.length > 1 ? `Characterise ${rig.length} together` : "Characterise"}
         </Button>
-        {seals.length === 2 ? (
+        {seals.length === 2 && (
           <a class="button" href={`${link("friction", mapPath)}?${address}`}>
             {`Compare ${seals.join(" and ")}`}
           </a>
-        ) : (
-          paths.length === 2 && <Button act={() => comparePair(paths)}>Compare</Button>
         )}
+        {seals.length !== 2 && paths.length === 2 && <Button act={() => comparePair(paths)}>Compare</Button>}
         {drive.length > 0 && (
           <Button act={() => (verb.value = "validate")}>{`Validate a drive on ${drive.length}`}</Button>
         )}

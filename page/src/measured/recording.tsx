@@ -8,32 +8,18 @@ import { type Curve, Plot, pixelsOfPlots } from "../plots/plot";
 import { link, route } from "../routes";
 import type { Frame, Numbers } from "../server/frame";
 import type { WindowHead as Head, Strokes as Moved, OpenedRecording as Opened, Proposal } from "../server/generated";
-import { ask, attempting, frame, type Problem, Refused, read, write } from "../server/server";
+import { ask, attempts, frame, type Problem, problemsOf, Refused, read, write } from "../server/server";
 import { useAnswer, useLive } from "../workspace/answers";
-import { Choose } from "../workspace/choose";
-import { Button, Tick, Ticks } from "../workspace/fields";
+import { Button, Remarks, Tick, Ticks } from "../workspace/fields";
 import { folderOf, list, nameOf, studies } from "../workspace/files";
 import { JobForm } from "../workspace/form";
-import { Problems, Table } from "../workspace/parts";
+import { Problems } from "../workspace/parts";
 import { Answer, useView } from "../workspace/result";
-import {
-  BesideRecording,
-  beside,
-  besideAsked,
-  cursors,
-  type Faults,
-  FaultsLine,
-  forgetBeside,
-  Measuring,
-  marksOf,
-  pick,
-  realign,
-  type Stroke,
-} from "./measure";
+import { Table } from "../workspace/table";
+import * as measure from "./measure";
 
 const MOST_PLOTS = 4; // to begin with
 const MOST_ANSWERED = 500_000; // samples of a recording that is read once more for its answer
-const READ_MS = 150; // between two looks at a file that is being read
 const LOOK_MS = 1000; // at one that is shown
 const MOST_LOAD = 0.2; // fraction of the time for reading a file that keeps changing
 
@@ -42,9 +28,8 @@ const shown = signal<string[]>([]);
 const span = signal<[number, number]>([0, 1]);
 const pixels = signal(1000);
 const views = signal<{ head: Head; time: Numbers; channels: Map<string, Numbers> } | null>(null);
-const strokes = signal<Stroke[]>([]);
-const faults = signal<Faults>({});
-const without = signal(""); // why neither is shown
+const NONE: Moved = { strokes: [], faults: {} };
+const moved = signal(NONE); // strokes and faults, with a note why neither is shown
 const unmoved = signal<Problem[]>([]); // why they could not be read
 const wrong = signal<Problem[]>([]); // with the view that was asked for
 const unread = signal<Problem[]>([]); // with the file as it is now
@@ -53,17 +38,17 @@ const turn = signal(0); // of asking for the same view
 const proposal = signal<Proposal | null>(null);
 const proposals = new Map<string, Proposal>(); // of each recording the last one, with what was typed into it
 const said = signal("");
-const refused = signal<Problem[]>([]); // of a layout or of what is to be characterised: said beside its button
+const [refused, attempt] = attempts(); // of a layout or of what is to be characterised: said beside its button
 
 const shades = computed<Shade[]>(() =>
-  strokes.value.map((one) => ({ from: one.from, to: one.to, strong: one.direction > 0 })),
+  moved.value.strokes.map(({ from, to, direction }) => ({ from, to, strong: direction > 0 })),
 );
 
-const marks = computed(() => marksOf(faults.value));
+const marks = computed(() => measure.marksOf(moved.value.faults));
 
 let generation = 0;
 let wake = () => {};
-const pause = (ms: number) => new Promise<void>((resolve) => setTimeout((wake = resolve), ms));
+const rested = (ms: number) => new Promise<void>((resolve) => setTimeout((wake = resolve), ms));
 
 /** Open a recording, and check its file again while it is shown. The file may grow, be replaced, or be half written. */
 async function open(path: string): Promise<void> {
@@ -71,26 +56,24 @@ async function open(path: string): Promise<void> {
   const isGone = () => mine !== generation;
   about.value = views.value = again.value = null;
   proposal.value = proposals.get(path) ?? null;
-  strokes.value = [];
-  faults.value = {};
-  without.value = "";
+  moved.value = NONE;
   unread.value = wrong.value = refused.value = unmoved.value = [];
   said.value = "";
-  forgetBeside();
+  measure.forgetBeside();
   for (let began = performance.now(), rest = 0; !isGone(); ) {
     try {
       const found = await read<Opened>("/api/recording", { path });
       if (isGone()) return;
       if (found.channels && found.key !== keyShown()) await put(found, path, isGone);
       else stay(found);
-      rest = found.share === undefined ? Math.max(LOOK_MS, (performance.now() - began) / MOST_LOAD) : READ_MS;
+      rest = found.share === undefined ? Math.max(LOOK_MS, (performance.now() - began) / MOST_LOAD) : measure.READ_MS;
     } catch (error) {
-      if (!(error instanceof Refused)) throw error;
-      if (!isGone()) unread.value = error.problems;
+      const problems = problemsOf(error);
+      if (!isGone()) unread.value = problems;
       return;
     }
-    await pause(rest);
-    if (rest !== READ_MS) began = performance.now();
+    await rested(rest);
+    if (rest !== measure.READ_MS) began = performance.now();
   }
 }
 
@@ -108,24 +91,13 @@ function stay(found: Opened): void {
 async function put(found: Opened, path: string, isGone: () => boolean): Promise<void> {
   const before = keyShown() ? about.value! : undefined;
   if (!before) show(found);
-  let moved: Moved = { strokes: [], faults: {} };
-  let problems: Problem[] = [];
-  try {
-    if (found.layout !== null || found.time) moved = await read<Moved>("/api/strokes", { path });
-  } catch (error) {
-    if (!(error instanceof Refused)) throw error;
-    problems = error.problems;
-  }
+  const isMoved = found.layout !== null || found.time;
+  const answer = isMoved ? await read<Moved>("/api/strokes", { path }).catch(problemsOf) : NONE;
   if (isGone()) return;
   batch(() => {
     if (before) show(found, before);
-    [strokes.value, faults.value, without.value, unmoved.value] = [
-      moved.strokes,
-      moved.faults,
-      moved.note ?? "",
-      problems,
-    ];
-    if (before) realign(moved.strokes);
+    [moved.value, unmoved.value] = Array.isArray(answer) ? [NONE, answer] : [answer, []];
+    if (before) measure.realign(moved.value.strokes);
   });
 }
 
@@ -144,7 +116,7 @@ function show(found: Opened, before?: Opened): void {
       const named = found.channels!.filter((one) => one.unit); // by the layout, or by the file itself
       shown.value = (named.length ? named : found.channels!).slice(0, MOST_PLOTS).map((one) => one.column);
       views.value = null;
-      forgetBeside();
+      measure.forgetBeside();
     }
     look(isZoomed ? [from, to] : found.span!);
   });
@@ -174,7 +146,7 @@ const asked = computed(() => {
     to,
     pixels: pixels.value,
     columns: shown.value.join("\n"),
-    ...besideAsked(),
+    ...measure.besideAsked(),
   };
 });
 
@@ -199,36 +171,22 @@ function take({ head, arrays }: Frame<Head>): void {
 export const enough = (from: number, to: number): number =>
   Math.min(Math.max(Math.ceil(Math.log10(Math.max(Math.abs(from), Math.abs(to)) / (to - from || 1))) + 4, 7), 16);
 
-function zoom(factor: number): void {
+/** Show a part as wide as the present one times a factor, moved by a share of it. */
+function move(factor: number, share = 0): void {
   const [from, to] = span.value;
-  const middle = 0.5 * (from + to);
-  look([middle - 0.5 * factor * (to - from), middle + 0.5 * factor * (to - from)]);
+  const [middle, half] = [0.5 * (from + to) + share * (to - from), 0.5 * factor * (to - from)];
+  look([middle - half, middle + half]);
 }
 
-function pan(share: number): void {
-  const [from, to] = span.value;
-  look([from + share * (to - from), to + share * (to - from)]);
-}
-
-export function RecordingView() {
+export default function RecordingView() {
   const { path } = route.value;
   useLive<Head>(() => asked.value, take);
   const found = about.value;
   const view = useView(found?.layout && found.samples! < MOST_ANSWERED ? path : "", found?.key);
   useEffect(() => {
-    if (path) void open(path);
+    void open(path);
     return () => void (generation += 1);
   }, [path]);
-  if (!path)
-    return (
-      <Choose
-        title="Recordings"
-        hint="A recording is a table of channels over time: CSV, Parquet, MAT, TDMS or MF4. Add your own, or look at two shipped ones."
-        view="recording"
-        kinds={["recording"]}
-        recordings
-      />
-    );
   return (
     <div class="recording">
       <h2>{path}</h2>
@@ -250,14 +208,10 @@ export function RecordingView() {
             </div>
             <aside class="panel">
               <Channels found={found} />
-              <FaultsLine faults={faults.value} span={span.value} whole={found.span!} onShow={look} />
-              <BesideRecording path={path} strokes={strokes.value} onShow={look} />
-              <Measuring
-                path={path}
-                version={found.key!}
-                columns={shown.value}
-                span={span.value}
-                isTimed={found.time!}
+              <measure.FaultsLine faults={moved.value.faults} span={span.value} whole={found.span!} onShow={look} />
+              <measure.BesideRecording path={path} strokes={moved.value.strokes} onShow={look} />
+              <measure.Measuring
+                {...{ path, version: found.key!, columns: shown.value, span: span.value, isTimed: found.time! }}
               />
             </aside>
           </div>
@@ -305,10 +259,10 @@ function Controls({ found }: { found: Opened }) {
   return (
     <p class="row" role="group" aria-label="View">
       <Button act={() => look(found.span!)}>Whole recording</Button>
-      <Button act={() => zoom(0.5)}>Closer</Button>
-      <Button act={() => zoom(2)}>Wider</Button>
-      <Button act={() => pan(-0.5)}>Earlier</Button>
-      <Button act={() => pan(0.5)}>Later</Button>
+      <Button act={() => move(0.5)}>Closer</Button>
+      <Button act={() => move(2)}>Wider</Button>
+      <Button act={() => move(1, -0.5)}>Earlier</Button>
+      <Button act={() => move(1, 0.5)}>Later</Button>
       <span role="status" data-from={from} data-to={to}>
         {found.time
           ? `${digits(from, enough(from, to))} s to ${digits(to, enough(from, to))} s`
@@ -317,7 +271,7 @@ function Controls({ found }: { found: Opened }) {
         {head && !head.raw && ", lowest and highest of each pixel"}
         {head && head.missing > 0 && `, ${head.missing} values are not numbers, or beyond 3e38`}
         {again.value !== null && `, the file was replaced: ${Math.round(100 * again.value)} % read`}
-        {strokes.value.length > 0 && `, ${strokes.value.length} strokes (darker: towards +x)`}
+        {shades.value.length > 0 && `, ${shades.value.length} strokes (darker: towards +x)`}
       </span>
     </p>
   );
@@ -327,11 +281,7 @@ function Controls({ found }: { found: Opened }) {
 function Channels({ found }: { found: Opened }) {
   return (
     <>
-      {[...(isForeign(found) ? [] : found.notes!), ...(without.value ? [without.value] : [])].map((note) => (
-        <p class="note" key={note}>
-          {note}
-        </p>
-      ))}
+      <Remarks of={[...(isForeign(found) ? [] : found.notes!), moved.value.note ?? ""].filter(Boolean)} />
       <Ticks
         legend="Channels"
         options={found.channels!.map((one): [string, string] => [one.column, one.label])}
@@ -359,7 +309,7 @@ function Spectrum({ found, path }: { found: Opened; path: string }) {
   return (
     <section aria-label="Spectrum">
       <p class="row">
-        <Tick label="spectrum of the view" value={isSpectral.value} put={(isOn) => (isSpectral.value = isOn)} />
+        <Tick label="spectrum of the view" of={isSpectral} />
         {isSpectral.value && (
           <span class="note">
             Amplitude density, Welch, Hann windows of at most 16384 samples; its square, integrated over frequency, is
@@ -371,18 +321,13 @@ function Spectrum({ found, path }: { found: Opened; path: string }) {
       {drawn && (
         <div class="plots">
           {found
-            .channels!.filter((one) => drawn.has(`hz/${one.column}`))
-            .map((one) => (
+            .channels!.filter(({ column }) => drawn.has(`hz/${column}`))
+            .map(({ column, label, unit }) => (
               <Plot
-                key={one.column}
-                title={`Spectrum of ${one.label}`}
-                unit={`${one.unit || "1"}/√Hz`}
-                xUnit="Hz"
-                size={1}
-                log
-                curves={[
-                  { label: one.label, x: drawn.get(`hz/${one.column}`)!, y: drawn.get(`density/${one.column}`)! },
-                ]}
+                key={column}
+                title={`Spectrum of ${label}`}
+                {...{ unit: `${unit || "1"}/√Hz`, xUnit: "Hz", size: 1, log: true }}
+                curves={[{ label, x: drawn.get(`hz/${column}`)!, y: drawn.get(`density/${column}`)! }]}
               />
             ))}
         </div>
@@ -398,7 +343,7 @@ async function samplesOf(column: string): Promise<Map<string, Numbers>> {
   try {
     return (await frame("/api/samples", given)).arrays;
   } catch (error) {
-    if (error instanceof Refused) wrong.value = error.problems;
+    wrong.value = problemsOf(error);
     throw error;
   }
 }
@@ -413,8 +358,12 @@ function Plots({ found }: { found: Opened }) {
       {drawn.map((one, k) => {
         const curves: Curve[] = [{ label: one.label, x: now.time, y: now.channels.get(one.column)! }];
         const there = now.channels.get(`beside/${one.column}`);
-        if (there && beside.value)
-          curves.push({ label: `${one.label} (${beside.value.path})`, x: now.channels.get("beside/time")!, y: there });
+        if (there && measure.beside.value)
+          curves.push({
+            label: `${one.label} (${measure.beside.value.path})`,
+            x: now.channels.get("beside/time")!,
+            y: there,
+          });
         return (
           <Plot
             key={one.column}
@@ -428,8 +377,8 @@ function Plots({ found }: { found: Opened }) {
             onReset={from > found.span![0] || to < found.span![1] ? () => look(found.span!) : undefined}
             shades={shades.value}
             marks={marks.value}
-            cursors={cursors.value ?? undefined}
-            onPick={pick}
+            cursors={measure.cursors.value ?? undefined}
+            onPick={measure.pick}
             gaps
             extreme={!now.head.raw}
             samples={() => samplesOf(one.column)}
@@ -443,7 +392,7 @@ function Plots({ found }: { found: Opened }) {
 
 /** Form that proposes a layout, lets the user correct it, and writes it next to the recording. */
 function Wizard({ path }: { path: string }) {
-  const place = path.includes("/") ? `${path.slice(0, path.lastIndexOf("/"))}/layout.toml` : "layout.toml";
+  const place = [folderOf(path), "layout.toml"].filter(Boolean).join("/");
   const now = proposal.value;
   const own = nameOf(path).replace(/\..*$/, "");
   const isOther = isForeign(about.value); // its layout goes into a folder of its own
@@ -455,7 +404,6 @@ function Wizard({ path }: { path: string }) {
         The layout of the folder names its columns: a recording of a {about.value.layout.replace("-", " ")}.
       </p>
     );
-  const attempt = attempting(refused);
   const put = (one: Proposal) => {
     proposals.set(path, one);
     if (route.value.path === path) proposal.value = one;
@@ -526,11 +474,9 @@ function Wizard({ path }: { path: string }) {
 }
 
 /** Friction of a recording, alone or together with others, by the same command as in a terminal. */
-function Characterise({ path }: { path: string }) {
-  return (
-    <section aria-label="Friction">
-      <h2>Friction of this recording</h2>
-      <JobForm kind="characterise" start={{ recordings: [path], name: nameOf(path).replace(/\..*$/, "") }} />
-    </section>
-  );
-}
+const Characterise = ({ path }: { path: string }) => (
+  <section aria-label="Friction">
+    <h2>Friction of this recording</h2>
+    <JobForm kind="characterise" start={{ recordings: [path], name: nameOf(path).replace(/\..*$/, "") }} />
+  </section>
+);

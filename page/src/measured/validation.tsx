@@ -7,25 +7,31 @@ import { computed, signal } from "@preact/signals";
 import { Fragment } from "preact";
 import { useEffect } from "preact/hooks";
 import { open as openDrive, valid } from "../drive/opened";
-import { digits, instant } from "../plots/looks";
+import { digits, instant, withUnit } from "../plots/looks";
 import { curveOf, Plot } from "../plots/plot";
 import { inCatalogue, link, route } from "../routes";
 import type { Frame } from "../server/frame";
-import type { ValidationHead as Head, ValidatedRecord as Recorded, Validation } from "../server/generated";
-import { ask, attempting, type Problem, Refused, read } from "../server/server";
+import type {
+  Compared,
+  Field,
+  ValidationHead as Head,
+  ValidatedRecord as Recorded,
+  Validation,
+} from "../server/generated";
+import { ask, attempts, problemsOf, read } from "../server/server";
 import { undoable } from "../undo";
-import { useLive } from "../workspace/answers";
-import { Button } from "../workspace/fields";
-import { filesOf, folderOf, kindOf, list, studies } from "../workspace/files";
+import { isShowable, useLive } from "../workspace/answers";
+import { Button, Fold, type Option } from "../workspace/fields";
+import { filesOf, folderOf, kindOf, list } from "../workspace/files";
 import { JobForm, requestOf, useHeldOut } from "../workspace/form";
 import { follow, jobs } from "../workspace/jobs";
-import { InFolder, Problems, ReportOf, Select, SliderRow, Table } from "../workspace/parts";
+import { InFolder, Problems, ReportOf, Select, SliderRow } from "../workspace/parts";
 import { Answer, useView, Values } from "../workspace/result";
-import { type Compared, Differences } from "./differences";
+import { Table } from "../workspace/table";
+import { Differences } from "./differences";
 
 const found = signal<Validation | null>(null);
-const wrong = signal<Problem[]>([]);
-const attempt = attempting(wrong);
+const [wrong, attempt] = attempts();
 const frame = signal<Frame<Head> | null>(null);
 const record = signal(0);
 const span = signal<[number, number]>([0, 1]);
@@ -44,7 +50,7 @@ const field = computed(() => fields.value.find((one) => one.key === key.value));
 const changes = computed<Record<string, string | number>>(() => {
   const [one, value] = [field.value, number.value];
   if (!one || value === null || value === one.number) return {};
-  return { [one.key]: one.unit ? `${value} ${one.unit}` : value };
+  return { [one.key]: withUnit(value, one.unit) };
 });
 
 async function load(at: string): Promise<void> {
@@ -60,30 +66,20 @@ async function load(at: string): Promise<void> {
     key.value = one.diagnosis.culprit?.find((cause) => cause.free.length)?.free[0] ?? "";
     if (one.editable) await openDrive(one.drive);
   } catch (error) {
-    if (error instanceof Refused && path.value === at) wrong.value = error.problems;
+    const problems = problemsOf(error);
+    if (path.value === at) wrong.value = problems;
   }
 }
 
-export function ValidationView() {
+function request(): Record<string, unknown> | null {
+  if (!found.value || !path.value) return null;
+  const shown = { path: path.value, record: record.value, span: span.value, pixels: 1000 };
+  return { what: "validation", ...shown, changes: changes.value, drive: found.value.drive };
+}
+
+export default function ValidationView() {
   useEffect(() => void follow(), []);
-  useLive<Head>(
-    () =>
-      found.value && path.value
-        ? {
-            what: "validation",
-            path: path.value,
-            record: record.value,
-            span: span.value,
-            pixels: 1000,
-            changes: changes.value,
-            drive: found.value.drive,
-          }
-        : null,
-    (answer) => {
-      wrong.value = answer.head.problems ?? [];
-      if (!answer.head.problems) frame.value = answer;
-    },
-  );
+  useLive<Head>(request, (answer) => isShowable(answer, wrong) && (frame.value = answer));
   useEffect(() => {
     if (path.value) void load(path.value);
   }, [path.value]);
@@ -165,10 +161,9 @@ function Result({ now }: { now: Validation }) {
         </aside>
       </div>
       {view && (
-        <details>
-          <summary>Numbers, stops, conditions and notes</summary>
+        <Fold title="Numbers, stops, conditions and notes">
           <Values view={view} />
-        </details>
+        </Fold>
       )}
       <Origins now={now} />
     </>
@@ -177,10 +172,7 @@ function Result({ now }: { now: Validation }) {
 
 /** The recordings with their badges; one of them is drawn. */
 function RecordingsOf({ now }: { now: Validation }) {
-  const show = (index: number) => {
-    record.value = index;
-    span.value = now.record[index]!.span;
-  };
+  const show = (index: number) => ([record.value, span.value] = [index, now.record[index]!.span]);
   return (
     <>
       <Table
@@ -264,8 +256,9 @@ function Runs({ now, one }: { now: Validation; one: Recorded }) {
             : ""}
         </span>
       </h3>
-      {!shown && <p role="status">Reading the runs.</p>}
-      {shown && (
+      {!shown ? (
+        <p role="status">Reading the runs.</p>
+      ) : (
         <>
           <div class="plots">
             {now.channels.map((channel, index) => (
@@ -275,14 +268,13 @@ function Runs({ now, one }: { now: Validation; one: Recorded }) {
               </Fragment>
             ))}
           </div>
-          <details>
-            <summary>Residuals of the pressures</summary>
+          <Fold title="Residuals of the pressures">
             <div class="plots">
               {now.channels.slice(1).map((channel) => (
                 <ChannelPlot key={channel.column} channel={channel} of={one} isOff bare={false} window={now.window_s} />
               ))}
             </div>
-          </details>
+          </Fold>
         </>
       )}
     </section>
@@ -310,17 +302,13 @@ function ChannelPlot(props: {
   const { arrays, head } = frame.value!;
   const x = arrays.get("time_s")!;
   const first = isOff ? ["restarted", `from states, ${digits(window)} s`] : ["measured", "measured"];
-  const runs = [first, ["free", "free run"], ...(head.fit ? [["changed", "changed"]] : [])].map(
-    ([run, words], look) => ({
-      ...curveOf(arrays, x, `${column}.${run}${isOff ? ".residual" : ""}`, words!),
-      look,
-    }),
-  );
+  const runs = [first, ["free", "free run"], ...(head.fit ? [["changed", "changed"]] : [])];
+  const curves = runs.map(([run, words]) => curveOf(arrays, x, `${column}.${run}${isOff ? ".residual" : ""}`, words!));
   const [from, to] = span.value;
   return (
     <Plot
       title={isOff ? `residual of ${label}` : label}
-      curves={runs}
+      curves={curves}
       height={isOff ? HEIGHTS.off : column === "position_m" ? HEIGHTS.first : HEIGHTS.other}
       {...{ unit, size, bare, range: span.value }}
       onZoom={(low, high) => (span.value = [low, high])}
@@ -357,17 +345,15 @@ function Fits({ now, one }: { now: Validation; one: Recorded }) {
   );
 }
 
+const optionOf = ({ key, number: at, unit }: Field): Option => [key, `${key} = ${digits(at, 4)} ${unit}`];
+
 /** Slider that moves one value of the drive towards the recording, followed by the fit that identifies it. */
 function Suspect({ now }: { now: Validation }) {
   const one = field.value;
   if (!now.editable || !fields.value.length) return null;
   const value = number.value ?? one?.number ?? 0;
-  const [low, high] = one
-    ? [
-        Math.min(0.5 * one.number!, 1.5 * one.number!) || one.low!,
-        Math.max(0.5 * one.number!, 1.5 * one.number!) || one.high!,
-      ]
-    : [0, 1];
+  const [less, more] = [0.5, 1.5].map((factor) => factor * (one?.number ?? 0)).sort((a, b) => a - b);
+  const isChanged = value !== one?.number;
   const put = (next: number) => (number.value = Number.isFinite(next) ? next : null);
   return (
     <section aria-label="Suspect">
@@ -376,13 +362,7 @@ function Suspect({ now }: { now: Validation }) {
         <Select
           label="Value"
           value={key.value}
-          options={[
-            ["", "choose"],
-            ...fields.value.map(({ key: name, number: at, unit }): [string, string] => [
-              name,
-              `${name} = ${digits(at, 4)} ${unit}`,
-            ]),
-          ]}
+          options={[["", "choose"], ...fields.value.map(optionOf)]}
           put={(name) => ([key.value, number.value] = [name, null])}
         />
       </p>
@@ -391,13 +371,10 @@ function Suspect({ now }: { now: Validation }) {
           id="suspect"
           label={one.key}
           name={one.key}
-          value={value}
-          shown={value === one.number ? digits(value, 4) : value}
-          ends={[low, high]}
-          unit={one.unit}
-          kind={value === one.number ? one.kind : "changed"}
-          state={value === one.number ? one.kind : "changed"}
-          put={put}
+          shown={isChanged ? value : digits(value, 4)}
+          ends={[less || one.low!, more || one.high!]}
+          kind={isChanged ? "changed" : one.kind}
+          {...{ value, unit: one.unit, put }}
         />
       )}
       {key.value && <Refit now={now} />}
@@ -409,7 +386,7 @@ const difference = signal<Compared | null>(null);
 
 /** Identify the suspect value from these recordings, write it into a new drive file, and show the differences. */
 function Refit({ now }: { now: Validation }) {
-  const has = (file: string) => (studies.value?.files ?? []).some((one) => one.path === file);
+  const has = (file: string) => kindOf(file) !== "";
   const folder = folderOf(path.value);
   const fit = `${folder && `${folder}/`}fit-${key.value.replace(/[^\w]+/g, "-")}.toml`;
   const target = String(requestOf("apply").out ?? "");
@@ -455,8 +432,7 @@ function Refit({ now }: { now: Validation }) {
 function Origins({ now }: { now: Validation }) {
   if (!now.values.length) return null;
   return (
-    <details>
-      <summary>Where each value comes from</summary>
+    <Fold title="Where each value comes from">
       <Table
         label="Values of the drive"
         heads={["Key", "Value", "Where it comes from", "95 % interval", "Recordings", "Fit"]}
@@ -478,6 +454,6 @@ function Origins({ now }: { now: Validation }) {
           data: { "data-origin": one.key },
         }))}
       />
-    </details>
+    </Fold>
   );
 }

@@ -4,10 +4,10 @@ import type { ComponentChildren } from "preact";
 import { useState } from "preact/hooks";
 import type { Axis, Bars, Drawing, Heat, Mark, Markers, Panel, ShownFigure } from "../server/generated";
 import { Button } from "../workspace/fields";
+import { Table } from "../workspace/table";
 import { digits, pretty } from "./looks";
-import { RowsTable } from "./rows";
 import { saveDrawing, saveRows } from "./saving";
-import { asList, edges, isNumber, type Numbers, type Scale, scaleOf } from "./scale";
+import { asList, edges, endsOf, isNumber, type Numbers, type Scale, scaleOf } from "./scale";
 import { useWidth } from "./width";
 
 const [LEAST_WIDTH, LEAST_OF_MANY] = [230, 150]; // of a panel beside another one, and of many small ones
@@ -112,12 +112,18 @@ function Points({ mark, at }: { mark: Markers & { titles?: string[] }; at: Place
   );
 }
 
+type Ends = [number, number];
+
+/** Return the rectangle between two values of each axis, wider and higher by some pixels. */
+function boxOf({ px, py }: Place, [x0, x1]: Ends, [y0, y1]: Ends, more = 0) {
+  const side = (a: number, b: number) => ({ at: Math.min(a, b), size: Math.abs(b - a) + more });
+  const [x, y] = [side(px(x0), px(x1)), side(py(y0), py(y1))];
+  return { x: x.at, y: y.at, width: x.size, height: y.size };
+}
+
 function HeatCells({ mark, at }: { mark: Heat; at: Place }) {
   const values = mark.z.flat().filter(isNumber);
-  const [low, high] = [
-    values.reduce((a, b) => Math.min(a, b), Infinity),
-    values.reduce((a, b) => Math.max(a, b), -Infinity),
-  ];
+  const [low, high] = endsOf(values);
   const thinned = Math.ceil(Math.sqrt(Math.max(values.length / MOST_CELLS, 1)));
   const [xs, ys] = [mark.x.filter((_, k) => k % thinned === 0), mark.y.filter((_, k) => k % thinned === 0)];
   const [ex, ey] = [edges(xs), edges(ys)];
@@ -127,15 +133,9 @@ function HeatCells({ mark, at }: { mark: Heat; at: Place }) {
         xs.map((_, column) => {
           const value = mark.z[row * thinned]?.[column * thinned];
           if (!isNumber(value)) return null;
-          const [x0, x1, y0, y1] = [at.px(ex[column]!), at.px(ex[column + 1]!), at.py(ey[row]!), at.py(ey[row + 1]!)];
-          const share = high > low ? (value - low) / (high - low) : 0.5;
+          const box = boxOf(at, [ex[column]!, ex[column + 1]!], [ey[row]!, ey[row + 1]!], 0.5);
           return (
-            <rect
-              x={Math.min(x0, x1)}
-              y={Math.min(y0, y1)}
-              width={Math.abs(x1 - x0) + 0.5}
-              height={Math.abs(y1 - y0) + 0.5}
-              fill={colour(share)}>
+            <rect {...box} fill={colour(high > low ? (value - low) / (high - low) : 0.5)}>
               <title>{`${mark.label}: ${digits(value)}`}</title>
             </rect>
           );
@@ -155,10 +155,8 @@ function BarsOf({ mark, at }: { mark: Bars; at: Place }) {
       {mark.at.map((place, k) => {
         const value = mark.values[k];
         if (!isNumber(place) || !isNumber(value)) return null;
-        const [from, to, half] = [0, value, mark.thickness / 2];
-        const [x0, x1] = mark.across ? [at.px(from), at.px(to)] : [at.px(place - half), at.px(place + half)];
-        const [y0, y1] = mark.across ? [at.py(place - half), at.py(place + half)] : [at.py(from), at.py(to)];
-        return <rect x={Math.min(x0, x1)} y={Math.min(y0, y1)} width={Math.abs(x1 - x0)} height={Math.abs(y1 - y0)} />;
+        const sides: Ends = [place - mark.thickness / 2, place + mark.thickness / 2];
+        return <rect {...(mark.across ? boxOf(at, [0, value], sides) : boxOf(at, sides, [0, value]))} />;
       })}
     </g>
   );
@@ -211,11 +209,7 @@ function Drawn({ mark, at }: { mark: Mark; at: Place }) {
             stroke-width={1.2 * mark.width}
             stroke-dasharray={dashOf(mark.look[1])}
           />
-          {xs.length === 1 && at.hasEnds && (
-            <text x={x0 + 4} y={at.top + 12} fill="var(--soft)">
-              {mark.label}
-            </text>
-          )}
+          {xs.length === 1 && at.hasEnds && <Words x={x0 + 4} y={at.top + 12} words={mark.label} />}
         </>
       );
     }
@@ -225,7 +219,7 @@ function Drawn({ mark, at }: { mark: Mark; at: Place }) {
 }
 
 /** Labels of a panel that stand at the ends of its lines, apart from each other. */
-function endsOf(panel: Panel, at: Place): { label: string; y: number; ink: string }[] {
+function lineEnds(panel: Panel, at: Place): { label: string; y: number; ink: string }[] {
   const found = labelled(panel).flatMap((mark) => {
     if (mark.kind === "rule" && typeof mark.y === "number")
       return [{ label: mark.label, y: at.py(mark.y), ink: "var(--soft)" }];
@@ -254,6 +248,13 @@ const labelled = (panel: Panel): Exclude<Mark, Drawing>[] => {
   );
 };
 
+/** A text of a drawing that stands right of a point, around it or left of it. */
+const Words = (props: { x: number; y: number; side?: "end" | "middle"; ink?: "caption" | "soft"; words: string }) => (
+  <text x={props.x} y={props.y} text-anchor={props.side} fill={`var(--${props.ink ?? "soft"})`}>
+    {props.words}
+  </text>
+);
+
 interface PanelProps {
   panel: Panel;
   x: Axis;
@@ -275,19 +276,8 @@ const unitOf = ({ unit, label }: Axis): string => unit || label.slice(label.last
 const ticksOf = (scale: Scale, height: number) => scale.ticks(Math.max(Math.round(height / 48), 2));
 
 export function PanelDrawing(props: PanelProps) {
-  const {
-    panel,
-    x,
-    y,
-    scales: [sx, sy],
-    width,
-    height,
-    isBare,
-    hasEnds,
-    longest,
-    ends,
-    name,
-  } = props;
+  const { panel, x, y, scales, width, height, isBare, hasEnds, longest, ends, name } = props;
+  const [sx, sy] = scales;
   const yTicks = ticksOf(sy, height);
   const left = Math.min(14 + CHARACTER * longest, width * 0.4);
   const rightScale = panel.right.length ? scaleOf(panel.right_y, "y", panel.right) : null;
@@ -333,39 +323,27 @@ export function PanelDrawing(props: PanelProps) {
           {pretty(head.length > 1 || !panel.title ? y.label.replace("\n", " ") : "")}
         </text>
       )}
-      {rightScale && (
-        <text x={right + 44} y={14} text-anchor="end" fill="var(--soft)">
-          {panel.right_y.label}
-        </text>
-      )}
+      {rightScale && <Words x={right + 44} y={14} side="end" words={panel.right_y.label} />}
       {yTicks.map(([value, words]) => (
         <>
           {!y.names.length && <path d={`M${left} ${at.py(value * y.size)}H${right}`} stroke="var(--grid)" />}
-          <text x={left - 8} y={at.py(value * y.size) + 4} text-anchor="end" fill="var(--caption)">
-            {words}
-          </text>
+          <Words x={left - 8} y={at.py(value * y.size) + 4} side="end" ink="caption" words={words} />
         </>
       ))}
       {xTicks.map(([value, words], k) => (
         <>
           <path d={`M${at.px(value * x.size)} ${bottom}v4`} stroke="var(--edge)" />
           {!isBare && k % every === 0 && (
-            <text x={at.px(value * x.size)} y={bottom + 17} text-anchor="middle" fill="var(--caption)">
-              {words}
-            </text>
+            <Words x={at.px(value * x.size)} y={bottom + 17} side="middle" ink="caption" words={words} />
           )}
         </>
       ))}
       {rightScale?.ticks(4).map(([value, words]) => (
-        <text x={right + 8} y={bottom - rightScale.at(value) * (bottom - top) + 4} fill="var(--caption)">
-          {words}
-        </text>
+        <Words x={right + 8} y={bottom - rightScale.at(value) * (bottom - top) + 4} ink="caption" words={words} />
       ))}
       <path d={`M${left} ${bottom}H${right}`} stroke="var(--edge)" />
       {!isBare && x.is_named && x.label && (
-        <text x={(left + right) / 2} y={height - 5} text-anchor="middle" fill="var(--soft)">
-          {pretty(x.label)}
-        </text>
+        <Words x={(left + right) / 2} y={height - 5} side="middle" words={pretty(x.label)} />
       )}
       <clipPath id={clip}>
         <rect x={left - 6} y={top - 6} width={Math.max(right - left + 12, 0)} height={Math.max(bottom - top + 12, 0)} />
@@ -378,7 +356,7 @@ export function PanelDrawing(props: PanelProps) {
           panel.right.map((mark) => <Drawn mark={mark} at={{ ...at, py: place(rightScale, panel.right_y.size) }} />)}
       </g>
       {hasEnds &&
-        endsOf(panel, at).map((one) => (
+        lineEnds(panel, at).map((one) => (
           <text x={right + (rightScale ? 44 : 8)} y={one.y + 4} font-weight="650" fill={one.ink}>
             {one.label}
           </text>
@@ -441,23 +419,13 @@ function Labels({ marks }: { marks: Mark[] }) {
   const at: Place = { px: (value) => value, py: (value) => value, left: 0, right: 28, top: 0, bottom: 12 };
   const sample = (mark: Exclude<Mark, Drawing>): ComponentChildren => {
     if (mark.kind === "line") return <Drawn mark={{ ...mark, x: [0, 28], y: [6, 6] }} at={at} />;
+    const alone = { x: [14], y: [6, 6, 6], low: null, high: null, names: [] };
     if (mark.kind === "markers")
-      return (
-        <Points
-          mark={{ ...mark, x: mark.joined ? [2, 14, 26] : [14], y: [6, 6, 6], low: null, high: null, names: [] }}
-          at={at}
-        />
-      );
+      return <Points mark={{ ...mark, ...alone, ...(mark.joined && { x: [2, 14, 26] }) }} at={at} />;
     if (mark.kind === "rule")
       return <path d="M0 6H28" stroke={colour(mark.look[0])} stroke-dasharray={dashOf(mark.look[1])} />;
-    return (
-      <rect
-        width="28"
-        height="12"
-        fill={mark.kind === "heat" ? "var(--fig-deep)" : mark.look ? colour(mark.look[0]) : "var(--fig-band)"}
-        opacity={mark.kind === "band" && mark.look ? 0.3 : 1}
-      />
-    );
+    const fill = mark.kind === "heat" ? "var(--fig-deep)" : mark.look ? colour(mark.look[0]) : "var(--fig-band)";
+    return <rect width="28" height="12" fill={fill} opacity={mark.kind === "band" && mark.look ? 0.3 : 1} />;
   };
   return (
     <ul class="figure-labels">
@@ -483,25 +451,18 @@ function rowsOf(panels: { panel: Panel; x: Axis; y: Axis }[]): string[][] {
     isNumber(value) ? String(Number((value / axis.size).toPrecision(10))) : "";
   const rows = panels.flatMap(({ panel, x, y }) =>
     panel.marks.flatMap((mark) => {
-      if (mark.kind === "bars")
-        return mark.at.map((at, k) => [
-          panel.title,
-          mark.label,
-          (mark.across ? y : x).names[at ?? -1] ?? text(at, mark.across ? y : x),
-          text(mark.values[k], mark.across ? x : y),
-          "",
-          "",
-        ]);
+      const label = mark.kind === "drawing" ? "" : mark.label;
+      const place = (at: number | null, axis: Axis) => axis.names[at ?? -1] ?? text(at, axis);
+      const row = (at: string, values: string[]) => [panel.title, label, at, ...values];
+      if (mark.kind === "bars") {
+        const [along, across] = mark.across ? [y, x] : [x, y];
+        return mark.at.map((at, k) => row(place(at, along), [text(mark.values[k], across), "", ""]));
+      }
       if (mark.kind !== "line" && mark.kind !== "markers" && mark.kind !== "band") return [];
       const [low, high] = mark.kind === "line" ? [null, null] : [mark.low, mark.high];
-      return mark.x.map((at, k) => [
-        panel.title,
-        mark.label,
-        x.names[at ?? -1] ?? text(at, x),
-        mark.kind === "band" ? "" : text(mark.y[k], y),
-        text(low?.[k], y),
-        text(high?.[k], y),
-      ]);
+      const middle = mark.kind === "band" ? [] : mark.y;
+      const valuesAt = (k: number) => [middle, low, high].map((values) => text(values?.[k], y));
+      return mark.x.map((at, k) => row(place(at, x), valuesAt(k)));
     }),
   );
   const [first] = panels;
@@ -532,10 +493,8 @@ export function FigureView({ shown }: { shown: ShownFigure }) {
   const whole = ratios.reduce((sum, one) => sum + one, 0);
   const heightOf = (index: number) => {
     const row = index < 0 ? 1 : ((ratios[Math.floor(index / total)] ?? 1) * rows) / whole;
-    return Math.min(
-      Math.max(figure.row_in * INCH * row * (rows === 1 || index < 0 ? HERO : 1) + 40, LEAST_HEIGHT),
-      MOST_HEIGHT,
-    );
+    const height = figure.row_in * INCH * row * (rows === 1 || index < 0 ? HERO : 1) + 40;
+    return Math.min(Math.max(height, LEAST_HEIGHT), MOST_HEIGHT);
   };
   const panelWidth = Math.floor((width - 16 * (columns - 1)) / columns);
   const hasEnds = (panel: Panel) => {
@@ -560,59 +519,38 @@ export function FigureView({ shown }: { shown: ShownFigure }) {
     ];
     const height = heightOf(one.index);
     const longest = Math.max(...ticksOf(scales[1], height).map(([, words]) => words.length), 1);
-    return {
-      ...one,
-      scales,
-      height,
-      longest,
-      ends: hasEnds(one.panel) ? Math.max(...labelled(one.panel).map((mark) => mark.label.length), 0) : 0,
-    };
+    const ends = hasEnds(one.panel) ? Math.max(...labelled(one.panel).map((mark) => mark.label.length), 0) : 0;
+    return { ...one, scales, height, longest, ends };
   });
-  const [longest, ends] = [
-    Math.max(...placed.map((one) => one.longest), 1),
-    Math.max(...placed.map((one) => one.ends), 0),
-  ]; // panels below each other have one left and one right
-  const heat = drawnPanels.flatMap(({ panel }) => panel.marks).find((mark) => mark.kind === "heat");
+  /* Panels below each other have one left and one right. */
+  const longest = Math.max(...placed.map((one) => one.longest), 1);
+  const ends = Math.max(...placed.map((one) => one.ends), 0);
+  const marks = drawnPanels.flatMap(({ panel }) => panel.marks);
+  const heat = marks.find((mark) => mark.kind === "heat");
+  const points = marks.flatMap((mark) => (mark.kind === "markers" ? mark.x : []));
   return (
-    <figure
-      class="figure"
-      data-figure={shown.name}
-      data-points={
-        drawnPanels.flatMap(({ panel }) => panel.marks.flatMap((m) => (m.kind === "markers" ? m.x : []))).length
-      }>
+    <figure class="figure" data-figure={shown.name} data-points={points.length}>
       {figure.title && <p class="title">{figure.title}</p>}
       <Labels marks={heat ? [...above, heat] : above} />
       <div ref={place} class="figure-panels" style={{ gridTemplateColumns: `repeat(${columns}, minmax(0, 1fr))` }}>
         {width > 0 &&
-          placed.map(({ panel, index, x, y, scales, height, ...own }) => {
+          placed.map((one) => {
+            const { panel, index, height } = one;
             const [first] = panel.marks;
             const isTall = index < 0;
+            const gridColumn = isTall ? "1 / -1" : columns === total ? (index % total) + 1 : undefined;
             const wide = isTall || (columns < total && columns === 1) ? width : panelWidth;
             return (
-              <div
-                key={index}
-                style={
-                  isTall ? { gridColumn: "1 / -1" } : columns === total ? { gridColumn: (index % total) + 1 } : {}
-                }>
+              <div key={index} style={{ gridColumn }}>
                 {first?.kind === "drawing" ? (
                   <Paper drawing={first} width={wide} height={height} />
                 ) : (
                   <PanelDrawing
-                    panel={panel}
-                    x={x}
-                    y={y}
-                    scales={scales}
+                    {...one}
+                    {...(columns === 1 && { longest, ends })}
                     width={wide}
-                    height={height}
-                    isBare={
-                      isStacked &&
-                      !isTall &&
-                      index + total < figure.panels.length &&
-                      figure.panels[index + total] !== null
-                    }
+                    isBare={isStacked && !isTall && Boolean(figure.panels[index + total])}
                     hasEnds={hasEnds(panel)}
-                    longest={columns === 1 ? longest : own.longest}
-                    ends={columns === 1 ? ends : own.ends}
                     name={`${shown.name}-${index}`}
                   />
                 )}
@@ -623,12 +561,8 @@ export function FigureView({ shown }: { shown: ShownFigure }) {
       <figcaption>
         {shown.caption}{" "}
         <span class="saves">
-          <Button class="link" act={() => saveDrawing(shown.name, place.current!)}>
-            Save figure
-          </Button>{" "}
-          <Button class="link" act={() => saveRows(shown.name, rowsOf(drawnPanels))}>
-            Save numbers
-          </Button>
+          <Button class="link" act={() => saveDrawing(shown.name, place.current!)} words="Save figure" />{" "}
+          <Button class="link" act={() => saveRows(shown.name, rowsOf(drawnPanels))} words="Save numbers" />
         </span>
       </figcaption>
       <NumbersTable name={shown.name} rows={() => rowsOf(drawnPanels)} />
@@ -645,7 +579,7 @@ function NumbersTable({ name, rows }: { name: string; rows: () => string[][] }) 
   return (
     <details onToggle={(event) => setOpen(event.currentTarget.open)}>
       <summary aria-label={`${name}: values as a table`}>Values as a table</summary>
-      {open && <RowsTable name={name} heads={heads} rows={others.slice(0, MOST_ROWS)} />}
+      {open && <Table label={`Table of ${name}`} heads={heads} rows={others.slice(0, MOST_ROWS)} />}
     </details>
   );
 }

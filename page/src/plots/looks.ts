@@ -75,6 +75,9 @@ export function digits(value: number | null | undefined, count = 3): string {
   return Math.abs(short) < TINY && short !== 0 ? short.toExponential() : String(short);
 }
 
+/** A value as a file writes it. */
+export const withUnit = (value: number, unit = ""): string | number => (unit ? `${value} ${unit}` : value);
+
 /** A number of things in words: `1 impact`, `3 impacts`. */
 export const count = (number: number, thing: string): string => `${number} ${thing}${number === 1 ? "" : "s"}`;
 

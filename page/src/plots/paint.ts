@@ -3,18 +3,15 @@ import "../drive/language"; // before uPlot, which reads it
 import uPlot from "uplot";
 import { look, token } from "./looks";
 
-/** Colours of axes and grid. */
-/** Shaded time span: a stroke. */
-export interface Shade {
-  from: number;
-  to: number;
-  strong: boolean;
-}
-
 /** Marked place below the curves: a fault of a recording. */
 export interface Mark {
   from: number;
   to: number;
+}
+
+/** Shaded time span: a stroke. */
+export interface Shade extends Mark {
+  strong: boolean;
 }
 
 /** A marked moment above the curves, with its event. */
@@ -30,9 +27,6 @@ export interface Band {
   high: ArrayLike<number>;
   look: number;
 }
-
-export const ink = (): string => token("axis");
-export const grid = (): string => token("grid");
 
 /**
  * Return whether a curve reverses more often than every fourth pixel. Such a curve is drawn as `columns`: a stroke
@@ -83,6 +77,14 @@ function placed(u: uPlot, series: number) {
   };
 }
 
+/** Draw only within the area of the curves, until the canvas is restored. */
+function clipped({ ctx, bbox }: uPlot): void {
+  ctx.save();
+  ctx.beginPath();
+  ctx.rect(bbox.left, bbox.top, bbox.width, bbox.height);
+  ctx.clip();
+}
+
 export function curve(u: uPlot, series: number): void {
   if (u.scales.x!.distr === 3) return;
   if (isDense(u, series)) columns(u, series);
@@ -93,7 +95,7 @@ const DOT = 1.5; // radius of a value between two gaps, pixels
 
 /** Draw straight lines between values. A column of pixels keeps only its first, lowest, highest and last value. */
 export function lines(u: uPlot, series: number): void {
-  const { x, y, left, top, width, height, first, most, perX, perY } = placed(u, series);
+  const { x, y, left, top, first, most, perX, perY } = placed(u, series);
   const { ctx } = u;
   const own = u.series[series]!;
   const within = u.series[0]!.idxs;
@@ -103,10 +105,7 @@ export function lines(u: uPlot, series: number): void {
   while (from > 0 && y[from] === undefined); // to the value before the view, so that its line comes in
   do to += 1;
   while (to < x.length - 1 && y[to] === undefined);
-  ctx.save();
-  ctx.beginPath();
-  ctx.rect(left, top, width, height);
-  ctx.clip();
+  clipped(u);
   ctx.beginPath();
   let [column, low, high, begun, endX, endY, isOne] = [Number.NaN, 0, 0, 0, 0, 0, true];
   const leave = () => {
@@ -195,16 +194,22 @@ function columns(u: uPlot, series: number): void {
   u.ctx.restore();
 }
 
+/** Return the spans of time that the plot shows, each with its ends in pixels. */
+function seen<Span extends Mark>(u: uPlot, spans: Span[]): { one: Span; from: number; to: number }[] {
+  const { left, width } = u.bbox;
+  const [low, high] = [u.scales.x!.min!, u.scales.x!.max!];
+  const pixel = (time: number) => Math.min(Math.max(u.valToPos(time, "x", true), left), left + width);
+  const shown = spans.filter((one) => one.to >= low && one.from <= high);
+  return shown.map((one) => ({ one, from: pixel(one.from), to: pixel(one.to) }));
+}
+
 /** Shade the time spans below the curves. If they are many and too thin to see, draw no shading. */
 export function shade(u: uPlot, parts: Shade[]): void {
-  const { left, top, width, height } = u.bbox;
-  const [low, high] = [u.scales.x!.min!, u.scales.x!.max!];
-  const seen = parts.filter((one) => one.to >= low && one.from <= high);
-  if (seen.length > width / 4) return;
+  const { top, width, height } = u.bbox;
+  const shown = seen(u, parts);
+  if (shown.length > width / 4) return;
   u.ctx.save();
-  for (const one of seen) {
-    const from = Math.max(u.valToPos(one.from, "x", true), left);
-    const to = Math.min(u.valToPos(one.to, "x", true), left + width);
+  for (const { one, from, to } of shown) {
     u.ctx.fillStyle = token(one.strong ? "stroke-strong" : "stroke");
     u.ctx.fillRect(from, top, to - from, height);
   }
@@ -214,14 +219,10 @@ export function shade(u: uPlot, parts: Shade[]): void {
 /** Mark places by a bar at the foot of the plot, at least three pixels wide. */
 export function mark(u: uPlot, places: Mark[]): void {
   const { left, top, width, height } = u.bbox;
-  const [low, high] = [u.scales.x!.min!, u.scales.x!.max!];
   const [tall, thin] = [7 * devicePixelRatio, 3 * devicePixelRatio];
   u.ctx.save();
   u.ctx.fillStyle = token("mark");
-  for (const one of places) {
-    if (one.to < low || one.from > high) continue;
-    const from = Math.max(u.valToPos(one.from, "x", true), left);
-    const to = Math.min(u.valToPos(one.to, "x", true), left + width);
+  for (const { from, to } of seen(u, places)) {
     u.ctx.fillRect(Math.min(from, left + width - thin), top + height - tall, Math.max(to - from, thin), tall);
   }
   u.ctx.restore();
@@ -287,10 +288,7 @@ export function flag(u: uPlot, events: Event[]): void {
 }
 
 export function fill(u: uPlot, bands: Band[], size: number): void {
-  u.ctx.save();
-  u.ctx.beginPath();
-  u.ctx.rect(u.bbox.left, u.bbox.top, u.bbox.width, u.bbox.height);
-  u.ctx.clip();
+  clipped(u);
   for (const one of bands) {
     u.ctx.beginPath();
     const at = (i: number, values: ArrayLike<number>) =>

@@ -2,30 +2,16 @@
 
 import type { Signal } from "@preact/signals";
 import { useLayoutEffect, useRef, useState } from "preact/hooks";
+import { Table } from "../workspace/table";
 import "../drive/language"; // before uPlot, which reads it
 import uPlot from "uplot";
 import "uplot/dist/uPlot.min.css";
 import "./plot.css";
-import type { Numbers } from "../server/frame";
+import type { Frame, Numbers } from "../server/frame";
+import type { RunPanel } from "../server/generated";
 import { Button } from "../workspace/fields";
-import { digits, instant, isDark, look, pretty } from "./looks";
-import {
-  type Band,
-  curve,
-  type Event,
-  fill,
-  flag,
-  grid,
-  ink,
-  type Mark,
-  mark,
-  path,
-  type Shade,
-  shade,
-  upright,
-  within,
-} from "./paint";
-import { RowsTable } from "./rows";
+import { digits, instant, isDark, look, pretty, token } from "./looks";
+import * as paint from "./paint";
 import { type Saved, saveCsv, savePng, saveSamples } from "./saving";
 
 export interface Curve {
@@ -40,6 +26,10 @@ export interface Curve {
 export function curveOf(arrays: Map<string, Numbers>, x: Numbers, column: string, label: string): Curve {
   return { label, x, y: arrays.get(column)!, at: arrays.get(`${column}/at`) };
 }
+
+/** Return the curves of a panel of a run. */
+export const curvesOf = ({ arrays }: Frame<unknown>, { curves }: RunPanel): Curve[] =>
+  curves.map(({ column, label }) => curveOf(arrays, arrays.get("time_s")!, column, label));
 
 /** Return the last index at or before a time, or the first index if the time is before it. */
 export function indexAt(times: ArrayLike<number>, at: number): number {
@@ -74,11 +64,11 @@ export interface PlotProps {
   onZoom?: (from: number, to: number) => void;
   onReset?: () => void; // present while a part of the time is shown
   range?: [number, number];
-  shades?: Shade[];
-  bands?: Band[];
+  shades?: paint.Shade[];
+  bands?: paint.Band[];
   gaps?: boolean; // values that are no number are gaps, also beside another curve
-  marks?: Mark[];
-  events?: Event[];
+  marks?: paint.Mark[];
+  events?: paint.Event[];
   cursors?: number[]; // times of upright lines, the first one solid, the second one dashed
   onHover?: (time: number) => void; // of the value that is pointed at
   onPick?: (time: number) => void; // a click that is no drag
@@ -159,13 +149,14 @@ const LOW_SPACE = 16; // between numbers of a low plot
 
 /** Axes of a plot, in the colours of the paper. */
 const axes = (x: Partial<uPlot.Axis>, y: Partial<uPlot.Axis> = {}): uPlot.Axis[] => {
+  const font = "12px system-ui";
   const axis = {
     values: written,
-    stroke: ink(),
-    grid: { stroke: grid(), width: 1 },
+    stroke: token("axis"),
+    grid: { stroke: token("grid"), width: 1 },
     ticks: { show: false },
-    font: "12px system-ui",
-    labelFont: "12px system-ui",
+    font,
+    labelFont: font,
     labelSize: 16,
   };
   return [
@@ -199,6 +190,9 @@ export function Plot(props: PlotProps) {
   /* Layout effects: an effect would run after the next frame, and the curves would come one frame late. */
   useLayoutEffect(() => {
     const at = place.current!;
+    const rangeX: uPlot.Range.Function = (_, low, high) => latest.current.range ?? [low, high];
+    const rangeY: uPlot.Range.Function = (_, low, high) =>
+      low === null ? [low, high] : reach(...paint.within(latest.current, low, high));
     const made = new uPlot(
       {
         width: at.clientWidth || 400,
@@ -206,15 +200,8 @@ export function Plot(props: PlotProps) {
         padding: [EDGE, 12, props.bare ? EDGE : 0, 0],
         cursor: { ...(!props.log && { sync: { key: "time" } }), drag: { x: true, y: false, setScale: !props.onZoom } },
         scales: {
-          x: {
-            time: false,
-            ...(props.log
-              ? { distr: 3 }
-              : { range: (_: uPlot, low: number, high: number) => latest.current.range ?? [low, high] }),
-          },
-          y: props.log
-            ? { distr: 3 }
-            : { range: (_, low, high) => (low === null ? [low, high] : reach(...within(latest.current, low, high))) },
+          x: { time: false, ...(props.log ? { distr: 3 } : { range: rangeX }) },
+          y: props.log ? { distr: 3 } : { range: rangeY },
         },
         legend: { show: false },
         axes: axes(
@@ -232,24 +219,24 @@ export function Plot(props: PlotProps) {
               width: 1.5,
               spanGaps: !props.gaps && props.curves.length > 1,
               points: { show: false },
-              paths: path,
+              paths: paint.path,
             };
           }),
         ],
         hooks: {
-          drawSeries: [curve],
+          drawSeries: [paint.curve],
           draw: [
-            (u) => mark(u, latest.current.marks ?? []),
-            (u) => flag(u, latest.current.events ?? []),
-            (u) => upright(u, latest.current.cursors ?? []),
+            (u) => paint.mark(u, latest.current.marks ?? []),
+            (u) => paint.flag(u, latest.current.events ?? []),
+            (u) => paint.upright(u, latest.current.cursors ?? []),
           ],
           setCursor: [
             (u) => title.current && tell(u, title.current, latest.current),
             (u) => typeof u.cursor.idx === "number" && latest.current.onHover?.(u.data[0][u.cursor.idx]!),
           ],
           drawClear: [
-            (u) => shade(u, latest.current.shades ?? []),
-            (u) => fill(u, latest.current.bands ?? [], latest.current.size),
+            (u) => paint.shade(u, latest.current.shades ?? []),
+            (u) => paint.fill(u, latest.current.bands ?? [], latest.current.size),
           ],
           setSelect: [
             (u) => {
@@ -302,11 +289,7 @@ export function Plot(props: PlotProps) {
         <span class="title">{props.unit ? `${props.title}, ${pretty(props.unit)}` : props.title}</span>
         <span class="value" data-value="time" />
         <Legend curves={props.curves} />
-        {props.onReset && (
-          <Button class="link" act={props.onReset}>
-            Reset zoom
-          </Button>
-        )}
+        {props.onReset && <Button class="link" act={props.onReset} words="Reset zoom" />}
         <More of={props} saved={saved} />
       </figcaption>
       <div ref={place} aria-hidden="true" />
@@ -376,8 +359,8 @@ function Values({ curves, size, unit, xUnit, title, extreme }: PlotProps) {
       {extreme && (
         <p class="note">Each value is the lowest or the highest of a pixel. The CSV of all samples has every value.</p>
       )}
-      <RowsTable
-        name={title}
+      <Table
+        label={`Table of ${title}`}
         heads={[over, ...curves.map(({ label }) => `${label}, ${unit}`)]}
         rows={at.map((index) => [
           instant(first.x[index], stepOf(first.x)),

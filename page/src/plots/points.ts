@@ -123,6 +123,7 @@ export interface StripRow {
 export function stripFigure(name: string, x: string, rows: StripRow[], limit = Infinity): ShownFigure {
   const figure = pointsFigure({ name, x, y: "", isLog: true, panels: [] });
   const hasLimit = limit < Infinity;
+  const unit = x.split(", ")[1];
   const marks = rows.flatMap(({ values }, row): (Markers & { titles: string[] })[] => {
     const known = values.filter(({ value }) => value > 0);
     const over = known.filter(({ value }) => value > limit);
@@ -132,26 +133,16 @@ export function stripFigure(name: string, x: string, rows: StripRow[], limit = I
       const largest = Math.max(...some.map(({ value }) => value));
       return isOver ? some.map(({ value }) => (value === largest ? words : "")) : [];
     };
-    return [known.filter(({ value }) => value <= limit), over].flatMap((some, k) =>
-      some.length
-        ? {
-            x: some.map(({ value }) => value),
-            y: some.map(() => row),
-            titles: some.map(
-              ({ value, of }) => `${of}: ${digits(value)} ${x.split(", ")[1]}${k ? ", over the goal" : ""}`,
-            ),
-            names: namesOf(some, k === 1),
-            look: [k ? "red" : `look-${(row % 8) + 1}`, "-", "|"],
-            label: "",
-            low: null,
-            high: null,
-            size: 6,
-            filled: true,
-            joined: false,
-            kind: "markers",
-          }
-        : [],
-    );
+    const marksOf = (some: typeof known, isOver: boolean): Markers & { titles: string[] } => ({
+      x: some.map(({ value }) => value),
+      y: some.map(() => row),
+      titles: some.map(({ value, of }) => `${of}: ${digits(value)} ${unit}${isOver ? ", over the goal" : ""}`),
+      names: namesOf(some, isOver),
+      look: [isOver ? "red" : `look-${(row % 8) + 1}`, "-", "|"],
+      ...{ label: "", low: null, high: null, size: 6, filled: true, joined: false, kind: "markers" },
+    });
+    const kept = known.filter(({ value }) => value <= limit);
+    return [...(kept.length ? [marksOf(kept, false)] : []), ...(over.length ? [marksOf(over, true)] : [])];
   });
   const goal: Mark[] = hasLimit
     ? [{ x: limit, y: null, label: `goal ${digits(limit)}`, look: ["black", "--", ""], width: 1, kind: "rule" }]

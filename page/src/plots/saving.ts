@@ -22,13 +22,11 @@ export function download(name: string, blob: Blob): void {
   setTimeout(() => URL.revokeObjectURL(link.href), 10_000);
 }
 
-const fileOf = (title: string, ending: string): string =>
-  `${title
-    .toLowerCase()
-    .replace(/[^\w]+/g, "-")
-    .replace(/^-|-$/g, "")}.${ending}`;
-const paper = (): string => token("surface");
-const ink = (): string => token("axis");
+/** Return the name of a file with a title. */
+function fileOf(title: string, ending: string): string {
+  const words = title.toLowerCase().replace(/[^\w]+/g, "-");
+  return `${words.replace(/^-|-$/g, "")}.${ending}`;
+}
 
 export function savePng(of: Saved): void {
   const { canvas: drawn } = of.u.ctx;
@@ -36,10 +34,10 @@ export function savePng(of: Saved): void {
   const above = LINE * (of.legend.length > 1 ? 2 : 1) * ratio;
   [canvas.width, canvas.height] = [drawn.width, drawn.height + above];
   const at = canvas.getContext("2d")!;
-  at.fillStyle = paper();
+  at.fillStyle = token("surface");
   at.fillRect(0, 0, canvas.width, canvas.height);
   at.drawImage(drawn, 0, above);
-  at.fillStyle = at.strokeStyle = ink();
+  at.fillStyle = at.strokeStyle = token("axis");
   at.font = `600 ${13 * ratio}px system-ui`;
   at.fillText(`${of.title}, ${of.y}`, 8 * ratio, 15 * ratio);
   at.font = `${12 * ratio}px system-ui`;
@@ -59,16 +57,6 @@ export function savePng(of: Saved): void {
   canvas.toBlob((blob) => blob && download(fileOf(of.title, "png"), blob));
 }
 
-type Attributes = Record<string, string | number>;
-
-function element(name: string, attributes: Attributes, text = ""): SVGElement {
-  const made = document.createElementNS("http://www.w3.org/2000/svg", name);
-  for (const [key, value] of Object.entries(attributes))
-    made.setAttribute(key, typeof value === "number" ? String(Number(value.toFixed(2))) : value);
-  if (text) made.textContent = text;
-  return made;
-}
-
 /** A cell of a CSV file; a spreadsheet runs texts that begin with = + - @ unless a ' precedes them. */
 function cell(given: string): string {
   const text = /^[=+\-@\t\r]/.test(given) && Number.isNaN(Number(given)) ? `'${given}` : given;
@@ -78,14 +66,10 @@ function cell(given: string): string {
 /** The numbers that are drawn, one column for each curve. */
 export function saveCsv(of: Saved): void {
   const columns = of.u.data.slice(1);
-  const rows = [
-    [
-      of.extreme ? `${of.x} (lowest and highest of each pixel)` : of.x,
-      ...of.legend.map((one) => `${one.label}, ${of.y}`),
-    ],
-    ...Array.from(of.u.data[0], (x, i) => [String(x), ...columns.map((column) => String(column[i] ?? ""))]),
-  ];
-  saveRows(of.title, rows);
+  const x = of.extreme ? `${of.x} (lowest and highest of each pixel)` : of.x;
+  const heads = [x, ...of.legend.map((one) => `${one.label}, ${of.y}`)];
+  const rows = Array.from(of.u.data[0], (at, i) => [String(at), ...columns.map((column) => String(column[i] ?? ""))]);
+  saveRows(of.title, [heads, ...rows]);
 }
 
 /** Save all samples of the shown part, where a plot draws the lowest and the highest of each pixel. */
@@ -97,25 +81,23 @@ export function saveSamples({ title, x, y }: Saved, samples: Map<string, ArrayLi
 
 /** Save rows of texts as CSV. */
 export function saveRows(title: string, rows: string[][]): void {
-  download(
-    fileOf(title, "csv"),
-    new Blob([`${rows.map((row) => row.map(cell).join(",")).join("\n")}\n`], { type: "text/csv" }),
-  );
+  const text = rows.map((row) => `${row.map(cell).join(",")}\n`).join("");
+  download(fileOf(title, "csv"), new Blob([text], { type: "text/csv" }));
 }
 
 /** Save the panels of a figure as one drawing, in the colours that are shown. */
 export function saveDrawing(title: string, place: HTMLElement): void {
   const box = place.getBoundingClientRect();
-  const svg = element("svg", { xmlns: "http://www.w3.org/2000/svg", viewBox: `0 0 ${box.width} ${box.height}` });
-  svg.append(element("rect", { width: "100%", height: "100%", fill: "var(--surface)" }));
-  for (const panel of place.querySelectorAll<SVGElement>(".panel-drawing")) {
+  const panels = Array.from(place.querySelectorAll<SVGElement>(".panel-drawing"), (panel) => {
     const [own, copy] = [panel.getBoundingClientRect(), panel.cloneNode(true) as SVGElement];
     copy.setAttribute("x", String(own.x - box.x));
     copy.setAttribute("y", String(own.y - box.y));
-    svg.append(copy);
-  }
+    return new XMLSerializer().serializeToString(copy);
+  });
+  const head = `<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 ${box.width} ${box.height}">`;
+  const surface = '<rect width="100%" height="100%" fill="var(--surface)"/>';
   const probe = place.appendChild(document.createElement("i"));
-  const text = new XMLSerializer().serializeToString(svg).replace(/var\(--[\w-]+\)/g, (name) => {
+  const text = `${head}${surface}${panels.join("")}</svg>`.replace(/var\(--[\w-]+\)/g, (name) => {
     probe.style.color = name;
     return getComputedStyle(probe).color;
   });

@@ -18,6 +18,12 @@ export const isNumber = (value: number | null | undefined): value is number => v
 export const asList = (value: number | [number, number] | null): Numbers =>
   value === null ? [] : Array.isArray(value) ? value : [value];
 
+/** Return the least and the largest of some values. */
+export const endsOf = (values: number[]): [low: number, high: number] => [
+  values.reduce((a, b) => Math.min(a, b), Infinity),
+  values.reduce((a, b) => Math.max(a, b), -Infinity),
+];
+
 /** Return the ends of cells around their middles. */
 export function edges(middles: Numbers): number[] {
   const at = middles.filter(isNumber);
@@ -50,16 +56,8 @@ function along(mark: Mark, side: "x" | "y"): Numbers {
 
 /** Return the scale of an axis for the marks of all panels that share its ends. */
 export function scaleOf(axis: Axis, side: "x" | "y", marks: Mark[]): Scale {
-  const each = marks.map((mark) =>
-    along(mark, side)
-      .filter(isNumber)
-      .map((value) => value / axis.size),
-  );
-  const values = each.flat();
-  let [low, high] = [
-    values.reduce((a, b) => Math.min(a, b), Infinity),
-    values.reduce((a, b) => Math.max(a, b), -Infinity),
-  ];
+  const each = marks.map((mark) => along(mark, side).flatMap((value) => (isNumber(value) ? value / axis.size : [])));
+  let [low, high] = endsOf(each.flat());
   if (axis.names.length) [low, high] = [Math.min(low, -0.5), Math.max(high, axis.names.length - 0.5)];
   if (!(high >= low)) [low, high] = [0, 1];
   const isLog = low > 0 && (axis.scale === "log" || (axis.scale === "wide" && high > WIDE * low));
@@ -67,17 +65,13 @@ export function scaleOf(axis: Axis, side: "x" | "y", marks: Mark[]): Scale {
     .filter((_, k) => marks[k]!.kind === "line" || marks[k]!.kind === "markers")
     .map((some) => some.reduce((a, b) => Math.max(a, Math.abs(b)), 0))
     .filter((one) => one > 0);
-  const least = Math.min(...largest);
-  const linear =
-    axis.scale === "far" && largest.length > 1 && Math.max(...largest) > FAR * least
-      ? 10 ** Math.floor(Math.log10(least))
-      : 0;
-  const placed = (value: number) =>
-    isLog
-      ? Math.log10(Math.max(value, 1e-300))
-      : linear
-        ? Math.sign(value) * Math.log10(1 + Math.abs(value) / linear)
-        : value;
+  const [least, most] = endsOf(largest);
+  const isFar = axis.scale === "far" && largest.length > 1 && most > FAR * least;
+  const linear = isFar ? 10 ** Math.floor(Math.log10(least)) : 0;
+  const placed = (value: number) => {
+    if (isLog) return Math.log10(Math.max(value, 1e-300));
+    return linear ? Math.sign(value) * Math.log10(1 + Math.abs(value) / linear) : value;
+  };
   let [from, to] = [placed(low), placed(high)];
   const isTight = side === "x" && marks.every((mark) => ["line", "band", "rule", "heat"].includes(mark.kind));
   const room = isTight || axis.names.length || marks.every((mark) => mark.kind === "heat") ? 0 : ROOM * (to - from);
@@ -100,10 +94,8 @@ export function scaleOf(axis: Axis, side: "x" | "y", marks: Mark[]): Scale {
     at,
     ticks: (count) => {
       if (axis.names.length) return axis.names.map((name, k) => [k, name]);
-      if (isLog)
-        return shown(
-          decades(Math.floor(from), Math.ceil(to), to - from < 1 ? [1, 2, 3, 5, 7] : to - from < 2.5 ? [1, 2, 5] : [1]),
-        );
+      const steps = to - from < 1 ? [1, 2, 3, 5, 7] : to - from < 2.5 ? [1, 2, 5] : [1];
+      if (isLog) return shown(decades(Math.floor(from), Math.ceil(to), steps));
       if (!linear) return shown(ticks(Math.min(from, to), Math.max(from, to), count));
       const ends = decades(Math.log10(linear), Math.ceil(Math.log10(Math.max(Math.abs(low), Math.abs(high)))), [1]);
       return shown([...ends.map((one) => -one).reverse(), 0, ...ends]);

@@ -71,7 +71,7 @@ connection.subscribe(async (now) => {
   if (now !== "lost" || isRetrying) return;
   isRetrying = true;
   while (connection.value === "lost") {
-    await new Promise((resolve) => setTimeout(resolve, RETRY_MS));
+    await pause(RETRY_MS);
     await look();
   }
   isRetrying = false;
@@ -117,18 +117,27 @@ export class Refused extends Error {
   }
 }
 
+/** Return the problems of a refusal. Any other error is thrown again. */
+export function problemsOf(error: unknown): Problem[] {
+  if (!(error instanceof Refused)) throw error;
+  return error.problems;
+}
+
 /** Return a function that runs an action and shows the problems of a refusal in the view. */
 export const attempting =
   (wrong: Signal<Problem[]>) =>
   async (what: () => Promise<unknown>): Promise<void> => {
     wrong.value = [];
-    try {
-      await what();
-    } catch (error) {
-      if (!(error instanceof Refused)) throw error;
-      wrong.value = error.problems;
-    }
+    await what().catch((error) => (wrong.value = problemsOf(error)));
   };
+
+/** Return the problems that a view shows, and the function that runs its actions. */
+export function attempts() {
+  const wrong = signal<Problem[]>([]);
+  return [wrong, attempting(wrong)] as const;
+}
+
+export const pause = (ms: number): Promise<void> => new Promise((resolve) => setTimeout(resolve, ms));
 
 /** Send a request and return its answer. A read-only request waits until the server answers, and is sent again. */
 async function fetched(path: string, options: RequestInit = {}, waits = !options.method): Promise<Response> {
@@ -164,11 +173,8 @@ export function plain(what: string): Problem {
 export function typed(name: string, text: string): number {
   const value = text.trim() === "" ? Number.NaN : Number(text);
   if (Number.isFinite(value)) return value;
-  throw new Refused(
-    0,
-    [{ ...plain(`${name} is no number`), value: text, rule: "digits, with a point before decimals: 0.4" }],
-    {},
-  );
+  const problem = { ...plain(`${name} is no number`), value: text, rule: "digits, with a point before decimals: 0.4" };
+  throw new Refused(0, [problem], {});
 }
 
 export const read = <T>(path: string, given: Record<string, string> = {}): Promise<T> =>

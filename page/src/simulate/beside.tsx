@@ -2,19 +2,19 @@
 
 import { computed, signal } from "@preact/signals";
 import { isPlaying, timeAt } from "../drive/moving";
-import { type Field, opened } from "../drive/opened";
+import { opened } from "../drive/opened";
 import { FigureView } from "../plots/figure";
 import { digits } from "../plots/looks";
+import type { Band } from "../plots/paint";
 import { type Curve, curveOf } from "../plots/plot";
 import { pointsFigure } from "../plots/points";
-import type { Frame, Numbers } from "../server/frame";
-import type { RunHead as BesideHead, RunPanel as Panel } from "../server/generated";
+import type { Frame } from "../server/frame";
+import type { Field, Listed, RunPanel as Panel, RunHead } from "../server/generated";
 import { undoable } from "../undo";
-import { Button, Pick, Tick } from "../workspace/fields";
-import { studies } from "../workspace/files";
-import { NumberField, Table } from "../workspace/parts";
-
-export type { BesideHead };
+import { Button, Fold, Pick, Remarks, Tick } from "../workspace/fields";
+import { cataloguePaths, filesOf } from "../workspace/files";
+import { NumberField } from "../workspace/parts";
+import { Table } from "../workspace/table";
 
 const others = undoable(signal<string[]>([]));
 const loops = undoable(signal(false));
@@ -39,13 +39,9 @@ export function besides(
       const half = (Math.abs(value) * width.value) / 100;
       if (field?.number !== undefined && half > 0) spreads.push([key, [value - half, value + half, field.unit ?? ""]]);
     }
-  return {
-    others: others.value,
-    loops: loops.value,
-    motion: motion.value,
-    energy: energy.value,
-    spreads: Object.fromEntries(spreads),
-  };
+  const chosen = { others, loops, motion, energy };
+  const values = Object.entries(chosen).map(([key, choice]) => [key, choice.value]);
+  return { ...Object.fromEntries(values), spreads: Object.fromEntries(spreads) };
 }
 
 /** A newly opened file starts without the comparisons of the previous file. */
@@ -55,25 +51,20 @@ export function forget(): void {
   timeAt.value = 0;
 }
 
+const isComparable = ({ kind, path }: Listed): boolean => kind !== "recording" || /\.(parquet|csv|nc)$/.test(path);
+
 const choices = computed(() => {
-  const files = studies.value?.files.filter((one) => ["drive", "circuit", "recording"].includes(one.kind)) ?? [];
-  const all = [
-    ...files.filter((one) => one.kind !== "recording" || /\.(parquet|csv|nc)$/.test(one.path)),
-    ...(studies.value?.catalogue ?? []),
-  ];
-  return all.map((one) => one.path).filter((path) => path !== opened.value?.path && !others.value.includes(path));
+  const files = filesOf("drive", "circuit", "recording")
+    .filter(isComparable)
+    .map(({ path }) => path);
+  return [...files, ...cataloguePaths()].filter((path) => path !== opened.value?.path && !others.value.includes(path));
 });
 
 const MOST_OTHERS = 7;
 
-const TickOf = ({ of, children }: { of: typeof band; children: string }) => (
-  <Tick label={children} value={of.value} put={(isOn) => (of.value = isOn)} />
-);
-
 export function BesideChoices() {
   return (
-    <details class="beside" open={!isNarrow}>
-      <summary>Compare</summary>
+    <Fold class="beside" open={!isNarrow} title="Compare">
       <Pick
         class="choice"
         label="Compare with"
@@ -88,30 +79,23 @@ export function BesideChoices() {
           <Button
             class="link"
             act={() => (others.value = others.value.filter((it) => it !== one))}
-            aria-label={`Remove ${one}`}>
-            remove
-          </Button>
+            aria-label={`Remove ${one}`}
+            words="remove"
+          />
         </p>
       ))}
       <p class="row">
-        <TickOf of={band}>band of 200 members</TickOf>
+        <Tick label="band of 200 members" of={band} />
         <label>
-          within ±{" "}
-          <NumberField
-            label="Half width of the spreads, per cent"
-            low={0.1}
-            high={90}
-            value={width.value}
-            put={(per) => (width.value = per)}
-          />{" "}
-          % of each slider
+          within ± <NumberField label="Half width of the spreads, per cent" low={0.1} high={90} of={width} /> % of each
+          slider
         </label>
       </p>
       <p class="row">
-        <TickOf of={loops}>p-V loops</TickOf>
-        <TickOf of={energy}>energy</TickOf>
+        <Tick label="p-V loops" of={loops} />
+        <Tick label="energy" of={energy} />
       </p>
-    </details>
+    </Fold>
   );
 }
 
@@ -124,30 +108,25 @@ export function short(path: string, all: string[]): string {
 const named = (path: string): string => short(path, [...others.value, opened.value?.path ?? ""]);
 
 /** Return the curves of one column from the other runs. */
-export function otherCurves(now: Frame<BesideHead>, column: string, label: string): Curve[] {
-  const out: Curve[] = [];
-  now.head.others?.forEach((one, index) => {
-    const name = `${index + 1}/${column}`;
-    if (now.arrays.has(name))
-      out.push(curveOf(now.arrays, now.arrays.get(`${index + 1}/time_s`)!, name, `${label} (${named(one.path)})`));
+export function otherCurves(now: Frame<RunHead>, column: string, label: string): Curve[] {
+  const curves = (now.head.others ?? []).map(({ path }, index) => {
+    const time = now.arrays.get(`${index + 1}/time_s`)!;
+    return curveOf(now.arrays, time, `${index + 1}/${column}`, `${label} (${named(path)})`);
   });
-  return out;
+  return curves.filter((curve) => curve.y);
 }
 
-/** Return the band of the members for one column. */
-export function bandOf(
-  now: Frame<BesideHead>,
-  column: string,
-): { x: Numbers; low: Numbers; high: Numbers } | undefined {
-  const [x, low, high] = [`time_s`, `${column}/low`, `${column}/high`].map((name) => now.arrays.get(`band/${name}`));
-  return x && low && high ? { x, low, high } : undefined;
+/** Return the band of the members for one column, if there is one. */
+export function bandOf({ arrays }: Frame<RunHead>, column: string, look: number): Band[] {
+  const [x, low, high] = ["time_s", `${column}/low`, `${column}/high`].map((name) => arrays.get(`band/${name}`));
+  return x && low && high ? [{ x, low, high, look }] : [];
 }
 
 const REST = 1e-4; // of a unit: rounding of the solver
 export const settled = (value: number): number => (Math.abs(value) < REST ? 0 : value);
 
 /** Table of the last values of the run and of the others, their differences, and the ends of the band. */
-export function Differences({ head, panels }: { head: BesideHead; panels: Panel[] }) {
+export function Differences({ head, panels }: { head: RunHead; panels: Panel[] }) {
   const compared = head.others ?? [];
   if (!head.ends) return null;
   return (
@@ -160,13 +139,11 @@ export function Differences({ head, panels }: { head: BesideHead; panels: Panel[
           .
         </p>
       )}
-      {compared
-        .filter((one) => !Object.keys(one.ends).length)
-        .map((one) => (
-          <p class="note" key={one.path}>
-            {one.path} has none of these quantities under the same names.
-          </p>
-        ))}
+      <Remarks
+        of={compared
+          .filter((one) => !Object.keys(one.ends).length)
+          .map((one) => `${one.path} has none of these quantities under the same names.`)}
+      />
       <Table
         label="Differences"
         heads={[
@@ -203,7 +180,7 @@ const LITRE = 1e-3;
 const BAR = 1e5;
 
 /** Plot of pressure over volume for each chamber. */
-export function Loops({ now }: { now: Frame<BesideHead> }) {
+export function Loops({ now }: { now: Frame<RunHead> }) {
   const names = now.head.loops ?? [];
   if (!names.length)
     return (
@@ -229,7 +206,7 @@ export function Loops({ now }: { now: Frame<BesideHead> }) {
 }
 
 /** Energy, lost exergy and air of the run. */
-export function Energy({ found }: { found: NonNullable<BesideHead["energy"]> }) {
+export function Energy({ found }: { found: NonNullable<RunHead["energy"]> }) {
   const lost = Object.entries(found.lost_j);
   const groups: [string, [string, number][], string][] = [
     ["Over the boundary, positive inward", Object.entries(found.accounts_j), "J"],

@@ -4,43 +4,21 @@ import { computed, effect, signal } from "@preact/signals";
 import { useMemo } from "preact/hooks";
 import { Circuit } from "../drive/circuit";
 import { MovingCircuit, pointAt, TimeRange, timeAt } from "../drive/moving";
-import {
-  type Field,
-  opened,
-  restructure,
-  said,
-  set,
-  problems as textProblems,
-  useDrawing,
-  valid,
-} from "../drive/opened";
-import { count, digits, instant, isSevere, sentence } from "../plots/looks";
-import { type Curve, curveOf, indexAt, Plot, zooming } from "../plots/plot";
-import { route } from "../routes";
+import { opened, restructure, said, set, problems as textProblems, useDrawing, valid } from "../drive/opened";
+import { count, digits, instant, isSevere, sentence, withUnit } from "../plots/looks";
+import { type Curve, curveOf, curvesOf, indexAt, Plot, zooming } from "../plots/plot";
 import type { Frame, Numbers } from "../server/frame";
-import type { RunHead as Head, RunPanel as Panel } from "../server/generated";
-import { attempting, type Problem } from "../server/server";
+import type { Field, RunHead as Head, MovingCylinder, RunPanel as Panel } from "../server/generated";
+import { attempts } from "../server/server";
 import { undoable } from "../undo";
-import { useLive } from "../workspace/answers";
-import { Choose } from "../workspace/choose";
+import { isShowable, useLive } from "../workspace/answers";
 import { withFile } from "../workspace/command";
-import { Button, Pick, TextInput } from "../workspace/fields";
+import { Button, Fold, Pick, Remarks, TextInput } from "../workspace/fields";
 import { studies } from "../workspace/files";
 import { Leading, Problems, SliderRow, useCopied } from "../workspace/parts";
 import { isOverMain } from "../workspace/tree";
-import {
-  BesideChoices,
-  bandOf,
-  besides,
-  Differences,
-  Energy,
-  forget,
-  Loops,
-  motion,
-  otherCurves,
-  settled,
-} from "./beside";
-import { braked, StepsPane, stepsOf, written } from "./steps";
+import * as beside from "./beside";
+import { braked, type Step, StepsPane, stepsOf, written } from "./steps";
 
 interface Trace {
   run: string; // what was simulated, in words
@@ -58,10 +36,9 @@ export const pinned = undoable(signal<string[]>([]));
 export const pin = (key: string): void =>
   void (pinned.value = pinned.value.includes(key) ? pinned.value.filter((one) => one !== key) : [...pinned.value, key]);
 const moved = undoable(signal<Record<string, number>>({})); // by `placeOf` a value
-const ranges = signal<Record<string, [number, number]>>({});
 const frozen = signal<Trace[]>([]);
 const answer = signal<Frame<Head> | null>(null);
-const wrong = signal<Problem[]>([]);
+const [wrong, attempt] = attempts();
 /** Shown time span; null: the whole run. */
 const zoom = signal<[number, number] | null>(null);
 
@@ -86,7 +63,7 @@ const changes = computed(() => {
   const out: Record<string, string | number> = {};
   for (const [key, value] of Object.entries(numbers.value)) {
     const field = fields.value.get(key);
-    if (field?.number !== undefined && value !== field.number) out[key] = field.unit ? `${value} ${field.unit}` : value;
+    if (field?.number !== undefined && value !== field.number) out[key] = withUnit(value, field.unit);
   }
   return out;
 });
@@ -95,16 +72,14 @@ export function request(pixels = 1000): Record<string, unknown> | null {
   const now = opened.value;
   if (!now || !valid.value?.kind) return null;
   const lines = command.value.split("\n");
+  const isCircuit = valid.value.kind === "circuit";
   return {
     path: now.path,
     text: now.sha256 || now.text !== now.saved ? now.text : null, // what is shown, whatever stands on disk by now
-    changes: changes.value,
-    command: valid.value.kind === "circuit" ? lines : command.value,
-    duration: duration.value,
-    initial: initial.value,
-    pixels,
-    ...besides(fields.value, pinned.value, numbers.value),
-    ...(valid.value.kind === "circuit" && { motion: true }),
+    ...{ changes: changes.value, duration: duration.value, initial: initial.value, pixels },
+    command: isCircuit ? lines : command.value,
+    ...beside.besides(fields.value, pinned.value, numbers.value),
+    ...(isCircuit && { motion: true }),
   };
 }
 
@@ -115,56 +90,30 @@ effect(() => {
   const path = opened.value?.path;
   if (!now?.kind || !path || begun === path) return;
   begun = path;
-  zoom.value = null;
-  answer.value = null;
-  wrong.value = [];
-  pinned.value = now.sliders ?? [];
-  moved.value = {};
-  ranges.value = {};
-  frozen.value = [];
-  forget();
-  motion.value = now.kind === "circuit" && !isNarrow;
+  [zoom.value, answer.value, wrong.value] = [null, null, []];
+  [pinned.value, moved.value, frozen.value] = [now.sliders ?? [], {}, []];
+  beside.forget();
+  beside.motion.value = now.kind === "circuit" && !isNarrow;
   initial.value = "";
-  command.value =
-    now.kind === "circuit"
-      ? Object.entries(now.valves ?? {})
-          .map(([one, lowest]) => `${one}: 0 s: 1, 1 s: ${lowest}`)
-          .join("\n")
-      : "0 s: 1, 1 s: -1";
+  const lines = Object.entries(now.valves ?? {}).map(([valve, lowest]) => `${valve}: 0 s: 1, 1 s: ${lowest}`);
+  command.value = now.kind === "circuit" ? lines.join("\n") : "0 s: 1, 1 s: -1";
 });
 
 function freeze(): void {
   const now = answer.value;
   if (!now) return;
-  const changed =
-    Object.entries(changes.value)
-      .map(([key, value]) => `${key} ${value}`)
-      .join(", ") || "as described";
-  const run = `${changed}; ${command.value.trim().replace(/\s*\n\s*/g, "; ")}${initial.value && `; ${initial.value}`}`;
+  const changed = Object.entries(changes.value).map(([key, value]) => `${key} ${value}`);
+  const run = `${changed.join(", ") || "as described"}; ${command.value.trim().replace(/\s*\n\s*/g, "; ")}${initial.value && `; ${initial.value}`}`;
   const again = frozen.value.filter((one) => one.run === run).length;
   const label = again ? `${run}; ${again + 1}` : run;
   frozen.value = [...frozen.value.slice(-6), { run, label, time: now.arrays.get("time_s")!, columns: now.arrays }];
 }
 
 /** Frame of the view. It does not depend on answers, so that an answer redraws only curves and numbers. */
-export function SimulateView() {
-  if (route.value.path) return <Simulated />;
-  return (
-    <Choose
-      title="Simulate"
-      hint="Open a drive or a circuit to run it. Each slider changes the run while you drag it."
-      view="simulate"
-      kinds={["drive", "circuit"]}
-      catalogue
-    />
-  );
-}
-
-function Simulated() {
+export default function SimulateView() {
   useLive<Head>(request, (frame) => {
     if (frame.head.path !== opened.value?.path) return;
-    wrong.value = frame.head.problems ?? [];
-    if (frame.head.problems) return;
+    if (!isShowable(frame, wrong)) return;
     const [hardest] = [...(frame.head.impacts ?? [])].sort((a, b) => b.energy_j - a.energy_j);
     if (!answer.value) timeAt.value = hardest?.time_s ?? 0;
     answer.value = frame;
@@ -186,7 +135,7 @@ function Simulated() {
         <Sliders />
         <AddSlider />
         <Run />
-        <BesideChoices />
+        <beside.BesideChoices />
         <Actions />
         <Notes />
       </section>
@@ -212,7 +161,7 @@ function Actions() {
   const asked = request();
   const [copy, copied] = useCopied(
     asked && { ...asked, columns: drawnColumns.value.split("\n").filter(Boolean) },
-    attempting(wrong),
+    attempt,
     "",
     "/api/copy",
   );
@@ -265,12 +214,9 @@ function Answers() {
 
 /** Remedies of hard impacts: a brake in the command, and cushions in the text of the description. */
 function Remedies({ impacts }: { impacts: NonNullable<Head["impacts"]> }) {
-  const lines = command.value.split("\n").map(lineOf);
+  const lines = commandLines();
   const times = impacts.map((impact) => impact.time_s);
-  const brake = () =>
-    (command.value = lines
-      .map(({ name, steps, text }) => (steps ? lineText(name, written(braked(steps, times))) : text))
-      .join("\n"));
+  const brake = () => putSteps((steps) => braked(steps, times));
   const bare = answer.value?.head.cylinders?.map((cylinder) => cylinder.name) ?? [];
   return (
     <>
@@ -295,15 +241,9 @@ function addCushions(cylinders: string[]): void {
       for (const end of ["a", "b"])
         for (const [key, value] of Object.entries(CUSHION)) void set(`components.${name}.cushion.${end}.${key}`, value);
   };
-  if (valid.value?.kind === "circuit") {
-    add();
-    return;
-  }
   const before = command.value;
-  restructure({ act: "open" }, () => {
-    command.value = lineText("valve", before);
-    add();
-  });
+  if (valid.value?.kind === "circuit") add();
+  else restructure({ act: "open" }, () => ((command.value = lineText("valve", before)), add()));
 }
 
 /** A line of the command: its valve, and its steps unless it has another form. */
@@ -314,35 +254,38 @@ function lineOf(text: string): { name: string; text: string; steps: ReturnType<t
 
 const lineText = (name: string, steps: string): string => (name ? `${name}: ${steps}` : steps);
 
+const commandLines = () => command.value.split("\n").map(lineOf);
+
+/** Write the command with other steps. A line of another form stays. */
+function putSteps(next: (steps: Step[], line: number) => Step[]): void {
+  const texts = commandLines().map(({ name, text, steps }, k) => {
+    const changed = steps && next(steps, k);
+    return changed && changed !== steps ? lineText(name, written(changed)) : text;
+  });
+  command.value = texts.join("\n");
+}
+
 const MOST_COMMANDS = 3;
 
 /** The command of each valve under the axis of time. */
 function Commands() {
   const time = answer.value?.arrays.get("time_s");
   if (!time) return null;
-  const lines = command.value.split("\n").map(lineOf);
   const span = zoom.value ?? ([time[0]!, time[time.length - 1]!] as [number, number]);
+  const panes = commandLines().slice(0, MOST_COMMANDS);
   return (
     <>
-      {lines
-        .slice(0, MOST_COMMANDS)
-        .map(
-          ({ name, steps }, k) =>
-            steps && (
-              <StepsPane
-                key={name}
-                name={name ? `Command of ${name}` : "Command"}
-                steps={steps}
-                span={span}
-                low={valid.value?.valves?.[name] ?? -1}
-                put={(next) =>
-                  (command.value = lines
-                    .map((line, other) => (other === k ? lineText(name, written(next)) : line.text))
-                    .join("\n"))
-                }
-              />
-            ),
-        )}
+      {panes.map(
+        ({ name, steps }, k) =>
+          steps && (
+            <StepsPane
+              key={name}
+              name={name ? `Command of ${name}` : "Command"}
+              {...{ steps, span, low: valid.value?.valves?.[name] ?? -1 }}
+              put={(next) => putSteps((others, line) => (line === k ? next : others))}
+            />
+          ),
+      )}
     </>
   );
 }
@@ -368,14 +311,7 @@ function Pistons() {
       />
       <div>
         {cylinders.map((one) => (
-          <Piston
-            key={one.name}
-            name={cylinders.length > 1 ? one.name : ""}
-            share={at(one.position)! / one.stroke_m}
-            position={at(one.position)!}
-            speed={at(one.position.replace("position_m", "velocity_m_s"))}
-            pressures={one.pressures.map(at)}
-          />
+          <Piston key={one.name} of={one} name={cylinders.length > 1 ? one.name : ""} at={at} />
         ))}
       </div>
     </div>
@@ -386,15 +322,16 @@ const MOST_PISTONS = 3;
 const [BAR, MM] = [1e5, 1e-3];
 
 interface PistonProps {
+  of: MovingCylinder;
   name: string;
-  share: number; // of the stroke
-  position: number;
-  speed: number | undefined;
-  pressures: (number | undefined)[];
+  at: (column: string) => number | undefined;
 }
 
-function Piston({ name, share, position, speed, pressures }: PistonProps) {
-  const x = 4 + 380 * Math.min(Math.max(share, 0), 1);
+function Piston({ of, name, at }: PistonProps) {
+  const position = at(of.position)!;
+  const speed = at(of.position.replace("position_m", "velocity_m_s"));
+  const pressures = of.pressures.map(at);
+  const x = 4 + 380 * Math.min(Math.max(position / of.stroke_m, 0), 1);
   const words = pressures.map((value) => (value === undefined ? "" : `${digits(value / BAR)} bar`));
   const most = Math.max(...pressures.map((value) => value ?? 0), BAR);
   const tint = (k: number) => (0.6 * (pressures[k] ?? 0)) / most;
@@ -414,7 +351,7 @@ function Piston({ name, share, position, speed, pressures }: PistonProps) {
       </svg>
       <span>b {words[1]}</span>
       <b>
-        {digits(position / MM)} mm{speed === undefined ? "" : `, ${digits(settled(speed))} m/s`}
+        {digits(position / MM)} mm{speed === undefined ? "" : `, ${digits(beside.settled(speed))} m/s`}
       </b>
     </div>
   );
@@ -423,21 +360,24 @@ function Piston({ name, share, position, speed, pressures }: PistonProps) {
 function Notes() {
   const head = answer.value?.head;
   const notes = head?.warnings?.filter((one) => !isSevere(one)) ?? [];
+  const cut = (head?.panels ?? []).flatMap(({ title, curves: { length }, left_out = 0 }) =>
+    left_out ? `${title}: ${length} of ${length + left_out} curves are drawn; the file of the command has all.` : [],
+  );
   return (
     <>
       {notes.length > 0 && (
-        <details class="note" open={!isNarrow}>
-          <summary>{count(notes.length, "more note")}</summary>
+        <Fold class="note" open={!isNarrow} title={count(notes.length, "more note")}>
           <ul class="warnings">
             {notes.map((one) => (
               <li key={one}>{sentence(one)}</li>
             ))}
           </ul>
-        </details>
+        </Fold>
       )}
       {head?.impacts && head.impacts.length > 0 && (
-        <details class="note">
-          <summary>{count(head.impacts.length + (head.more_impacts ?? 0), "impact")} on the end stops</summary>
+        <Fold
+          class="note"
+          title={`${count(head.impacts.length + (head.more_impacts ?? 0), "impact")} on the end stops`}>
           <ul>
             {head.impacts.map((one, index) => (
               <li key={index}>
@@ -447,16 +387,9 @@ function Notes() {
             ))}
             {Boolean(head.more_impacts) && <li>More impacts: {head.more_impacts}.</li>}
           </ul>
-        </details>
+        </Fold>
       )}
-      {head?.panels?.map(
-        ({ title, curves, left_out: count = 0 }) =>
-          count > 0 && (
-            <p class="note" key={title}>
-              {title}: {curves.length} of {curves.length + count} curves are drawn; the file of the command has all.
-            </p>
-          ),
-      )}
+      <Remarks of={cut} />
     </>
   );
 }
@@ -464,24 +397,21 @@ function Notes() {
 /** Heights of the curves, so that four panes, the command and the piston fit on one screen. */
 const HEIGHTS = [92, 64, 64, 62];
 
-function Plots() {
-  const head = answer.value?.head;
-  return (
-    <>
-      {head?.panels?.map((panel, k, all) => (
-        <PanelPlot key={panel.title} panel={panel} height={HEIGHTS[k] ?? 62} isLast={k === all.length - 1} />
-      ))}
-    </>
-  );
-}
+const Plots = () => (
+  <>
+    {answer.value?.head.panels?.map((panel, k, all) => (
+      <PanelPlot key={panel.title} panel={panel} height={HEIGHTS[k] ?? 62} isLast={k === all.length - 1} />
+    ))}
+  </>
+);
 
 function Beside() {
   const now = answer.value;
   if (!now) return null;
   return (
     <div class="plots">
-      {now.head.loops && <Loops now={now} />}
-      {now.head.energy && <Energy found={now.head.energy} />}
+      {now.head.loops && <beside.Loops now={now} />}
+      {now.head.energy && <beside.Energy found={now.head.energy} />}
     </div>
   );
 }
@@ -496,18 +426,17 @@ function Below() {
   return (
     <div class="below">
       {!hasPlatform.value && (
-        <details
+        <Fold
           class="panel"
-          open={motion.value}
-          onToggle={(event) => (motion.value = (event.currentTarget as HTMLDetailsElement).open)}>
-          <summary>Circuit, as it moves</summary>
-          {motion.value && <Drawn />}
-        </details>
+          title="Circuit, as it moves"
+          open={beside.motion.value}
+          onToggle={({ currentTarget }) => (beside.motion.value = (currentTarget as HTMLDetailsElement).open)}>
+          {beside.motion.value && <Drawn />}
+        </Fold>
       )}
-      <details open={!isOverMain() || !hasPlatform.value}>
-        <summary>Values at the end</summary>
-        <Differences head={answer.value!.head} panels={answer.value!.head.panels ?? []} />
-      </details>
+      <Fold open={!isOverMain() || !hasPlatform.value} title="Values at the end">
+        <beside.Differences head={answer.value!.head} panels={answer.value!.head.panels ?? []} />
+      </Fold>
     </div>
   );
 }
@@ -529,29 +458,21 @@ function Drawn() {
 
 function PanelPlot({ panel, height, isLast }: { panel: Panel; height: number; isLast: boolean }) {
   const now = answer.value!;
-  const time = now.arrays.get("time_s")!;
-  const curves: Curve[] = panel.curves.map((one) => curveOf(now.arrays, time, one.column, one.label));
-  for (const one of panel.curves) curves.push(...otherCurves(now, one.column, one.label));
-  for (const trace of frozen.value)
-    for (const one of panel.curves)
-      if (trace.columns.has(one.column))
-        curves.push(curveOf(trace.columns, trace.time, one.column, `${one.label} (${trace.label})`));
-  const bands = panel.curves.flatMap((one, index) => {
-    const band = bandOf(now, one.column);
-    return band ? [{ ...band, look: index }] : [];
-  });
+  const curves: Curve[] = [
+    ...curvesOf(now, panel),
+    ...panel.curves.flatMap(({ column, label }) => beside.otherCurves(now, column, label)),
+    ...frozen.value.flatMap((trace) =>
+      panel.curves
+        .filter(({ column }) => trace.columns.has(column))
+        .map(({ column, label }) => curveOf(trace.columns, trace.time, column, `${label} (${trace.label})`)),
+    ),
+  ];
+  const bands = panel.curves.flatMap(({ column }, index) => beside.bandOf(now, column, index));
   const events = useMemo(() => now.head.events?.map((one) => ({ at: one.time_s, what: one.what })), [now]);
   return (
     <Plot
-      title={panel.title}
-      unit={panel.unit}
-      size={panel.size}
-      height={height}
-      curves={curves}
-      bands={bands}
-      events={events}
-      bare={!isLast}
-      {...zooming(zoom)}
+      {...panel}
+      {...{ height, curves, bands, events, bare: !isLast, ...zooming(zoom) }}
       cursors={[timeAt.value]}
       onHover={pointAt}
     />
@@ -582,11 +503,10 @@ function AddSlider() {
 }
 
 function Slider({ field }: { field: Field }) {
-  const [low, high] = ranges.value[field.key] ?? [field.low!, field.high!];
   const value = numbers.value[field.key] ?? field.number!;
   const isChanged = value !== field.number;
   const put = (next: number) => (moved.value = { ...moved.value, [placeOf(field)]: next });
-  const unit = field.unit ?? "";
+  const { unit = "" } = field;
   const kind = isChanged ? "changed" : field.kind;
   return (
     <SliderRow
@@ -594,28 +514,19 @@ function Slider({ field }: { field: Field }) {
       label={field.key.replace(/^components\./, "")}
       name={field.key}
       title={field.origin}
-      value={value}
-      ends={[low, high]}
-      unit={unit}
-      kind={kind}
-      state={isChanged ? "changed" : field.kind}
-      put={put}>
+      ends={[field.low!, field.high!]}
+      {...{ value, unit, kind, put }}>
       <Button
         class="icon"
         title="Remove this slider"
         aria-label={`Remove the slider of ${field.key}`}
-        act={() => {
-          put(field.number!);
-          pinned.value = pinned.value.filter((one) => one !== field.key);
-        }}>
-        ×
-      </Button>
+        act={() => (put(field.number!), pin(field.key))}
+        words="×"
+      />
       {isChanged && (
         <span class="row">
-          <Button class="link" act={() => put(field.number!)}>
-            back to {field.text}
-          </Button>
-          <Button class="link" act={() => set(field.key, unit ? `${value} ${unit}` : value)}>
+          <Button class="link" act={() => put(field.number!)} words={`back to ${field.text}`} />
+          <Button class="link" act={() => set(field.key, withUnit(value, unit))}>
             put into the text{field.copies && `, of ${field.copies.join(", ")} together`}
           </Button>
         </span>
@@ -659,18 +570,17 @@ function Run() {
         )}
       </label>
       {isCircuit ? (
-        <details>
-          <summary>Commands from files</summary>
+        <Fold title="Commands from files">
           {Object.keys(valves).map((valve) => (
             <FileCommand key={valve} valve={valve} />
           ))}
-        </details>
+        </Fold>
       ) : (
         <FileCommand valve="" />
       )}
       <div class="twin">
         <TextInput label="Duration" of={duration} />
-        <TextInput label="Start" of={initial} hint={isCircuit ? "NAME.position = 50 mm" : "position = 50 mm"} />
+        <TextInput label="Start" of={initial} placeholder={isCircuit ? "NAME.position = 50 mm" : "position = 50 mm"} />
       </div>
     </div>
   );

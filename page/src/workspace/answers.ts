@@ -1,8 +1,8 @@
 /** Answers that still belong to the present question: one that comes too late is dropped. */
-import { effect, useSignal } from "@preact/signals";
+import { effect, type Signal, useSignal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
 import type { Frame } from "../server/frame";
-import { ask, Live, type Problem, Refused, read } from "../server/server";
+import { ask, Live, type Problem, problemsOf, read } from "../server/server";
 
 /**
  * Return the answer about a subject, and the problems of a refusal. Another subject has no answer until its own comes;
@@ -15,20 +15,16 @@ export function useAnswer<T>(
   again: unknown[] = [],
   quietMs = 0,
 ): [T | null, Problem[]] {
-  const state = useSignal<{ of: string; answer: T | null; problems: Problem[] }>({
-    of: "",
-    answer: null,
-    problems: [],
-  });
+  const state = useSignal({ of: "", answer: null as T | null, problems: [] as Problem[] });
   useEffect(() => {
     if (!subject) return;
     let isGone = false;
     const begin = () =>
       void question().then(
-        (answer) => void (isGone || (state.value = { of: subject, answer, problems: [] })),
-        (error: unknown) => {
-          if (!(error instanceof Refused)) throw error;
-          if (!isGone) state.value = { of: subject, answer: null, problems: error.problems };
+        (answer) => isGone || (state.value = { of: subject, answer, problems: [] }),
+        (error) => {
+          const problems = problemsOf(error);
+          if (!isGone) state.value = { of: subject, answer: null, problems };
         },
       );
     const timer = quietMs ? setTimeout(begin, quietMs) : begin();
@@ -45,6 +41,12 @@ export const useRequest = <T>(address: string, given: Record<string, string> | n
 /** Return the answer to a request with a body, or null without a request; see `useAnswer`. */
 export const usePosted = <T>(address: string, body: object | null, again: unknown[] = []) =>
   useAnswer<T>(body ? JSON.stringify([address, body]) : "", () => ask<T>(address, body), again);
+
+/** Show the problems of an answer; return whether it has none. */
+export function isShowable({ head }: Frame<{ problems?: Problem[] }>, wrong: Signal<Problem[]>): boolean {
+  wrong.value = head.problems ?? [];
+  return !head.problems;
+}
 
 /**
  * Send the newest request over the socket for as long as the view is shown, and pass each answer to `take`, with whether

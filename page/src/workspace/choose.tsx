@@ -1,18 +1,17 @@
 /** Lists of the files that a view opens, and the starting points. */
 
-import { signal, useSignal } from "@preact/signals";
+import { useSignal } from "@preact/signals";
 import type { ComponentChildren } from "preact";
 import { link } from "../routes";
-import { ask, attempting, type Problem, Refused, read, write } from "../server/server";
-import { Button } from "./fields";
+import { ask, attempts, Refused, read, write } from "../server/server";
+import { Button, TextInput } from "./fields";
 import { filesOf, list, studies, taking } from "./files";
 import { useHeadlines } from "./lineage";
 import { day, Problems } from "./parts";
 import { AddFiles, PathName } from "./tree";
 
 export const EXAMPLE = "catalogue:reference";
-const wrong = signal<Problem[]>([]);
-const attempt = attempting(wrong);
+const [wrong, attempt] = attempts();
 
 /** Copy the shipped recordings into the folder, and open the first. */
 export const openExample = () =>
@@ -46,18 +45,12 @@ function NewPlatform({ isFirst }: { isFirst: boolean }) {
   const name = useSignal("tripod");
   const open = async () => {
     const { text } = await read<{ text: string }>("/api/platform");
-    await begin(
-      name.value,
-      text.replace(/^name = .*$/m, () => `name = ${JSON.stringify(name.value)}`),
-      "simulate",
-    );
+    const named = text.replace(/^name = .*$/m, () => `name = ${JSON.stringify(name.value)}`);
+    await begin(name.value, named, "simulate");
   };
   return (
     <form class="row" onSubmit={(event) => (event.preventDefault(), void attempt(open))}>
-      <label>
-        Name{" "}
-        <input required size={12} value={name.value} onInput={(event) => (name.value = event.currentTarget.value)} />
-      </label>
+      <TextInput label="Name" of={name} required size={12} />
       <button type="submit" class={isFirst ? "primary" : ""}>
         Start with a platform
       </button>
@@ -93,9 +86,7 @@ const STARTS = (isEmpty: boolean): [title: string, words: string, buttons: Compo
   [
     "Size a drive",
     "State mass, stroke and time. The catalogue is simulated over given spreads. Candidates are ranked by air and margin.",
-    <Button class={isEmpty ? "primary" : ""} act={() => openTask()}>
-      Start with a task
-    </Button>,
+    <Button class={isEmpty ? "primary" : ""} act={() => openTask()} words="Start with a task" />,
   ],
   [
     "Move a platform",
@@ -128,18 +119,47 @@ export function Starts({ isEmpty }: { isEmpty: boolean }) {
   );
 }
 
-/** Files that a view opens; `example` comes first. */
-export function Choose(props: {
+interface Entry {
   title: string;
-  hint: string;
-  view: string;
   kinds: string[];
-  catalogue?: boolean;
-  recordings?: boolean;
-}) {
-  const { title, hint, view, kinds, catalogue = false, recordings = false } = props;
+  offers: "catalogue" | "recordings"; // beside the files of the folder
+  hint: string;
+}
+
+/** Views that begin with a choice of a file. */
+export const ENTRIES: Record<string, Entry> = {
+  drive: {
+    title: "Drives",
+    kinds: ["drive", "circuit"],
+    offers: "catalogue",
+    hint: "A drive or a circuit is a TOML file. Open one to see its drawing, its values and its text.",
+  },
+  simulate: {
+    title: "Simulate",
+    kinds: ["drive", "circuit"],
+    offers: "catalogue",
+    hint: "Open a drive or a circuit to run it. Each slider changes the run while you drag it.",
+  },
+  recording: {
+    title: "Recordings",
+    kinds: ["recording"],
+    offers: "recordings",
+    hint: "A recording is a table of channels over time: CSV, Parquet, MAT, TDMS or MF4. Add your own, or look at two shipped ones.",
+  },
+  friction: {
+    title: "Friction",
+    kinds: ["friction map", "fit"],
+    offers: "recordings",
+    hint: "A friction map holds the measured points, a fit holds the law. Characterise a recording to get both: open it, accept a layout, then press Characterise.",
+  },
+};
+
+/** Files that a view opens, after an example. */
+export function Choose({ view }: { view: string }) {
+  const { title, hint, kinds, offers } = ENTRIES[view]!;
   const files = filesOf(...kinds);
   const lines = useHeadlines();
+  const catalogue = offers === "catalogue" ? (studies.value?.catalogue ?? []) : null;
   return (
     <section class="choose" aria-label={title}>
       <h2>{title}</h2>
@@ -151,8 +171,8 @@ export function Choose(props: {
             Open an example drive
           </a>
         )}
-        {recordings && <OwnFiles>Add recordings</OwnFiles>}
-        {recordings && examples}
+        {!catalogue && <OwnFiles>Add recordings</OwnFiles>}
+        {!catalogue && examples}
         <span role="status" class="note">
           {taking.value}
         </span>
@@ -162,13 +182,7 @@ export function Choose(props: {
         view={view}
         of={files.map(({ path, kind, changed }) => [path, lines[path] ?? kind, day(changed)])}
       />
-      {catalogue && (
-        <Cards
-          title="In the catalogue"
-          view={view}
-          of={(studies.value?.catalogue ?? []).map((one) => [one.path, one.title])}
-        />
-      )}
+      <Cards title="In the catalogue" view={view} of={(catalogue ?? []).map((one) => [one.path, one.title])} />
     </section>
   );
 }

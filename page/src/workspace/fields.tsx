@@ -1,22 +1,69 @@
-/** Buttons and fields, each in one line of a view. They know nothing of the server. */
+/** Buttons, fields and texts, each in one line of a view. They know nothing of the server. */
 import type { Signal } from "@preact/signals";
-import type { ButtonHTMLAttributes, ComponentChildren } from "preact";
+import type { ComponentChildren, JSX } from "preact";
+
+type ButtonProps = JSX.IntrinsicElements["button"] & { act?: () => unknown; words?: ComponentChildren };
 
 /** A button that acts; a link in the form of a button has the class `link`. */
-export const Button = ({ act, ...others }: ButtonHTMLAttributes & { act?: () => unknown }) => (
-  <button type="button" {...(act && { onClick: () => void act() })} {...others} />
+export const Button = ({ act, words, children = words, ...others }: ButtonProps) => (
+  <button type="button" {...(act && { onClick: () => void act() })} {...others}>
+    {children}
+  </button>
 );
 
-interface TickProps {
+type FoldProps = Omit<JSX.IntrinsicElements["details"], "title"> & { title: ComponentChildren };
+
+/** A part of a view that is folded below its title. */
+export const Fold = ({ title, children, ...others }: FoldProps) => (
+  <details {...others}>
+    <summary>{title}</summary>
+    {children}
+  </details>
+);
+
+/** Lines of text as they are. A keyboard can scroll them. */
+export const Lines = ({ name, ...others }: JSX.IntrinsicElements["pre"] & { name: string }) => (
+  <pre tabIndex={0} role="group" aria-label={name} {...others} />
+);
+
+/** A name that a line may break after each point and underscore, or at other places. */
+export const Breakable = ({ words, at = /(?<=[._])/ }: { words: string; at?: RegExp }) => (
+  <>
+    {words.split(at).map((part) => (
+      <>
+        {part}
+        <wbr />
+      </>
+    ))}
+  </>
+);
+
+/** Remarks below each other. */
+export const Remarks = ({ of }: { of: string[] }) => (
+  <>
+    {of.map((one) => (
+      <p class="note" key={one}>
+        {one}
+      </p>
+    ))}
+  </>
+);
+
+/** Value of a field with its setter, or a signal that is both. */
+export type Bound<T> = { of: Signal<T> } | { value: T; put: (value: T) => unknown };
+
+export const bound = <T,>(by: Bound<T>): [value: T, put: (value: T) => unknown] =>
+  "of" in by ? [by.of.value, (value) => (by.of.value = value)] : [by.value, by.put];
+
+type TickProps = Bound<boolean> & {
   label: ComponentChildren; // or a name that only a screen reader tells
   name?: string;
-  value: boolean;
-  put: (value: boolean) => void;
   class?: string;
-}
+};
 
 /** A box to tick with its label. Without a label, it has a name. */
-export function Tick({ label, name, value, put, class: look }: TickProps) {
+export function Tick({ label, name, class: look, ...by }: TickProps) {
+  const [value, put] = bound(by);
   const box = (
     <input type="checkbox" aria-label={name} checked={value} onChange={(event) => put(event.currentTarget.checked)} />
   );
@@ -48,26 +95,15 @@ export const Ticks = (props: {
   </fieldset>
 );
 
-interface TextProps {
+type TextProps = Pick<JSX.IntrinsicElements["input"], "placeholder" | "required" | "size"> & {
   label: ComponentChildren;
   of: Signal<string>;
-  hint?: string;
-  size?: number;
-  class?: string;
-  children?: ComponentChildren; // behind the field
-}
+};
 
 /** A field of a text that is kept in a signal. */
-export const TextInput = ({ label, of, hint, size, class: look, children }: TextProps) => (
-  <label class={look}>
-    {label}{" "}
-    <input
-      value={of.value}
-      placeholder={hint}
-      size={size}
-      onInput={(event) => (of.value = event.currentTarget.value)}
-    />
-    {children}
+export const TextInput = ({ label, of, ...others }: TextProps) => (
+  <label>
+    {label} <input value={of.value} onInput={(event) => (of.value = event.currentTarget.value)} {...others} />
   </label>
 );
 

@@ -1,9 +1,19 @@
 /** The folder: its files, their kinds, and copies into it. */
 import { signal } from "@preact/signals";
 import { inCatalogue, link } from "../routes";
-import { drop, isAnswering, type Listed, type Problem, Refused, read, type Studies } from "../server/server";
+import {
+  drop,
+  isAnswering,
+  type Listed,
+  type Problem,
+  pause,
+  problemsOf,
+  Refused,
+  read,
+  type Studies,
+} from "../server/server";
 
-interface Kinds {
+export interface Kinds {
   title: string;
   view: string; // that lists them
   kinds: string[];
@@ -72,12 +82,12 @@ const REST = 10; // pause per time of an answer: a folder of very many files is 
 
 /** Follow the folder while this tab is visible. */
 export async function watchFolder(): Promise<void> {
-  for (let pause = WATCH_MS; ; ) {
-    await new Promise((resolve) => setTimeout(resolve, pause));
+  for (let rest = WATCH_MS; ; ) {
+    await pause(rest);
     if (document.visibilityState !== "visible" || !isAnswering() || listing) continue;
     const start = performance.now();
     await readFolder(studies.peek()?.state ?? "");
-    pause = Math.max(WATCH_MS, REST * (performance.now() - start));
+    rest = Math.max(WATCH_MS, REST * (performance.now() - start));
   }
 }
 
@@ -97,12 +107,7 @@ async function copyIn(files: File[]): Promise<void> {
   if (!files.length) return;
   for (const [index, file] of files.entries()) {
     taking.value = `Copying ${file.name}, ${size(file.size)} (${index + 1} of ${files.length}).`;
-    try {
-      await drop(file);
-    } catch (error) {
-      if (!(error instanceof Refused)) throw error;
-      refused.value = [...refused.value, ...error.problems];
-    }
+    await drop(file).catch((error) => (refused.value = [...refused.value, ...problemsOf(error)]));
   }
   taking.value = "";
   await list();
@@ -126,6 +131,17 @@ export function takeDrops(): void {
 /** Files of some kinds in the folder. */
 export const filesOf = (...kinds: string[]): Listed[] =>
   (studies.value?.files ?? []).filter((one) => kinds.includes(one.kind));
+
+export const pathsOf = (...kinds: string[]): string[] => filesOf(...kinds).map((one) => one.path);
+
+export const cataloguePaths = (): string[] => (studies.value?.catalogue ?? []).map((one) => one.path);
+
+/** Return a name that is not in use: the name itself, or with the next number. */
+export function freeName(name: string, used: (string | undefined)[]): string {
+  if (!used.includes(name)) return name;
+  const base = name.replace(/-\d+$/, "");
+  for (let number = 2; ; number++) if (!used.includes(`${base}-${number}`)) return `${base}-${number}`;
+}
 
 /** Return the kind of an object. Empty while the folder is not read, or for a missing file. */
 export const kindOf = (path: string): string =>

@@ -7,8 +7,8 @@ import type { CommandInput as Field, Made } from "../server/generated";
 import { ask, attempting, type Problem, read } from "../server/server";
 import { undoable } from "../undo";
 import { useRequest } from "./answers";
-import { Button, Tick, Ticks } from "./fields";
-import { filesOf, studies } from "./files";
+import { Button, type Option, Tick, Ticks } from "./fields";
+import { cataloguePaths, filesOf, freeName, pathsOf, studies } from "./files";
 import { follow, JobList } from "./jobs";
 import { NumberField, Problems, Select, Unsaved, useCopied } from "./parts";
 
@@ -62,9 +62,14 @@ interface OwnForm {
 }
 
 /** Return an input of a form. */
-export const field = (key: string, label: string, kind: string, about: Partial<Field> = {}): Field => ({
-  ...{ key, label, kind, option: "", start: "", choices: [], most: 0, hint: "", suffix: "", only: [] },
-  ...about,
+export const field = (
+  key: string,
+  label: string,
+  kind: string,
+  { choices = [], ...about }: Partial<Omit<Field, "choices">> & { choices?: Option[] } = {},
+): Field => ({
+  ...{ key, label, kind, option: "", start: "", most: 0, hint: "", suffix: "", only: [], ...about },
+  choices: choices.map((one): [string, string] => (Array.isArray(one) ? one : [one, one])),
 });
 
 interface FormProps {
@@ -88,7 +93,7 @@ export function JobForm(props: FormProps) {
   useEffect(() => void follow(), []);
   // The offered recordings change with the folder.
   useEffect(() => void attempt(async () => void (forms.value = await read("/api/forms"))), [studies.value]);
-  const free: Values = typeof start.name === "string" ? { ...start, name: freeName(start.name) } : start;
+  const free: Values = typeof start.name === "string" ? { ...start, name: freeName(start.name, usedNames()) } : start;
   const asked = JSON.stringify(start);
   useEffect(() => void (wrong.value = []), [kind, asked]);
   useLayoutEffect(() => {
@@ -98,9 +103,7 @@ export function JobForm(props: FormProps) {
     else if (typed.value[kind]?.name === before.name) put(kind, free.name ? { name: free.name } : {}); // a typed name is kept
   }, [kind, asked, free.name]);
   const values = requestOf(kind, given);
-  const needed = (form?.fields ?? []).find(
-    (one) => ["drive", "model", "map", "fit", "task"].includes(one.kind) && !values[one.key],
-  );
+  const needed = form?.fields.find((one) => one.kind in KINDS && !values[one.key]);
   const sent = { ...values, ...numbersOf(form?.fields ?? [], values) };
   const [copy, copied] = useCopied(form && isReady && !needed && !own ? sent : null, attempt);
   if (!form) return <Problems of={wrong.value} />;
@@ -129,9 +132,7 @@ export function JobForm(props: FormProps) {
       </div>
       {drive && <Unsaved path={String(values[drive.key] ?? "")} />}
       <p class="row">
-        <Button class="primary" disabled={!isReady || needed !== undefined} act={() => run()}>
-          {form.title}
-        </Button>
+        <Button class="primary" disabled={!isReady || needed !== undefined} act={() => run()} words={form.title} />
         {!own && copy}
         {children}
       </p>
@@ -152,15 +153,9 @@ const numbersOf = (fields: Field[], values: Values): Values =>
     }),
   );
 
-/** Return a name of a result that is not in use: the name itself, or with the next number. */
-function freeName(name: string): string {
-  const used = new Set(
-    (studies.value?.files ?? []).map(({ path }) => path.match(/^results\/([^/]+)/)?.[1]?.replace(/\.(toml|fmu)$/, "")),
-  );
-  if (!used.has(name)) return name;
-  const base = name.replace(/-\d+$/, "");
-  for (let number = 2; ; number++) if (!used.has(`${base}-${number}`)) return `${base}-${number}`;
-}
+/** Names of the results of the folder, without their endings. */
+const usedNames = (): (string | undefined)[] =>
+  (studies.value?.files ?? []).map(({ path }) => path.match(/^results\/([^/]+)/)?.[1]?.replace(/\.(toml|fmu)$/, ""));
 
 function FormField(props: { field: Field; value: unknown; put: (value: unknown) => void; made: string[] }) {
   const { field, value, put: change, made } = props;
@@ -180,12 +175,8 @@ function FormField(props: { field: Field; value: unknown; put: (value: unknown) 
     return <Ticks legend={label} options={field.choices} chosen={(value as string[] | undefined) ?? []} put={change} />;
   if (kind === "flag") return <Tick class="tick" label={label} value={value === true} put={change} />;
   if (files || kind === "choice") {
-    const paths = files
-      ? [...filesOf(...files), ...(kind === "drive" || kind === "model" ? (studies.value?.catalogue ?? []) : [])].map(
-          (one): [string, string] => [one.path, one.path],
-        )
-      : field.choices;
-    const options: [string, string][] = files ? [["", "choose"], ...paths] : paths;
+    const catalogue = kind === "drive" || kind === "model" ? cataloguePaths() : [];
+    const options: Option[] = files ? [["", "choose"], ...pathsOf(...files), ...catalogue] : field.choices;
     return <Select label={label} value={String(value ?? "")} options={options} put={change} />;
   }
   if (kind === "number" && field.start !== null)

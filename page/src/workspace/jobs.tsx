@@ -4,9 +4,9 @@ import { signal } from "@preact/signals";
 import type { ComponentChildren } from "preact";
 import { duration } from "../plots/looks";
 import { link } from "../routes";
-import type { Job } from "../server/generated";
-import { ask, Refused, read } from "../server/server";
-import { Button } from "./fields";
+import type { Job, Jobs } from "../server/generated";
+import { ask, pause, problemsOf, read } from "../server/server";
+import { Button, Lines } from "./fields";
 import { list } from "./files";
 
 export const jobs = signal<Job[]>([]);
@@ -24,17 +24,10 @@ const RESULTS: Record<string, [view: string, file: string, words: string]> = {
 };
 const WATCHED = ["control", "size"]; // kinds whose results are shown while they run
 
-const pause = () => new Promise((resolve) => setTimeout(resolve, LOOK_MS));
 const runs = (job?: number): boolean =>
   jobs.value.some((one) => one.state === "running" && (job === undefined || one.number === job));
 
-async function look(): Promise<void> {
-  try {
-    jobs.value = (await read<{ jobs: Job[] }>("/api/jobs")).jobs;
-  } catch (error) {
-    if (!(error instanceof Refused)) throw error;
-  }
-}
+const look = (): Promise<unknown> => read<Jobs>("/api/jobs").then((found) => (jobs.value = found.jobs), problemsOf);
 
 let isLooking = false;
 
@@ -42,14 +35,14 @@ let isLooking = false;
 export async function follow(job = 0): Promise<void> {
   await look();
   if (!isLooking) void lookOn();
-  while (runs(job)) await pause();
+  while (runs(job)) await pause(LOOK_MS);
 }
 
 async function lookOn(): Promise<void> {
   isLooking = true;
   while (runs()) {
     const ran = jobs.value.filter((one) => one.state === "running");
-    await pause();
+    await pause(LOOK_MS);
     await look();
     if (ran.some((one) => !runs(one.number))) void list(); // what it wrote is in the folder
   }
@@ -122,8 +115,8 @@ export function JobList({ of, kinds, output }: { of?: string; kinds?: string[]; 
             <summary>
               <b>{job.out}</b>: {job.state}
             </summary>
-            <Lines title={`Command of ${job.out}`} text={job.command} />
-            {job.tail && <Lines title={`Output of ${job.out}`} text={job.tail} />}
+            <Lines name={`Command of ${job.out}`}>{job.command}</Lines>
+            {job.tail && <Lines name={`Output of ${job.out}`}>{job.tail}</Lines>}
           </details>
           <ResultLink job={job} isHere={of !== undefined} />
         </div>
@@ -132,24 +125,13 @@ export function JobList({ of, kinds, output }: { of?: string; kinds?: string[]; 
   );
 }
 
-const Lines = ({ title, text }: { title: string; text: string }) => (
-  <pre tabIndex={0} role="group" aria-label={title}>
-    {text}
-  </pre>
-);
-
 function Progress({ job }: { job: Job }) {
   const { out, progress } = job;
+  const most = Math.max(progress?.total ?? 0, progress?.done ?? 0, 1);
   return (
     <p class="row">
       {out} runs{progress && `, ${reached(job)}`}
-      {progress && (
-        <progress
-          aria-label={`Progress of ${out}`}
-          value={progress.done}
-          max={Math.max(progress.total, progress.done, 1)}
-        />
-      )}
+      {progress && <progress aria-label={`Progress of ${out}`} value={progress.done} max={most} />}
       <Cancel job={job}>Cancel {out}</Cancel>
     </p>
   );

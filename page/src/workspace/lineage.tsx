@@ -4,7 +4,7 @@ import { effect, signal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
 import { route } from "../routes";
 import type { Lineage, Made, Stale } from "../server/generated";
-import { ask, attempting, type Problem, Refused, read } from "../server/server";
+import { ask, attempts, problemsOf, read } from "../server/server";
 import { useRequest } from "./answers";
 import { Button } from "./fields";
 import { list, studies } from "./files";
@@ -43,8 +43,7 @@ export function useHeadlines(): Record<string, string> {
 
 export const stale = signal<Stale>({ stale: {}, unchecked: 0 });
 const traced = signal("");
-const wrong = signal<Problem[]>([]);
-const attempt = attempting(wrong);
+const [wrong, attempt] = attempts();
 
 const QUIET_MS = 1000; // after the list: what is opened at once does not wait for the hashes
 let waiting = 0;
@@ -56,13 +55,7 @@ effect(() => {
   waiting = setTimeout(() => void (route.peek().view === "studies" && checkAll()), QUIET_MS);
 });
 
-async function checkAll(): Promise<void> {
-  try {
-    stale.value = await read<Stale>("/api/stale");
-  } catch (error) {
-    if (!(error instanceof Refused)) throw error;
-  }
-}
+const checkAll = (): Promise<unknown> => read<Stale>("/api/stale").then((found) => (stale.value = found), problemsOf);
 
 /** Show the lineage of a file. */
 export const trace = (path: string): void => void (traced.value = path);

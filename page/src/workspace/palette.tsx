@@ -22,11 +22,14 @@ const go =
   () =>
     (location.hash = link(view, path));
 
+type Named = [title: string, run: () => unknown];
+
 function actions(): Entry[] {
   const { view, path } = route.value;
   const description = opened.value;
+  const verbs = path ? verbsOf(view, kindOf(path)) : [];
   const all: [title: string, run: () => unknown, isShown?: boolean][] = [
-    ...verbsOf(view, kindOf(path)).map((one) => [`${one.title}: ${path}`, go(one.name, path), path !== ""] as const),
+    ...verbs.map((one): Named => [`${one.title}: ${path}`, go(one.name, path)]),
     [`Save ${path}`, () => save(path), description?.path === path && description.text !== description.saved],
     ["Undo", () => step(past, future), past.value.length > 0],
     ["Redo", () => step(future, past), future.value.length > 0],
@@ -37,8 +40,8 @@ function actions(): Entry[] {
     ["Read the folder again", list],
     ["Reload the page", () => location.reload()],
     ["Overview", go("studies")],
-    ...GROUPS.filter((one) => one.view).map((one) => [`All ${one.title.toLowerCase()}`, go(one.view)] as const),
-  ].map((one) => [...one] as [string, () => unknown, boolean?]);
+    ...GROUPS.filter((one) => one.view).map((one): Named => [`All ${one.title.toLowerCase()}`, go(one.view)]),
+  ];
   return all.flatMap(([title, run, isShown = true]) => (isShown ? { kind: "Action" as const, title, run } : []));
 }
 
@@ -51,27 +54,23 @@ function values(): Entry[] {
   return [
     ...fields.map(({ key, text }): Entry => {
       const slider = view === "simulate" && document.getElementById(`slider-${key}`);
-      return {
-        kind: "Value",
-        title: key,
-        note: text,
-        run: slider ? () => show(slider) : () => (go("drive", path)(), void showLater(`main [aria-label="${key}"]`)),
-      };
+      const inDrive = () => (go("drive", path)(), void showLater(`main [aria-label="${key}"]`));
+      return { kind: "Value", title: key, note: text, run: slider ? () => show(slider) : inDrive };
     }),
-    ...leading.map(
-      (one): Entry => ({ kind: "Value", title: textOf(one, "dt"), note: textOf(one, "dd"), run: () => show(one) }),
-    ),
+    ...leading.map((one): Entry => {
+      return { kind: "Value", title: textOf(one, "dt"), note: textOf(one, "dd"), run: () => show(one) };
+    }),
   ];
 }
 
 function files(): Entry[] {
+  const entry = (path: string, note: string, view: string): Entry => {
+    return { kind: "File", title: path, note, run: go(view, path) };
+  };
   const listed = (studies.value?.files ?? []).filter((one) => viewOf(one.kind));
-  const catalogue = studies.value?.catalogue ?? [];
   return [
-    ...listed.map(({ path, kind }): Entry => ({ kind: "File", title: path, note: kind, run: go(viewOf(kind)!, path) })),
-    ...catalogue.map(
-      ({ path, title }): Entry => ({ kind: "File", title: path, note: title, run: go("simulate", path) }),
-    ),
+    ...listed.map(({ path, kind }) => entry(path, kind, viewOf(kind)!)),
+    ...(studies.value?.catalogue ?? []).map(({ path, title }) => entry(path, title, "simulate")),
   ];
 }
 

@@ -7,7 +7,7 @@ import { link } from "../routes";
 import type { SentValue } from "../server/generated";
 import { ask, type attempting, connection, type Listed, type Problem, read } from "../server/server";
 import { useAnswer } from "./answers";
-import { Button, type Option, Options, Range } from "./fields";
+import { type Bound, Breakable, Button, bound, Lines, type Option, Options, Range } from "./fields";
 
 const placeOf = ({ file, line }: Problem): string => [file, line !== null && `line ${line}`].filter(Boolean).join(", ");
 
@@ -22,9 +22,7 @@ export function Problems({ of, onLine, own = "" }: { of: Problem[]; onLine?: (li
         <div class="problem" key={index}>
           <p>
             {one.line !== null && onLine && (!own || isIn(one, own)) ? (
-              <Button class="link" act={() => onLine(one.line!)}>
-                line {one.line}
-              </Button>
+              <Button class="link" act={() => onLine(one.line!)} words={`line ${one.line}`} />
             ) : (
               placeOf(one) && <b>{placeOf(one)}:</b>
             )}{" "}
@@ -66,25 +64,22 @@ export function Copied({ command, python, of = "" }: { command?: string; python:
       setDone("Not copied: the browser does not allow it. Select the lines and copy them.");
     }
   };
-  const texts = [
-    { name: "command", of: "Command", text: command },
-    { name: "Python", of: "Python", text: python },
-  ].filter(({ text }) => text);
+  const texts = Object.entries({ command, Python: python }).filter(([, text]) => text);
   return (
     <section class="copied" aria-label={`The same as a command and as Python${of && `: ${of}`}`}>
       <p>
         In the folder of the workspace.{" "}
-        {texts.map(({ name, text }) => (
+        {texts.map(([name, text]) => (
           <>
             <Button act={() => copy(name, text!)}>Copy the {name}</Button>{" "}
           </>
         ))}
         <span role="status">{done}</span>
       </p>
-      {texts.map(({ name, of: label, text }) => (
-        <pre data-copy={name.toLowerCase()} tabIndex={0} role="group" aria-label={label}>
+      {texts.map(([name, text]) => (
+        <Lines name={name.replace("c", "C")} data-copy={name.toLowerCase()}>
           {text}
-        </pre>
+        </Lines>
       ))}
     </section>
   );
@@ -96,11 +91,7 @@ export function useCopied(job: object | null, attempt: ReturnType<typeof attempt
   const asked = JSON.stringify(job);
   const copy = () =>
     attempt(async () => hold({ asked, ...(await ask<{ command: string; python: string }>(door, job)) }));
-  const button = (
-    <Button disabled={!job} act={() => copy()}>
-      Copy as command or Python
-    </Button>
-  );
+  const button = <Button disabled={!job} act={() => copy()} words="Copy as command or Python" />;
   return [button, held.asked === asked && <Copied of={of} command={held.command} python={held.python} />] as const;
 }
 
@@ -123,20 +114,19 @@ export function TextField({ value, put, ...looks }: TextProps) {
   );
 }
 
-interface NumberProps {
+type NumberProps = (Bound<number> | { value: number | string; put: (value: number) => void }) & {
   label?: string;
-  value: number | string;
-  put: (value: number) => void;
   low?: number;
   high?: number;
   whole?: boolean;
-}
+};
 
 /**
  * Field of a number. A text that is not a number within the limits gives a message and changes nothing.
  * A field of type "number" would drop a comma silently.
  */
-export function NumberField({ label, value, put, low = -Infinity, high = Infinity, whole = false }: NumberProps) {
+export function NumberField({ label, low = -Infinity, high = Infinity, whole = false, ...by }: NumberProps) {
+  const [value, put] = bound(by as Bound<number>);
   const [wrong, setWrong] = useState("");
   useEffect(() => setWrong(""), [value]);
   const change = (text: string) => {
@@ -173,41 +163,23 @@ interface SliderProps {
   unit?: string;
   name: string; // of the field, without its unit
   kind: string;
-  state: string; // the word of the kind
+  state?: string; // the word of the kind; absent: the kind
   put: (value: number) => void;
   children?: ComponentChildren;
 }
 
 /** A value with its slider, its field and its unit. */
 export function SliderRow(props: SliderProps) {
-  const {
-    id,
-    label,
-    title,
-    value,
-    shown = value,
-    ends: [low, high],
-    unit = "",
-    name,
-    kind,
-    state,
-    put,
-    children,
-  } = props;
+  const { id, label, title, value, shown = value, ends, unit = "", name, kind, state = kind, put, children } = props;
   return (
     <div class="slider">
       <label for={id}>
-        {label.split(/(?<=\.)/).map((part) => (
-          <>
-            {part}
-            <wbr />
-          </>
-        ))}
+        <Breakable words={label} at={/(?<=\.)/} />
       </label>
       <Range
         id={id}
         value={value}
-        ends={[low, high]}
+        ends={ends}
         words={`${digits(value)} ${unit}`}
         put={(next) => put(Number(next.toPrecision(5)))}
       />
@@ -217,52 +189,6 @@ export function SliderRow(props: SliderProps) {
         {state}
       </span>
       {children}
-    </div>
-  );
-}
-
-type Data = Record<string, unknown>;
-type Cell = ComponentChildren | { text: ComponentChildren; data: Data };
-type Row = Cell[] | { cells: Cell[]; data: Data };
-
-/** A cell as its text and the data that it carries. A text has units as people write them. */
-function parted(cell: Cell): { text: ComponentChildren; data?: Data } {
-  const shown = cell !== null && typeof cell === "object" && "data" in cell ? cell : { text: cell };
-  return { ...shown, text: typeof shown.text === "string" ? pretty(shown.text) : shown.text } as ReturnType<
-    typeof parted
-  >;
-}
-
-/** Table with a name in the first cell of each row. `data` is carried by the row or the cell. */
-export function Table({ heads, rows, label }: { heads: string[]; rows: Row[]; label: string }) {
-  return (
-    <div class="scroll" tabIndex={0} role="region" aria-label={label}>
-      <table>
-        <thead>
-          <tr>
-            {heads.map((one, index) => (
-              <th scope="col" key={index}>
-                {one || <span class="hidden">value</span>}
-              </th>
-            ))}
-          </tr>
-        </thead>
-        <tbody>
-          {rows.map((row, index) => {
-            const [[name, ...cells], data] = Array.isArray(row) ? [row, {}] : [row.cells, row.data];
-            return (
-              <tr key={index} {...data}>
-                <th scope="row">{name as ComponentChildren}</th>
-                {cells.map(parted).map((cell, place) => (
-                  <td key={place} {...cell.data}>
-                    {cell.text}
-                  </td>
-                ))}
-              </tr>
-            );
-          })}
-        </tbody>
-      </table>
     </div>
   );
 }
@@ -337,8 +263,8 @@ export function ReportOf({ folder, changed, word = "report" }: { folder: string;
 }
 
 /** A choice with its label; an option is a value, or a value with its text. */
-export function Select(props: { label: string; value: string; options: Option[]; put: (value: string) => void }) {
-  const { label, value, options, put } = props;
+export function Select({ label, options, ...by }: Bound<string> & { label: string; options: Option[] }) {
+  const [value, put] = bound(by);
   return (
     <label class="choice">
       {label}{" "}

@@ -1,4 +1,5 @@
 /** A result in the form that terminal, notebook and report share: a table of values, curves, and sentences. */
+
 import type { ComponentChildren } from "preact";
 import { FigureView } from "../plots/figure";
 import { isSevere, pretty } from "../plots/looks";
@@ -6,8 +7,10 @@ import { type Group, isWide, pointsFigure } from "../plots/points";
 import { route } from "../routes";
 import type { Finding, SentCurve, SentView, ShownFigure } from "../server/generated";
 import { useRequest } from "./answers";
+import { Fold } from "./fields";
 import { changesOf } from "./files";
-import { Leading, Problems, Table } from "./parts";
+import { Leading, Problems } from "./parts";
+import { Table } from "./table";
 
 const MOST_BESIDE = 4; // columns of a table beside the figure
 
@@ -84,12 +87,7 @@ export function Findings({ of, remedy }: { of: Finding[]; remedy?: ((of: Finding
   return (
     <>
       {first.length > 0 && list(first)}
-      {others.length > 0 && (
-        <details>
-          <summary>{others.length} more notes</summary>
-          {list(others)}
-        </details>
-      )}
+      {others.length > 0 && <Fold title={`${others.length} more notes`}>{list(others)}</Fold>}
     </>
   );
 }
@@ -182,7 +180,7 @@ export function Shown({ view, label }: { view: SentView; label: string }) {
 }
 
 /** Any result of the folder. */
-export function ResultView() {
+export default function ResultView() {
   const { path } = route.value;
   const [view, problems] = useRequest<SentView>("/api/view", path ? { path } : null, [changesOf(path)]);
   return (

@@ -3,22 +3,22 @@
 import { signal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
 import { isUnsaved } from "../drive/opened";
-import type { Compared } from "../measured/differences";
 import { count, pretty } from "../plots/looks";
 import { inCatalogue, link } from "../routes";
-import { ask, connection, type Listed, Refused } from "../server/server";
+import type { Compared } from "../server/generated";
+import { ask, attempting, connection, type Listed } from "../server/server";
 import { viewOf } from "../views";
 import { usePosted } from "./answers";
 import { Starts } from "./choose";
-import { Button, Tick } from "./fields";
-import { folderOf, GROUPS, list, listed, refused, studies } from "./files";
+import { Button, Fold, Tick } from "./fields";
+import { folderOf, GROUPS, type Kinds, list, listed, refused, studies } from "./files";
 import { Chain, stale, trace, useHeadlines } from "./lineage";
 import { Copied, day, Problems } from "./parts";
-import { PathName } from "./tree";
+import { ObjectLink } from "./tree";
 
 const MOST = 200; // rows of a group on the page; the search of the tree finds the others
 
-export function StudiesView() {
+export default function StudiesView() {
   useEffect(() => void listed(), [connection.value === "open"]); // what the page reads as it begins is read once
   useEffect(() => void import("../measured/overview").then((loaded) => (overview.value = loaded)), []);
   const found = studies.value;
@@ -34,17 +34,11 @@ export function StudiesView() {
       {stale.value.unchecked > 0 && (
         <p class="note">{stale.value.unchecked} older results were not checked against their inputs.</p>
       )}
-      {GROUPS.map(({ title, view, kinds }) =>
-        view === "recording" ? (
-          Recordings && <Recordings key={title} files={found.files} />
+      {GROUPS.map((group) =>
+        group.view === "recording" ? (
+          Recordings && <Recordings key={group.title} files={found.files} />
         ) : (
-          <Files
-            key={title}
-            title={title}
-            view={view}
-            files={found.files.filter((file) => kinds.includes(file.kind))}
-            all={found.files}
-          />
+          <Files key={group.title} group={group} all={found.files} />
         ),
       )}
     </>
@@ -52,18 +46,11 @@ export function StudiesView() {
 }
 
 /** Kinds that can be compared in pairs, and kinds that carry or supply hashes of inputs. */
-const ALIKE = [
-  "drive",
-  "circuit",
-  "fit",
-  "friction map",
-  "recording",
-  "validation",
-  "comparison",
-  "sizing",
-  "campaign",
+const CHAINED = ["drive", "circuit", "recording", "friction map", "fit", "validation", "comparison", "campaign"];
+const [ALIKE, TRACED] = [
+  [...CHAINED, "sizing"],
+  [...CHAINED, "rig"],
 ];
-const TRACED = ["drive", "circuit", "recording", "friction map", "fit", "validation", "comparison", "campaign", "rig"];
 const FOLDERS = ["campaign", "comparison", "sizing"]; // objects that are a folder
 const pair = signal<string[]>([]);
 const differences = signal<typeof import("../measured/differences") | null>(null);
@@ -102,18 +89,12 @@ function Compare() {
 const renaming = signal({ path: "", to: "" });
 
 /** Give a file another name. An existing file is never overwritten. */
-async function rename(): Promise<void> {
-  const { path, to } = renaming.value;
-  refused.value = [];
-  try {
-    await ask("/api/rename", { path, to });
+const rename = (): Promise<void> =>
+  attempting(refused)(async () => {
+    await ask("/api/rename", renaming.value);
     renaming.value = { path: "", to: "" };
     await list();
-  } catch (error) {
-    if (!(error instanceof Refused)) throw error;
-    refused.value = error.problems;
-  }
-}
+  });
 
 export function Rename({ path }: { path: string }) {
   const now = renaming.value;
@@ -123,9 +104,9 @@ export function Rename({ path }: { path: string }) {
         class="link"
         aria-label={`Rename ${path}`}
         disabled={isUnsaved(path)}
-        act={() => (renaming.value = { path, to: path })}>
-        rename
-      </Button>
+        act={() => (renaming.value = { path, to: path })}
+        words="rename"
+      />
     );
   return (
     <form class="row" onSubmit={(event) => (event.preventDefault(), void rename())}>
@@ -145,33 +126,25 @@ const MAIN = /(^|\/)(map\.parquet|validation\.toml)$/;
 /** Return the files that belong to a characterisation or a validation, with the file that stands for each. */
 export function partsOf(files: Listed[]): Map<string, string> {
   const mains = files.filter((file) => MAIN.test(file.path) && folderOf(file.path));
-  return new Map(
-    mains.flatMap(({ path }) =>
-      files
-        .filter((file) => file.path !== path && folderOf(file.path) === folderOf(path))
-        .map((file): [string, string] => [file.path, path]),
-    ),
-  );
+  const mainOf = new Map(mains.map(({ path }) => [folderOf(path), path]));
+  const pairs = files.map(({ path }) => [path, mainOf.get(folderOf(path))] as const);
+  return new Map(pairs.filter((pair): pair is [string, string] => Boolean(pair[1]) && pair[0] !== pair[1]));
 }
 
 /** Results and descriptions of some kinds; the files of a characterisation or a validation stand below its row. */
-function Files({ title, view, files, all }: { title: string; view: string; files: Listed[]; all: Listed[] }) {
+function Files({ group: { title, view, kinds }, all }: { group: Kinds; all: Listed[] }) {
   const parts = partsOf(all);
-  const rows = files.filter((file) => !parts.has(file.path));
+  const rows = all.filter((file) => kinds.includes(file.kind) && !parts.has(file.path));
   if (!rows.length) return null;
   const hasDates = new Set(rows.map((file) => day(file.changed))).size > 1;
   return (
     <section class="group">
       <h3>{view ? <a href={link(view)}>{title}</a> : title}</h3>
       <ul class="files listed">
-        {rows.slice(0, MOST).map((file) => (
-          <FileRow
-            key={file.path}
-            file={file}
-            hasDate={hasDates}
-            parts={all.filter((part) => parts.get(part.path) === file.path)}
-          />
-        ))}
+        {rows.slice(0, MOST).map((file) => {
+          const own = all.filter((part) => parts.get(part.path) === file.path);
+          return <FileRow key={file.path} file={file} hasDate={hasDates} parts={own} />;
+        })}
       </ul>
       {rows.length > MOST && <p class="note">{rows.length - MOST} more: search for them in the tree.</p>}
     </section>
@@ -183,17 +156,10 @@ const VERDICTS: Record<string, string> = { "in order": "good", open: "open", "ne
 function FileRow({ file, hasDate, parts }: { file: Listed; hasDate: boolean; parts: Listed[] }) {
   const { path, kind, changed } = file;
   const [, line = "", verdict] = /^(.*?)(?:: (needs you|open|in order))?$/.exec(useHeadlines()[path] ?? "") ?? [];
-  const name = <PathName path={MAIN.test(path) && folderOf(path) ? folderOf(path) : path} />;
   const old = stale.value.stale[path];
   return (
     <li>
-      {viewOf(kind) ? (
-        <a href={link(viewOf(kind)!, path)} title={path}>
-          {name}
-        </a>
-      ) : (
-        <span>{name}</span>
-      )}
+      <ObjectLink path={path} view={viewOf(kind)} name={MAIN.test(path) && folderOf(path) ? folderOf(path) : path} />
       <span class="holds">
         {pretty(line)} {verdict && <span class={`pill ${VERDICTS[verdict]}`}>{verdict}</span>}
       </span>
@@ -211,21 +177,18 @@ function FileRow({ file, hasDate, parts }: { file: Listed; hasDate: boolean; par
           <Tick label="compare" name={`Compare ${path}`} value={pair.value.includes(path)} put={() => tick(path)} />
         )}
         {TRACED.includes(kind) && (
-          <Button class="link" aria-label={`Made from: ${path}`} act={() => trace(path)}>
-            made from
-          </Button>
+          <Button class="link" aria-label={`Made from: ${path}`} act={() => trace(path)} words="made from" />
         )}
         {!FOLDERS.includes(kind) && !inCatalogue(path) && <Rename path={path} />}
       </span>
       {parts.length > 0 && (
-        <details>
-          <summary>{`${count(parts.length, "file")} of ${folderOf(path)}`}</summary>
+        <Fold title={`${count(parts.length, "file")} of ${folderOf(path)}`}>
           <ul class="files listed">
             {parts.slice(0, MOST).map((part) => (
               <FileRow key={part.path} file={part} hasDate={false} parts={[]} />
             ))}
           </ul>
-        </details>
+        </Fold>
       )}
     </li>
   );

@@ -36,20 +36,21 @@ export const AddFiles = () => (
 );
 
 /** Link to an object in its first view, or in the named one. An object without a view has its name only. */
-export function ObjectLink({ path, view = viewOf(kindOf(path)), title = path }: ListedObject) {
-  const name = <PathName path={path} />;
-  if (!view) return <span title={title}>{name}</span>;
+export function ObjectLink({ path, view = viewOf(kindOf(path)), title = path, name = path }: ListedObject) {
+  const shown = <PathName path={name} />;
+  if (!view) return <span title={title}>{shown}</span>;
   return (
     <a href={link(view, path)} aria-current={route.value.path === path ? "page" : undefined} title={title}>
-      {name}
+      {shown}
     </a>
   );
 }
 
 interface ListedObject {
   path: string;
-  view?: string;
+  view?: string | undefined;
   title?: string;
+  name?: string; // that is shown
 }
 
 /** Objects of one kind, with a link to the list of the view that opens them. */
