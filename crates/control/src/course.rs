@@ -123,13 +123,7 @@ impl<'a> Course<'a> {
             None => Wanted { position: self.stands_at, ..Wanted::default() },
         };
         let Some(fade) = self.fade else { return base };
-        let own = fade.at(t);
-        Wanted {
-            position: base.position + own.position,
-            velocity: base.velocity + own.velocity,
-            acceleration: base.acceleration + own.acceleration,
-            jerk: base.jerk + own.jerk,
-        }
+        base.zip(&fade.at(t), |base, own| base + own)
     }
 
     /// Returns the growth of the load from one time to another, s, and the rate of the load then: N and N/s.

@@ -9,7 +9,7 @@ mod traced;
 use crate::adaptation::Adaptation;
 use crate::types::{Sample, State};
 pub use guard::STATUS;
-use guard::{Fixed, GUARD, Guard, GuardInputs, Limits};
+use guard::{GUARD, Guard, GuardInputs, Limits};
 pub use print::Language;
 pub use traced::{LawGraph, Node, Traced, record};
 
@@ -21,7 +21,7 @@ use crate::hold::Hold;
 use crate::law::{AnyLaw, Law};
 use crate::number::{Memory, set_to};
 use crate::observer::Observer;
-use crate::reference::{Reference, Wanted, between, blend};
+use crate::reference::{Reference, between, blend};
 use crate::thresholds::FARTHEST;
 use crate::valves::Valves;
 use math::Real;
@@ -80,9 +80,7 @@ pub const MOVE: [&str; 5] = ["start", "target", "begin_time", "duration", "at_ti
 pub fn along_a_move() -> LawGraph {
     record(MOVE.len(), |given| {
         let [from, to, begin, duration, t] = [0, 1, 2, 3, 4].map(|place| given[place]);
-        let Wanted { position, velocity, acceleration, jerk } =
-            between([from, to], blend((t - begin) / duration), Traced::one() / duration);
-        vec![position, velocity, acceleration, jerk]
+        between([from, to], blend((t - begin) / duration), Traced::one() / duration).numbers().to_vec()
     })
 }
 
@@ -177,30 +175,10 @@ enum Piece {
 impl GuardInputs<Traced> {
     /// Returns the step for the inputs of the code, in their order.
     fn of(all: &[Traced], with_pressures: bool) -> Self {
-        let (first, rest) = all.split_at(if with_pressures { 3 } else { 1 });
-        let wanted = |own: &[Traced]| Wanted {
-            position: own[0],
-            velocity: own[1],
-            acceleration: own[2],
-            jerk: own[3],
-        };
-        GuardInputs {
-            position: first[0],
-            pressures: with_pressures.then(|| [first[1], first[2]]),
-            now: wanted(&rest[..4]),
-            then: wanted(&rest[4..8]),
-            stands: rest[8],
-            enabled: rest[9],
-        }
-    }
-
-    fn numbers(&self) -> Vec<Traced> {
-        let of = |own: &Wanted<Traced>| [own.position, own.velocity, own.acceleration, own.jerk];
-        let mut all = vec![self.position];
-        all.extend(self.pressures.into_iter().flatten());
-        all.extend(of(&self.now).into_iter().chain(of(&self.then)));
-        all.extend([self.stands, self.enabled]);
-        all
+        let pressures = with_pressures.then(|| [Traced::zero(); 2]);
+        let mut own = GuardInputs { pressures, ..GuardInputs::new() };
+        own.each(&mut set_to(all));
+        own
     }
 
     fn sample(&self, time: f64) -> Sample<Traced> {
@@ -244,7 +222,7 @@ impl LawRecorder<'_> {
     fn traced<L: Law<Traced>>(&self, law: L, observer: &Observer) -> Follower<L, Traced> {
         let Follower { model, plant, hold, period, noise, .. } = &**self.controller;
         Follower {
-            model: model.in_numbers(),
+            model: model.map(Traced::c),
             plant: *plant,
             law,
             valves: Valves::One,
@@ -319,15 +297,6 @@ impl LawRecorder<'_> {
 
     /// The checks of a sample. Their state ends with the velocity of the last command.
     fn check(&self, inputs: usize, parameters: usize, gains: usize) -> LawGraph {
-        let Follower { model, plant, period, .. } = &**self.controller;
-        let fixed = Fixed {
-            period: *period,
-            ahead: self.controller.ahead(),
-            grain: self.controller.grain(),
-            fastest: plant.speed,
-            stroke: model.stroke,
-            supply: model.supply.pressure,
-        };
         record(inputs + parameters + GUARD + 1, |given| {
             let (sample, rest) = given.split_at(inputs);
             let (of_limits, state) = rest.split_at(parameters);
@@ -336,9 +305,9 @@ impl LawRecorder<'_> {
             let mut own = Guard::new();
             own.each(&mut set_to(&state[..GUARD]));
             let asked = GuardInputs::of(sample, self.with_pressures);
-            let checked = own.check(&fixed, &limits, &asked, state[GUARD]);
-            let mut results = vec![checked.opens, checked.begins, checked.status];
-            results.extend(checked.asked.numbers());
+            let (flags, mut checked) = own.check(self.controller, &limits, &asked, state[GUARD]);
+            let mut results = flags.to_vec();
+            checked.each(&mut |number| results.push(*number));
             own.each(&mut |number| results.push(*number));
             results
         })
@@ -369,7 +338,9 @@ impl LawRecorder<'_> {
                 let preview = Course::from(&nowhere);
                 let ahead = Ahead { now, then, stands, preview: &preview };
                 let Answer { command, velocity, disturbance, holds, .. } = own.command(&at, &ahead);
-                own.told(at.time, command);
+                if let Some(observer) = &mut own.observer {
+                    observer.spool.command(at.time + own.model.valve.delay, command);
+                }
                 let holds = Traced::select(holds, Traced::one(), Traced::zero());
                 results = vec![command, velocity, disturbance, holds];
             }

@@ -133,7 +133,7 @@ impl Follower {
     /// Passes a sample to the observer. The first one starts it.
     fn take(&mut self, sample: &Sample) {
         let Follower { model, period, noise, law, .. } = self;
-        let noise = Noise { disturbance: law.wander() * noise.disturbance, ..*noise };
+        let noise = Noise { disturbance: law.features().wander * noise.disturbance, ..*noise };
         self.observer.get_or_insert_with(|| Observer::new(model, sample, *period, noise));
         self.observe(sample);
     }
@@ -263,13 +263,10 @@ impl<S: Number, L: Law<S>> Follower<L, S> {
 
     /// Visits each number of the state.
     pub(crate) fn numbers(&mut self, see: &mut dyn FnMut(&mut S)) {
-        if let Some(observer) = &mut self.observer {
-            observer.numbers(see);
-        }
-        self.friction.iter_mut().chain([&mut self.push]).for_each(&mut *see);
-        if let Some(hold) = &mut self.hold {
-            hold.each(see);
-        }
+        self.observer.each(see);
+        self.friction.each(see);
+        self.push.each(see);
+        self.hold.each(see);
         if let Some(adaptation) = &mut self.adaptation {
             adaptation.learned(&mut self.model, see);
             adaptation.signals(see);
@@ -280,7 +277,7 @@ impl<S: Number, L: Law<S>> Follower<L, S> {
 
     /// Returns the time after which a command acts, as the law assumes it, s.
     pub(crate) fn ahead(&self) -> f64 {
-        if self.law.predicts() { self.model.valve.delay } else { self.plant.lag }
+        if self.law.features().predicts { self.model.valve.delay } else { self.plant.lag }
     }
 
     /// Returns the command for the stored sample.
@@ -338,10 +335,10 @@ impl<S: Number, L: Law<S>> Follower<L, S> {
     ///   F' = -b F                       after the contact has slipped
     ///   F' = -r F                       along a reference that moves, and during holding
     ///
-    /// with the error e, m, the bandwidth b, 1/s, r = [`Law::push`] b, and c = [`PUSH_BOUND`].
+    /// with the error e, m, the bandwidth b, 1/s, r = [`Features::push`](crate::law::Features::push) b, and c = [`PUSH_BOUND`].
     fn pushed(&self, seen: &Resting<S>, holds: S::Mask) -> S {
         let bandwidth = self.plant.bandwidth();
-        let share = self.law.push() * bandwidth * self.period;
+        let share = self.law.features().push * bandwidth * self.period;
         let bound = PUSH_BOUND * self.plant.coulomb;
         let stiffness = self.model.mass.times(share).times(bandwidth).times(bandwidth);
         let grown = (self.push + seen.error * stiffness).within(-bound, bound);
@@ -351,12 +348,5 @@ impl<S: Number, L: Law<S>> Follower<L, S> {
         let grown = S::select(slips, self.push.times(1.0 - bandwidth * self.period), grown);
         let stands = S::select(S::zero().lt(seen.stands), grown, fallen);
         S::select(holds, fallen, stands)
-    }
-
-    /// Stores the command of one 5/3 valve at a sample, with its true time.
-    pub(crate) fn told(&mut self, time: f64, command: S) {
-        if let Some(observer) = &mut self.observer {
-            observer.spool.command(time + self.model.valve.delay, command);
-        }
     }
 }

@@ -47,6 +47,11 @@ pub struct Model<P = f64> {
     pub stick_damping_time: f64,
 }
 
+math::mapped!(Model { mass } parts { valve, friction_shares } same {
+    gas, ambient, supply, sides, stroke, load, heat_transfer, wall_temperature, friction, stick_stiffness, slip,
+    stick_damping_time
+});
+
 /// Rates of the gas in both chambers.
 #[derive(Clone, Copy, Debug)]
 pub struct Chambers<S> {
@@ -103,28 +108,6 @@ impl Model {
     pub fn share_of(&self, command: f64) -> f64 {
         let overlap = self.valve.overlap;
         command.signum() * (command.abs() - overlap).max(0.0) / (1.0 - overlap)
-    }
-
-    /// Returns the same model in other numbers.
-    pub fn in_numbers<S: Over<f64>>(&self) -> Model<S> {
-        let Model { gas, ambient, supply, sides, stroke, load, heat_transfer, wall_temperature, .. } = *self;
-        Model {
-            gas,
-            ambient,
-            supply,
-            sides,
-            stroke,
-            mass: S::c(self.mass),
-            load,
-            heat_transfer,
-            wall_temperature,
-            valve: self.valve.in_numbers(),
-            friction: self.friction.clone(),
-            stick_stiffness: self.stick_stiffness,
-            slip: self.slip,
-            friction_shares: self.friction_shares.map(S::c),
-            stick_damping_time: self.stick_damping_time,
-        }
     }
 }
 

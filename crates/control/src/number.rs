@@ -72,6 +72,12 @@ impl<Z: Zeros, const N: usize> Zeros for [Z; N] {
     }
 }
 
+impl<Z> Zeros for Option<Z> {
+    fn zeros() -> Self {
+        None
+    }
+}
+
 /// Defines a state of stored numbers that are zero at first. It may have constants, and numbers that are not stored.
 macro_rules! memory {
     ($(#[$about:meta])* $of:vis struct $name:ident<$number:ident> {
@@ -112,6 +118,12 @@ impl<S: Number> Memory<S> for S {
 }
 
 impl<S, M: Memory<S>, const N: usize> Memory<S> for [M; N] {
+    fn each(&mut self, see: &mut dyn FnMut(&mut S)) {
+        self.iter_mut().for_each(|own| own.each(see));
+    }
+}
+
+impl<S, M: Memory<S>> Memory<S> for Option<M> {
     fn each(&mut self, see: &mut dyn FnMut(&mut S)) {
         self.iter_mut().for_each(|own| own.each(see));
     }

@@ -227,9 +227,10 @@ impl<S: Number> Observer<S> {
         }
         (state, spool)
     }
+}
 
-    /// Visits each number of the observer.
-    pub(crate) fn numbers(&mut self, see: &mut dyn FnMut(&mut S)) {
+impl<S: Number> Memory<S> for Observer<S> {
+    fn each(&mut self, see: &mut dyn FnMut(&mut S)) {
         self.state.each(see);
         self.spool.numbers(see);
     }

@@ -1,26 +1,41 @@
 //! Reference of a drive: position with its derivatives over time.
 
-use crate::number::Number;
+use crate::number::{Number, Zeros, memory};
 use serde::Deserialize;
 use std::f64::consts::TAU;
 
-/// Wanted state of a drive at one time.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Wanted<S = f64> {
-    /// Position, m.
-    pub position: S,
-    /// Velocity, m/s.
-    pub velocity: S,
-    /// Acceleration, m/s2.
-    pub acceleration: S,
-    /// Jerk, m/s3.
-    pub jerk: S,
+memory! {
+    /// Wanted state of a drive at one time.
+    #[derive(Default, PartialEq)]
+    pub struct Wanted<S> {
+        /// Position, m.
+        pub position: S,
+        /// Velocity, m/s.
+        pub velocity: S,
+        /// Acceleration, m/s2.
+        pub acceleration: S,
+        /// Jerk, m/s3.
+        pub jerk: S,
+    }
 }
+
+math::mapped!(Wanted { position, velocity, acceleration, jerk });
 
 /// Largest derivatives of a blend: 35/16, 84/(5 sqrt 5) and 105/2.
 pub const PEAKS: [f64; 3] = [2.1875, 7.513188404399293, 52.5];
 
+impl<S: Number> Zeros for Wanted<S> {
+    fn zeros() -> Self {
+        Wanted::new()
+    }
+}
+
 impl<S: Number> Wanted<S> {
+    /// Returns position and derivatives in their order.
+    pub fn numbers(&self) -> [S; 4] {
+        [self.position, self.velocity, self.acceleration, self.jerk]
+    }
+
     /// Converts derivatives over a fraction of time to derivatives over time; `rate` is one over the time, 1/s.
     pub fn at_rate([position, v, a, j]: [S; 4], rate: S) -> Self {
         Wanted { position, velocity: v * rate, acceleration: a * rate * rate, jerk: j * (rate * rate * rate) }
@@ -239,8 +254,7 @@ impl Reference {
 
     /// Returns the reference slowed by a factor in time.
     pub fn slowed(&self, t: f64, factor: f64) -> Wanted {
-        let Wanted { position, velocity, acceleration, jerk } = self.at(t / factor);
-        Wanted::at_rate([position, velocity, acceleration, jerk], 1.0 / factor)
+        Wanted::at_rate(self.at(t / factor).numbers(), 1.0 / factor)
     }
 
     /// Samples the reference at many times from a time on, s, so densely that no extreme value is missed.

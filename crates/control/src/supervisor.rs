@@ -93,7 +93,7 @@ impl Supervisor {
             self.mode = Mode::Shut;
             returns = false;
         } else if returns
-            && (self.position.is_lost() || self.gas.is_lost() || self.gas.has_no_supply() || self.stands_by)
+            && (self.position.is_lost() || self.gas.is_lost() || self.gas.supply_told || self.stands_by)
         {
             // A lost signal may be back: the supervisor starts again.
             own.restart();
@@ -131,7 +131,7 @@ impl Supervisor {
         answer.command = self.guarded(own, &sample, answer.command);
         if !self.mode.is_shut() {
             let at = Moment { time: sample.time, period: own.period };
-            let moves = Moves { state, wanted, stands, no_air: self.gas.is_starved() };
+            let moves = Moves { state, wanted, stands, no_air: self.gas.starved };
             self.motion.watch(&self.rules.motion, &own.model, at, &moves, &mut self.log);
         }
         (self.command, self.is_held) = (answer.command, answer.holds);
@@ -193,7 +193,7 @@ impl Supervisor {
             let found = self.gas.checked(pressures, &believed, &mut self.log);
             self.modelled = found.modelled;
             let Rules { on_pressure, on_valve, mut on_supply, .. } = self.rules;
-            if on_supply == Reaction::Block && !self.gas.is_starved() && !self.position.is_lost() {
+            if on_supply == Reaction::Block && !self.gas.starved && !self.position.is_lost() {
                 // A low supply that still fills the chambers is only reported. Without a position, the model may be wrong.
                 on_supply = Reaction::Tell;
             }
@@ -211,8 +211,8 @@ impl Supervisor {
     }
 
     fn check_reference(&mut self, own: &Follower, sample: &Sample, asked: &Wanted) {
-        let Wanted { position, velocity, acceleration, jerk } = *asked;
-        let is_number = [position, velocity, acceleration, jerk].iter().all(|own| own.is_finite());
+        let Wanted { position, velocity, .. } = *asked;
+        let is_number = asked.numbers().iter().all(|own| own.is_finite());
         let jumps = self.asked.is_some_and(|last| {
             let way = 0.5 * (last.velocity + velocity) * own.period;
             (position - last.position - way).abs() > REFERENCE_JUMP

@@ -32,15 +32,35 @@ macro_rules! gather {
     };
 }
 
-/// Implements `map` for a struct of numbers and of arrays of numbers: the same in other numbers.
+/// Implements `map` for a struct of numbers, of arrays of numbers and of structs with `map`, and of other values that
+/// stay the same. Without the latter two, it also implements `zip`.
 #[macro_export]
 macro_rules! mapped {
     ($name:ident { $($number:ident),* } $(arrays { $($array:ident),* })?) => {
+        $crate::mapped!($name { $($number),* } parts { $($($array),*)? } same {});
+
+        impl<S: Copy> $name<S> {
+            /// Returns the numbers that a function gives for each two numbers of the same place.
+            #[allow(dead_code)]
+            #[inline(always)]
+            pub fn zip(&self, other: &Self, f: impl Fn(S, S) -> S) -> Self {
+                $name {
+                    $($number: f(self.$number, other.$number),)*
+                    $($($array: std::array::from_fn(|i| f(self.$array[i], other.$array[i])),)*)?
+                }
+            }
+        }
+    };
+    ($name:ident { $($number:ident),* } parts { $($part:ident),* } same { $($same:ident),* }) => {
         impl<S: Copy> $name<S> {
             /// Returns the same in other numbers.
             #[inline(always)]
             pub fn map<T>(&self, f: impl Fn(S) -> T) -> $name<T> {
-                $name { $($number: f(self.$number),)* $($($array: self.$array.map(&f),)*)? }
+                $name {
+                    $($number: f(self.$number),)*
+                    $($part: self.$part.map(&f),)*
+                    $($same: self.$same.clone(),)*
+                }
             }
         }
     };

@@ -75,7 +75,7 @@ impl<P: Real> Curve<P> {
         let mut found = self.pieces[0].map(S::from);
         for piece in &self.pieces[1..] {
             let (piece, here) = (piece.map(S::from), x.lt(S::from(piece.x)));
-            found = found.zip(piece, |before, piece| S::select(here, before, piece));
+            found = found.zip(&piece, |before, piece| S::select(here, before, piece));
         }
         (found, ((x - found.x) / found.width).max(S::zero()).min(S::one()))
     }
@@ -122,19 +122,6 @@ impl<P: Real> Curve<P> {
 math::gather!(Curve { pieces });
 math::gather!(Piece { x, width, value, rises, before });
 math::mapped!(Piece { x, width, value, before } arrays { rises });
-
-impl<P: Copy> Piece<P> {
-    #[inline(always)]
-    fn zip(&self, other: Self, f: impl Fn(P, P) -> P) -> Self {
-        Piece {
-            x: f(self.x, other.x),
-            width: f(self.width, other.width),
-            value: f(self.value, other.value),
-            rises: std::array::from_fn(|i| f(self.rises[i], other.rises[i])),
-            before: f(self.before, other.before),
-        }
-    }
-}
 
 impl<S: Real> Piece<S> {
     #[inline(always)]

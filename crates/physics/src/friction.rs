@@ -358,7 +358,7 @@ macro_rules! laws {
                         AnyLaw::$name(law.lifted(&values))
                     })*
                     AnyLaw::Formula(law) => {
-                        let values: Vec<P> = law.meta().parameters.iter().map(value).collect();
+                        let values: Vec<P> = law.law.meta.parameters.iter().map(value).collect();
                         AnyLaw::Formula(law.lifted(&values))
                     }
                 }
@@ -370,21 +370,18 @@ macro_rules! laws {
             }
         }
 
+        math::gather_enum!(AnyLaw { $($name,)* Formula });
+
         impl<P: Real> AnyLaw<P> {
             /// Returns whether the force contains the rate of the first inner state.
             pub fn is_damped(&self) -> bool {
                 match self { $(AnyLaw::$name(_) => <$name<P> as Law<P>>::DAMPED,)* AnyLaw::Formula(_) => false }
             }
-        }
-
-        math::gather_enum!(AnyLaw { $($name,)* Formula });
-
-        impl<P: Real> AnyLaw<P> {
             /// Returns its entry in the registry, or that of the custom law.
             pub fn meta(&self) -> &'static Meta {
                 let key = match self {
                     $(AnyLaw::$name(_) => <$name<P> as Law<P>>::KEY,)*
-                    AnyLaw::Formula(law) => return law.meta(),
+                    AnyLaw::Formula(law) => return &law.law.meta,
                 };
                 LAWS.iter().find(|meta| meta.key == key).expect("every law is registered")
             }

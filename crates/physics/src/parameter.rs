@@ -176,9 +176,7 @@ macro_rules! parameters {
                     meaning: concat!($($meaning),+).trim_ascii(),
                 },)*
             ];
-        }
 
-        impl<P: Copy> $name<P> {
             /// Creates it from values in the order of `PARAMETERS`, then the choices.
             #[allow(dead_code)] // parts that are written out field by field do without
             pub fn from_values(values: &[P] $($(, $choice: $choice_type)*)?) -> Self {

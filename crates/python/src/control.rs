@@ -123,10 +123,7 @@ pub fn reference_at<'py>(
 ) -> PyResult<Table<'py>> {
     let reference = parse::<ReferenceForm>(motion)?.0;
     let times = times.as_array();
-    let rows = times.iter().flat_map(|&t| {
-        let at = reference.at(t);
-        [at.position, at.velocity, at.acceleration, at.jerk]
-    });
+    let rows = times.iter().flat_map(|&t| reference.at(t).numbers());
     PyArray1::from_iter(py, rows).reshape([times.len(), 4])
 }
 
@@ -219,8 +216,7 @@ impl PyReference {
 
     /// Returns position, velocity, acceleration and jerk at a time, SI units.
     fn at(&self, t: f64) -> (f64, f64, f64, f64) {
-        let at = self.0.at(t);
-        (at.position, at.velocity, at.acceleration, at.jerk)
+        self.0.at(t).numbers().into()
     }
 }
 

@@ -105,7 +105,7 @@ impl LawProgram {
             inputs.extend([PRESSURE + lean, PRESSURE - lean]);
         }
         for own in [now, then] {
-            inputs.extend([own.position, own.velocity, own.acceleration, own.jerk]);
+            inputs.extend(own.numbers());
         }
         let stands = t + self.ahead < begin || t > begin + lasts;
         let enabled = k > 1 && !(off..on).contains(&k);

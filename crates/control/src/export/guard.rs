@@ -4,6 +4,7 @@
 //! A drive whose valve is shut, or that was stopped, remains in this state until it is disabled and enabled again.
 
 use crate::course::Fade;
+use crate::follower::Follower;
 use crate::number::{Number, flag, memory};
 use crate::reference::Wanted;
 use crate::thresholds::*;
@@ -22,23 +23,6 @@ const NO_POSITION: f64 = 2.0;
 const NO_PRESSURE: f64 = 3.0;
 const REJECTED: f64 = 4.0;
 
-/// Constants of a guard.
-#[derive(Clone, Copy, Debug)]
-pub struct Fixed {
-    /// Period, s.
-    pub period: f64,
-    /// Time after which the present command acts, s.
-    pub ahead: f64,
-    /// Position resolution, m.
-    pub grain: f64,
-    /// Highest speed of the drive, m/s.
-    pub fastest: f64,
-    /// Stroke, m.
-    pub stroke: f64,
-    /// Pressure of the supply, Pa absolute.
-    pub supply: f64,
-}
-
 /// Limits that a caller may change: least and greatest position, m, speed, m/s, deceleration of a stop ramp, m/s2.
 #[derive(Clone, Copy, Debug)]
 pub struct Limits<S> {
@@ -47,25 +31,16 @@ pub struct Limits<S> {
     pub deceleration: S,
 }
 
-/// Inputs of the code for one sample.
-#[derive(Clone, Copy, Debug)]
-pub struct GuardInputs<S> {
-    pub position: S,
-    pub pressures: Option<[S; 2]>,
-    pub now: Wanted<S>,
-    pub then: Wanted<S>,
-    pub stands: S,
-    pub enabled: S,
-}
-
-/// The inputs after the checks, two flags and a [`STATUS`]. The flags, 1 or 0, say whether the valve may open and
-/// whether control begins.
-#[derive(Clone, Copy, Debug)]
-pub struct Checked<S> {
-    pub asked: GuardInputs<S>,
-    pub opens: S,
-    pub begins: S,
-    pub status: S,
+memory! {
+    /// Inputs of the code for one sample, in their order.
+    pub struct GuardInputs<S> {
+        pub position: S,
+        pub pressures: Option<[S; 2]>,
+        pub now: Wanted<S>,
+        pub then: Wanted<S>,
+        pub stands: S,
+        pub enabled: S,
+    }
 }
 
 memory! {
@@ -106,20 +81,22 @@ fn is<S: Number>(status: S, value: f64) -> S {
 }
 
 impl<S: Number> Guard<S> {
-    /// Checks the inputs of a sample. `velocity` is the estimate at the last sample, m/s.
+    /// Checks the inputs of a sample for a controller. `velocity` is the estimate at the last sample, m/s. Returns
+    /// [`CHECKED`](super::CHECKED) and the inputs after the checks. The flags, 1 or 0, say whether the valve may open and
+    /// whether control begins.
     pub fn check(
         &mut self,
-        fixed: &Fixed,
+        own: &Follower,
         limits: &Limits<S>,
         asked: &GuardInputs<S>,
         velocity: S,
-    ) -> Checked<S> {
+    ) -> ([S; 3], GuardInputs<S>) {
         let one = S::one();
         let enabled = flag(S::c(0.5), asked.enabled);
         let begins = enabled * (one - self.enabled);
-        let position = self.position(fixed, asked.position, velocity, begins);
-        let pressures = asked.pressures.map(|read| self.gas(fixed, read, begins));
-        let is_good = self.accepts(fixed, limits, asked, position, begins);
+        let position = self.position(own, asked.position, velocity, begins);
+        let pressures = asked.pressures.map(|read| self.gas(own, read, begins));
+        let is_good = self.accepts(own, limits, asked, position, begins);
         let is_lost = |missed: S, most: u32| flag(S::c(f64::from(most) - 0.5), missed);
         let [x, a, b] = self.missed;
         let (no_position, no_pressure) = (is_lost(x, POSITION_LOST), is_lost(a.max(b), PRESSURE_LOST));
@@ -130,38 +107,37 @@ impl<S: Number> Guard<S> {
         let status = either(enabled, either(was_shut, before, lost), S::c(DISABLED));
         let stops = is(status, REJECTED);
         let follows = is(status, FOLLOWS);
-        self.stop(fixed, limits, stops * (one - is(before, REJECTED)), begins, position);
+        self.stop(own, limits, stops * (one - is(before, REJECTED)), begins, position);
         (self.enabled, self.status) = (enabled, status);
-        let fade =
-            Fade { begin: S::zero(), duration: self.duration.max(S::c(fixed.period)), from: self.from };
-        let at = |ramp: Wanted<S>, own: Wanted<S>| {
-            let pick = |ramp: S, own: S, rests: S| either(follows, own, either(stops, ramp, rests));
+        let fade = Fade { begin: S::zero(), duration: self.duration.max(S::c(own.period)), from: self.from };
+        let at = |ramp: Wanted<S>, asked: Wanted<S>| {
+            let pick = |ramp: S, asked: S, rests: S| either(follows, asked, either(stops, ramp, rests));
             let zero = S::zero();
             Wanted {
-                position: pick(self.end + ramp.position, own.position, position),
-                velocity: pick(ramp.velocity, own.velocity, zero),
-                acceleration: pick(ramp.acceleration, own.acceleration, zero),
-                jerk: pick(ramp.jerk, own.jerk, zero),
+                position: pick(self.end + ramp.position, asked.position, position),
+                velocity: pick(ramp.velocity, asked.velocity, zero),
+                acceleration: pick(ramp.acceleration, asked.acceleration, zero),
+                jerk: pick(ramp.jerk, asked.jerk, zero),
             }
         };
         let now = at(fade.at(self.stops_for), asked.now);
-        let then = at(fade.at(self.stops_for + S::c(fixed.ahead)), asked.then);
+        let then = at(fade.at(self.stops_for + S::c(own.ahead())), asked.then);
         let stood = flag(fade.duration, self.stops_for);
         let stands = either(follows, flag(S::c(0.5), asked.stands), either(stops, stood, one));
         self.followed = [now.position, now.velocity, now.acceleration];
-        self.stops_for = either(stops, self.stops_for + S::c(fixed.period), S::zero());
+        self.stops_for = either(stops, self.stops_for + S::c(own.period), S::zero());
         let asked = GuardInputs { position, pressures, now, then, stands, enabled };
-        Checked { asked, opens: follows + stops, begins, status }
+        ([follows + stops, begins, status], asked)
     }
 
     /// Returns the position, or the prediction if the reading is not credible: if |x - x_predicted| > 5 counts + 0.1 T
     /// v_max.
-    fn position(&mut self, fixed: &Fixed, reading: S, velocity: S, begins: S) -> S {
-        let predicted = self.position + velocity.times(fixed.period);
-        let speed = S::c(POSITION_SPEED * fixed.period * fixed.fastest);
-        let apart = speed * (self.missed[0] + S::one()) + S::c(POSITION_JUMP * fixed.grain);
+    fn position(&mut self, own: &Follower, reading: S, velocity: S, begins: S) -> S {
+        let predicted = self.position + velocity.times(own.period);
+        let speed = S::c(POSITION_SPEED * own.period * own.plant.speed);
+        let apart = speed * (self.missed[0] + S::one()) + S::c(POSITION_JUMP * own.grain());
         let near = between(-apart, reading - predicted, apart);
-        let inside = between(S::c(-STOP_NEAR), reading, S::c(fixed.stroke + STOP_NEAR));
+        let inside = between(S::c(-STOP_NEAR), reading, S::c(own.model.stroke + STOP_NEAR));
         let good = inside * either(begins, S::one(), near);
         // Without a first reading nothing can be predicted.
         let missed = either(begins, S::c(f64::from(POSITION_LOST)), self.missed[0] + S::one());
@@ -171,13 +147,13 @@ impl<S: Number> Guard<S> {
     }
 
     /// Returns the pressures; a reading that is not credible is replaced by the last credible one.
-    fn gas(&mut self, fixed: &Fixed, read: [S; 2], begins: S) -> [S; 2] {
+    fn gas(&mut self, own: &Follower, read: [S; 2], begins: S) -> [S; 2] {
         let [low, high] = GUARD_PRESSURE;
         for (side, reading) in read.into_iter().enumerate() {
-            let good = between(S::c(low), reading, S::c(high * fixed.supply));
+            let good = between(S::c(low), reading, S::c(high * own.model.supply.pressure));
             let missed = &mut self.missed[1 + side];
             *missed = either(good, S::zero(), either(begins, S::zero(), *missed) + S::one());
-            let usual = either(begins, S::c(0.5 * fixed.supply), self.pressures[side]);
+            let usual = either(begins, S::c(0.5 * own.model.supply.pressure), self.pressures[side]);
             self.pressures[side] = either(good, reading, usual);
         }
         self.pressures
@@ -187,7 +163,7 @@ impl<S: Number> Guard<S> {
     /// be near the drive.
     fn accepts(
         &self,
-        fixed: &Fixed,
+        own: &Follower,
         limits: &Limits<S>,
         asked: &GuardInputs<S>,
         position: S,
@@ -195,16 +171,16 @@ impl<S: Number> Guard<S> {
     ) -> S {
         let rounding = S::c(LIMIT_ROUNDING);
         let [low, high] = limits.position;
-        let within = |own: &Wanted<S>| {
+        let within = |wanted: &Wanted<S>| {
             let speed = limits.speed + rounding;
             let far = S::c(f64::MAX);
-            between(low - rounding, own.position, high + rounding)
-                * between(-speed, own.velocity, speed)
-                * between(-far, own.acceleration, far)
-                * between(-far, own.jerk, far)
+            between(low - rounding, wanted.position, high + rounding)
+                * between(-speed, wanted.velocity, speed)
+                * between(-far, wanted.acceleration, far)
+                * between(-far, wanted.jerk, far)
         };
         let [followed, velocity, _] = self.followed;
-        let way = (velocity + asked.now.velocity).times(0.5 * fixed.period);
+        let way = (velocity + asked.now.velocity).times(0.5 * own.period);
         let jump = asked.now.position - followed - way;
         let apart = either(begins, asked.now.position - position, jump);
         let least = either(begins, S::c(STOP_NEAR), S::c(REFERENCE_JUMP));
@@ -212,18 +188,18 @@ impl<S: Number> Guard<S> {
     }
 
     /// Begins a stop ramp at the last wanted position. At the first sample, the place of rest is the present position.
-    fn stop(&mut self, fixed: &Fixed, limits: &Limits<S>, stops: S, begins: S, position: S) {
-        let (period, zero) = (S::c(fixed.period), S::zero());
+    fn stop(&mut self, own: &Follower, limits: &Limits<S>, stops: S, begins: S, position: S) {
+        let (period, zero) = (S::c(own.period), S::zero());
         let [x, v, a] = self.followed;
         let from = [x + period * (v + (period * a).times(0.5)), v + period * a, a];
         let from =
             [either(begins, position, from[0]), either(begins, zero, from[1]), either(begins, zero, from[2])];
-        let ahead = S::select(zero.lt(from[1]), S::c(fixed.stroke) - from[0], from[0]);
+        let ahead = S::select(zero.lt(from[1]), S::c(own.model.stroke) - from[0], from[0]);
         let (fade, end) = Fade::stop(zero, from, limits.deceleration, ahead - S::c(STOP_APART));
         self.stops_for = either(stops, zero, self.stops_for);
         self.duration = either(stops, fade.duration, self.duration);
-        for (own, new) in self.from.iter_mut().zip(fade.from) {
-            *own = either(stops, new, *own);
+        for (from, new) in self.from.iter_mut().zip(fade.from) {
+            *from = either(stops, new, *from);
         }
         self.end = either(stops, end, self.end);
     }

@@ -1,6 +1,6 @@
 //! Any law: one of the table, or a custom one.
 
-use super::base::{Law, Tick, Tuned};
+use super::base::{Features, Law, Tick, Tuned};
 use super::{Fuzzy, Inversion, Nmpc, Pid, Sliding, SuperTwisting};
 use crate::gains::{Gain, Gains};
 use crate::model::Model;
@@ -45,9 +45,7 @@ macro_rules! laws {
                     AnyLaw::Own(_) => [].iter().zip(vec![]),
                 }
             }
-        }
 
-        impl AnyLaw {
             /// Whether it follows references only, and cannot follow a path back to a reference.
             pub(crate) fn needs_reference(&self) -> bool {
                 matches!(self, AnyLaw::Own(_))
@@ -67,16 +65,8 @@ macro_rules! laws {
         }
 
         impl Law for AnyLaw {
-            fn predicts(&self) -> bool {
-                match self { $(AnyLaw::$name(law) => law.predicts(),)* AnyLaw::Own(_) => false }
-            }
-
-            fn wander(&self) -> f64 {
-                match self { $(AnyLaw::$name(law) => law.wander(),)* AnyLaw::Own(_) => 1.0 }
-            }
-
-            fn push(&self) -> f64 {
-                match self { $(AnyLaw::$name(law) => law.push(),)* AnyLaw::Own(_) => 0.0 }
+            fn features(&self) -> Features {
+                match self { $(AnyLaw::$name(law) => law.features(),)* AnyLaw::Own(_) => Features::USUAL }
             }
 
             fn step(&mut self, tick: &Tick) -> f64 {

@@ -75,22 +75,31 @@ pub trait Tuned: Gains + Sized {
     fn tuned(model: &Model, plant: &Plant) -> Self;
 }
 
-/// A law. The memory of a law consists of numbers. A law has no clock.
-pub trait Law<S: Number = f64>: Memory<S> {
+/// Features of a law that its observer and its follower need.
+#[derive(Clone, Copy, Debug)]
+pub struct Features {
     /// Whether the law predicts the spool. The state is then predicted over the dead time only, not over the whole lag.
-    fn predicts(&self) -> bool {
-        false
-    }
-
+    pub predicts: bool,
     /// Expected random walk of the unexplained force in the observer, relative to the usual value.
-    fn wander(&self) -> f64 {
-        1.0
-    }
-
+    pub wander: f64,
     /// Growth rate of the force that breaks a resting drive away, relative to the bandwidth. Zero means that the law
     /// does not add such a force.
-    fn push(&self) -> f64 {
-        0.0
+    pub push: f64,
+}
+
+impl Features {
+    /// Features of most laws.
+    pub const USUAL: Self = Features { predicts: false, wander: 1.0, push: 0.0 };
+}
+
+/// A law. The memory of a law consists of numbers. A law has no clock.
+pub trait Law<S: Number = f64>: Memory<S> {
+    /// Features of the law.
+    const FEATURES: Features = Features::USUAL;
+
+    /// Returns the features of this law.
+    fn features(&self) -> Features {
+        Self::FEATURES
     }
 
     /// Returns the fraction of opening, before the overlap is added. It may exceed -1 .. 1.

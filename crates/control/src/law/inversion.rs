@@ -1,4 +1,4 @@
-use super::base::{Law, Tick, Tuned};
+use super::base::{Features, Law, Tick, Tuned};
 use crate::gains::law;
 use crate::model::Model;
 use crate::number::Number;
@@ -29,9 +29,7 @@ impl Tuned for Inversion {
 }
 
 impl<S: Number> Law<S> for Inversion<S> {
-    fn push(&self) -> f64 {
-        0.6
-    }
+    const FEATURES: Features = Features { push: 0.6, ..Features::USUAL };
 
     fn step(&mut self, tick: &Tick<S>) -> S {
         let [e, e1, e2] = tick.errors();

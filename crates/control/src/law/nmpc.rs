@@ -1,6 +1,6 @@
 #![allow(clippy::needless_range_loop)] // rows and columns of matrices
 
-use super::base::{Law, Tick, Tuned};
+use super::base::{Features, Law, Tick, Tuned};
 use crate::gains::law;
 use crate::model::Model;
 use crate::number::Number;
@@ -236,17 +236,7 @@ impl Tuned for Nmpc {
 }
 
 impl Law for Nmpc {
-    fn wander(&self) -> f64 {
-        NMPC_WANDER
-    }
-
-    fn push(&self) -> f64 {
-        0.6
-    }
-
-    fn predicts(&self) -> bool {
-        true
-    }
+    const FEATURES: Features = Features { predicts: true, wander: NMPC_WANDER, push: 0.6 };
 
     fn step(&mut self, tick: &Tick) -> f64 {
         self.shift(tick.period);

@@ -1,4 +1,4 @@
-use super::base::{Law, Tick, Tuned, is_free};
+use super::base::{Features, Law, Tick, Tuned, is_free};
 use crate::gains::law;
 use crate::model::Model;
 use crate::number::Number;
@@ -64,9 +64,7 @@ impl Tuned for SuperTwisting {
 }
 
 impl<S: Number> Law<S> for SuperTwisting<S> {
-    fn push(&self) -> f64 {
-        0.1
-    }
+    const FEATURES: Features = Features { push: 0.1, ..Features::USUAL };
 
     fn step(&mut self, tick: &Tick<S>) -> S {
         let [s, jerk] = surface(tick, self.bandwidth);

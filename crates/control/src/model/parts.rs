@@ -114,23 +114,11 @@ pub struct Valve<P = f64> {
     pub leakage_width: f64,
 }
 
-impl Valve {
-    /// Returns the same valve in other numbers.
-    pub(super) fn in_numbers<S: Over<f64>>(&self) -> Valve<S> {
-        let Valve { arrangement, angular_frequency, damping_ratio, delay, leakage, leakage_width, .. } =
-            *self;
-        Valve {
-            arrangement,
-            flow: self.flow.with_ratio(S::c(self.flow.critical_pressure_ratio)),
-            angular_frequency,
-            damping_ratio,
-            delay,
-            overlap: S::c(self.overlap),
-            leakage,
-            leakage_width,
-        }
-    }
+math::mapped!(Valve { overlap } parts { flow } same {
+    arrangement, angular_frequency, damping_ratio, delay, leakage, leakage_width
+});
 
+impl Valve {
     /// Delay of the flow after the command, s: dead time and 2 zeta/omega of the spool.
     pub fn lag(&self) -> f64 {
         self.delay + 2.0 * self.damping_ratio / self.angular_frequency

@@ -18,8 +18,9 @@ pub struct Braking {
 }
 
 impl Braking {
-    /// Returns the command if the drive must brake before an end stop now. If the supply may have fallen, the trapped
-    /// air alone must be able to stop the drive.
+    /// Returns the command that brakes if the present command would leave too little room at the next sample. The end
+    /// counts to which the drive moves, and the end to which the command turns it. If the supply may have fallen, the
+    /// trapped air alone must be able to stop the drive.
     pub fn needed(&mut self, own: &Follower, command: f64, gas: &Gas) -> Option<f64> {
         let fallen = self.fallen.get_or_insert_with(|| {
             let mut model = own.model.clone();
@@ -28,16 +29,11 @@ impl Braking {
         });
         let model = if gas.may_lack_supply() { fallen } else { &own.model };
         let margin = BRAKE_MARGINS[usize::from(self.acts)];
-        brakes(model, own.observer.as_ref()?, command, margin, own.period)
+        let observer = own.observer.as_ref()?;
+        let along = if observer.state.velocity >= 0.0 { 1.0 } else { -1.0 };
+        let before = |way| brakes_before(way, model, observer, command, margin, own.period);
+        before(along).or_else(|| if command * along < 0.0 { before(-along) } else { None })
     }
-}
-
-/// Returns the command that brakes if the present command would leave too little room at the next sample. The end counts
-/// to which the drive moves, and the end to which the command turns it.
-fn brakes(model: &Model, observer: &Observer, command: f64, margin: f64, period: f64) -> Option<f64> {
-    let along = if observer.state.velocity >= 0.0 { 1.0 } else { -1.0 };
-    let before = |way| brakes_before(way, model, observer, command, margin, period);
-    before(along).or_else(|| if command * along < 0.0 { before(-along) } else { None })
 }
 
 /// Returns the command that brakes before one end: in +x (1) or in -x (-1). It is the one with the shortest braking

@@ -64,9 +64,11 @@ pub struct Gas {
     flown: [[f64; 3]; 2],
     /// For how long the flows have differed from those of the model, s.
     differs_for: f64,
-    supply_told: bool,
+    /// The supply has fallen.
+    pub supply_told: bool,
     valve_told: bool,
-    starved: bool,
+    /// The supply did not fill a chamber.
+    pub starved: bool,
 }
 
 /// Findings from the pressures.
@@ -193,16 +195,6 @@ impl Gas {
         }
         self.starved |= starved;
         self.supply_told |= found.supply;
-    }
-
-    /// The supply did not fill a chamber.
-    pub fn is_starved(&self) -> bool {
-        self.starved
-    }
-
-    /// The supply has fallen.
-    pub fn has_no_supply(&self) -> bool {
-        self.supply_told
     }
 
     /// A pressure is not measured any more.

@@ -35,15 +35,7 @@ struct Twin {
 /// Advances a state by a model for a period, while it returns to `seen`.
 fn go_on(own: &mut State, model: &Model, seen: &State, edges: Edges<f64>, period: f64) {
     let share = period / (period + POSITION_RETURNS);
-    let back = |own: &mut f64, seen: f64| *own += share * (seen - *own);
-    back(&mut own.position, seen.position);
-    back(&mut own.velocity, seen.velocity);
-    back(&mut own.disturbance, seen.disturbance);
-    back(&mut own.friction, seen.friction);
-    for i in 0..2 {
-        back(&mut own.pressures[i], seen.pressures[i]);
-        back(&mut own.temperatures[i], seen.temperatures[i]);
-    }
+    *own = own.zip(seen, |own, seen| own + share * (seen - own));
     model.advance(own, edges, period, None);
 }
 

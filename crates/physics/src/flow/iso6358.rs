@@ -70,6 +70,10 @@ crate::parameters! {
     }
 }
 
+math::mapped!(Iso6358 {
+    conductance, critical_pressure_ratio, subsonic_index, linear_above, gain, inverse_span, bracket_at_linear, linear_slope
+} parts {} same { elliptic });
+
 /// Returns psi(k) of choked flow of an ideal gas, (2/(k+1))^((k+1)/(2(k-1))) sqrt(k). Conductances of two gases in the
 /// same orifice are proportional to sqrt(R) psi. Source: [iso6358-2013].
 pub fn choked_factor<P: Real>(k: P) -> P {
@@ -124,19 +128,10 @@ impl<P: Real> Iso6358<P> {
     /// Returns the same law with another critical pressure ratio.
     #[inline(always)]
     pub fn with_ratio<S: Over<P>>(&self, b: S) -> Iso6358<S> {
-        let (m, linear_above) = (S::from(self.subsonic_index), S::from(self.linear_above));
-        let [inverse_span, bracket_at_linear, linear_slope] = shape(b, m, linear_above, self.elliptic);
-        Iso6358 {
-            conductance: S::from(self.conductance),
-            critical_pressure_ratio: b,
-            subsonic_index: m,
-            linear_above,
-            gain: S::from(self.gain),
-            inverse_span,
-            bracket_at_linear,
-            linear_slope,
-            elliptic: self.elliptic,
-        }
+        let own = self.map(S::from);
+        let [inverse_span, bracket_at_linear, linear_slope] =
+            shape(b, own.subsonic_index, own.linear_above, own.elliptic);
+        Iso6358 { critical_pressure_ratio: b, inverse_span, bracket_at_linear, linear_slope, ..own }
     }
 
     /// Returns phi(r), 0 <= r <= 1.

@@ -5,48 +5,55 @@ use super::{
 };
 use math::{Over, Real};
 
-/// Friction modifiers in addition to seal lips. Each works with any law that allows it.
-///
-/// Seal lips, position, direction, temperature and wear modify the levels Fc and Fs of the law in this order. They give
-/// the levels of the seals. The guide's side load and then the age of the contact are added.
-#[derive(Clone, Debug)]
-pub struct Composition<P> {
-    /// Dependence on the position along the stroke.
-    pub position: Option<Position<P>>,
-    /// Dependence on the direction of motion.
-    pub direction: Option<Direction<P>>,
-    /// Dependence on the temperature of the contact.
-    pub heating: Option<Heating<P>>,
-    /// Run-in and wear.
-    pub wear: Option<Wear<P>>,
-    /// Side load on the guide.
-    pub side_load: Option<SideLoad<P>>,
-    /// Growth with the age of the contact.
-    pub dwell: Option<Dwell<P>>,
-    /// Relaxation of the deflection.
-    pub relaxation: Option<Relaxation<P>>,
+/// Defines [`Composition`] from the list of modifiers.
+macro_rules! modifiers {
+    ($(#[$attribute:meta])* pub struct $name:ident { $($(#[$about:meta])* $modifier:ident: $type:ident,)* }) => {
+        $(#[$attribute])*
+        #[derive(Clone, Debug)]
+        pub struct $name<P> {
+            $($(#[$about])* pub $modifier: Option<$type<P>>,)*
+        }
+
+        impl<P> $name<P> {
+            /// No modifiers: the law alone.
+            pub const NONE: Self = $name { $($modifier: None),* };
+
+            fn is_none(&self) -> bool {
+                $(self.$modifier.is_none())&&*
+            }
+        }
+
+        math::gather!($name { $($modifier),* });
+
+        #[allow(dead_code)] // some modifiers are needed in one place only
+        impl<P: Real> Contact<P> {
+            $(fn $modifier(&self) -> Option<&$type<P>> {
+                self.composition.as_ref()?.$modifier.as_ref()
+            })*
+        }
+    };
 }
 
-impl<P> Composition<P> {
-    /// No modifiers: the law alone.
-    pub const NONE: Self = Composition {
-        position: None,
-        direction: None,
-        heating: None,
-        wear: None,
-        side_load: None,
-        dwell: None,
-        relaxation: None,
-    };
-
-    fn is_none(&self) -> bool {
-        self.position.is_none()
-            && self.direction.is_none()
-            && self.heating.is_none()
-            && self.wear.is_none()
-            && self.side_load.is_none()
-            && self.dwell.is_none()
-            && self.relaxation.is_none()
+modifiers! {
+    /// Friction modifiers in addition to seal lips. Each works with any law that allows it.
+    ///
+    /// Seal lips, position, direction, temperature and wear modify the levels Fc and Fs of the law in this order. They
+    /// give the levels of the seals. The guide's side load and then the age of the contact are added.
+    pub struct Composition {
+        /// Dependence on the position along the stroke.
+        position: Position,
+        /// Dependence on the direction of motion.
+        direction: Direction,
+        /// Dependence on the temperature of the contact.
+        heating: Heating,
+        /// Run-in and wear.
+        wear: Wear,
+        /// Side load on the guide.
+        side_load: SideLoad,
+        /// Growth with the age of the contact.
+        dwell: Dwell,
+        /// Relaxation of the deflection.
+        relaxation: Relaxation,
     }
 }
 
@@ -97,29 +104,12 @@ impl<P: Real> Contact<P> {
 }
 
 math::gather!(Contact { law, seal_lips, composition } same { usual });
-math::gather!(Composition { position, direction, heating, wear, side_load, dwell, relaxation });
 
 /// Returns the names of the inner states of modifiers, for any law.
 pub const COMPOSITION_STATES: [&str; 4] =
     [relaxation::STATE.name, dwell::STATE, temperature::STATE.name, wear::STATE.name];
 
 impl<P: Real> Contact<P> {
-    fn dwell(&self) -> Option<&Dwell<P>> {
-        self.composition.as_ref()?.dwell.as_ref()
-    }
-
-    fn relaxation(&self) -> Option<&Relaxation<P>> {
-        self.composition.as_ref()?.relaxation.as_ref()
-    }
-
-    fn heating(&self) -> Option<&Heating<P>> {
-        self.composition.as_ref()?.heating.as_ref()
-    }
-
-    fn wear(&self) -> Option<&Wear<P>> {
-        self.composition.as_ref()?.wear.as_ref()
-    }
-
     /// Returns the indices of age, temperature rise and sliding distance among the inner states, if present.
     #[inline(always)]
     fn places(&self) -> [usize; 3] {
@@ -327,21 +317,20 @@ impl Contact<f64> {
     /// Returns the levels with the largest difference that this contact can have at these pressures.
     fn extremes(&self, at: &At<f64>, stroke: f64) -> Vec<Levels<f64>> {
         let seals = self.seals(at);
-        let Some(composition) = &self.composition else { return vec![seals] };
-        let places = composition.position.as_ref().map_or([1.0, 1.0], |position| position.range(stroke));
-        let ways = composition.direction.as_ref().map_or([1.0, 1.0], |way| [way.positive, way.negative]);
+        let places = self.position().map_or([1.0, 1.0], |position| position.range(stroke));
+        let ways = self.direction().map_or([1.0, 1.0], |way| [way.positive, way.negative]);
         let aged = self.dwell().map_or(0.0, |dwell| dwell.largest(at));
         let factors = places.into_iter().flat_map(|place| ways.map(|way| place * way));
-        let rises: &[f64] = if composition.heating.is_some() { &[0.0, temperature::HOTTEST] } else { &[0.0] };
-        let slides: &[f64] = if composition.wear.is_some() { &[0.0, wear::FARTHEST] } else { &[0.0] };
+        let rises: &[f64] = if self.heating().is_some() { &[0.0, temperature::HOTTEST] } else { &[0.0] };
+        let slides: &[f64] = if self.wear().is_some() { &[0.0, wear::FARTHEST] } else { &[0.0] };
         let states = rises.iter().flat_map(|rise| slides.iter().map(move |slid| (*rise, *slid)));
         let states: Vec<(f64, f64)> = states.collect();
         let levels = factors.flat_map(|factor| states.iter().map(move |&(rise, slid)| (factor, rise, slid)));
         let levels = levels.map(|(factor, rise, slid)| {
             let levels = seals.times(factor);
-            let levels = composition.heating.as_ref().map_or(levels, |heating| heating.apply(&levels, rise));
-            let levels = composition.wear.as_ref().map_or(levels, |wear| wear.apply(&levels, slid));
-            let levels = composition.side_load.as_ref().map_or(levels, |load| load.apply(&levels));
+            let levels = self.heating().map_or(levels, |heating| heating.apply(&levels, rise));
+            let levels = self.wear().map_or(levels, |wear| wear.apply(&levels, slid));
+            let levels = self.side_load().map_or(levels, |load| load.apply(&levels));
             Levels { breakaway: levels.breakaway + aged, ..levels }
         });
         levels.collect()

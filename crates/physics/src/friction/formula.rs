@@ -81,10 +81,6 @@ impl<P: Real> Formula<P> {
         }
     }
 
-    pub(super) fn meta(&self) -> &'static Meta {
-        &self.law.meta
-    }
-
     #[inline(always)]
     pub(super) fn states(&self) -> &'static [InnerState] {
         self.law.meta.states

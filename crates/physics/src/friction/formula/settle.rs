@@ -50,7 +50,7 @@ impl<P: Real> Formula<P> {
             self.motion_in(
                 |p| Dual::from(S::from(p)),
                 &at.map(Dual::from),
-                &lifted(levels),
+                &levels.map(Dual::from),
                 &state,
                 &mut rates,
             );
@@ -72,8 +72,4 @@ impl<P: Real> Formula<P> {
             *z += rows[i][n] / rows[i][i];
         }
     }
-}
-
-fn lifted<S: Real>(levels: &Levels<S>) -> Levels<Dual<S, 1>> {
-    levels.map(Dual::from)
 }
