@@ -59,11 +59,6 @@ def test_a_wrong_choice_is_told_with_its_place(text, says, axis, tmp_path):
     assert "controller.toml" in str(caught.value)
 
 
-def test_factors_of_a_setup_are_told_to_be_removed():
-    with pytest.raises(DescriptionError, match=r"Give factors in the controller file"):
-        pn.control.Setup(factors=[{"at": "0.1 s", "gain": 2.0}])
-
-
 @pytest.mark.parametrize(("mass_kg", "told"), [(3.0, None), (42.0, "little is left"), (55.0, "cannot move")])
 def test_tune_says_where_the_supply_hardly_lifts_a_mass(mass_kg, told):
     upright = pn.Circuit.load(AXIS.parent / "axes/upright.toml")

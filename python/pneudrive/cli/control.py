@@ -36,8 +36,6 @@ with used_later(__name__):
     from pneudrive.report import control as control_page
     from pneudrive.simulation import trajectory
 
-#: Reference for the trial of a tuned controller, and largest tracking error as a fraction of its travel (assumed).
-TRIED_ALONG, MOST_TRIED = "R3", 0.1
 SHOWN = ("max_error_m", "rmse_m", "settling_100_um_s", "rest_error_m", "hunting_m")
 #: Files of a run of a platform in its folder.
 RUN, SCORE, PICTURE = "run.parquet", "score.csv", "pose.png"
@@ -78,16 +76,16 @@ def tune(drive: str, *, law: str = "nmpc", setup: str = "real", out: Path | None
 def _try_out(drive: pn.Drive | pn.Circuit, found: tuning.Tuning, setup: str) -> None:
     """Run the tuned controller on its assumed drive, and warn if it does not follow."""
     try:
-        prepared = loop.prepare(drive, None, TRIED_ALONG, setup=setup, controller=found)
+        prepared = loop.prepare(drive, None, demand.ALONG, setup=setup, controller=found)
         run = loop.run_prepared(prepared, seed=1)
     except PneudriveError as error:
         warn(f"the controller was not tested on this drive: {error.what}")
         return
     title = f"Simulated on this drive as described, along {prepared.reference.text}"
     show_view(replace(scores.view_of_score(run.provenance), title=title))
-    error_m, reach = run.provenance["score"]["max_error_m"], prepared.reference.reach()
-    if run.provenance["score"]["lost"] or error_m > MOST_TRIED * (reach.highest_m - reach.lowest_m):
-        missed = f"{found.law} has an error of up to {1e3 * error_m:.3g} mm in this test"
+    score, reach = run.provenance["score"], prepared.reference.reach()
+    if score["lost"] or score["max_error_m"] > demand.MOST * (reach.highest_m - reach.lowest_m):
+        missed = f"{found.law} has an error of up to {1e3 * score['max_error_m']:.3g} mm in this test"
         warn(f"{missed}: choose another controller or drive")
 
 
@@ -252,11 +250,10 @@ def reference(along: str, *, drive: str, plot: Path | None = None) -> None:
     """
     check_outputs(None, plot=plot)
     tuned = tuning.tune(load.load_described(drive))
-    stroke_m, speed_m_s = tuned.plant.stroke_m, tuned.plant.speed_m_s
-    path = references.named_or_read(along, stroke_m, speed_m_s)
+    path = references.named_or_read(along, *tuned.reach)
     show_view(demand.feasibility(tuned, path).view())
-    write_outputs((plot, partial(control_page.plot_reference, path, tuned.plant)))
-    references.check_reach(path, stroke_m, speed_m_s)
+    write_outputs((plot, partial(control_page.plot_reference, path, tuned)))
+    references.check_reach(path, *tuned.reach)
 
 
 def export(

@@ -12,7 +12,7 @@ import typer
 
 from pneudrive.cli.options import number_or_text, pairs_in
 from pneudrive.cli.terminal import check_outputs, show_lines, show_paths, show_table, show_view, watch, write_outputs
-from pneudrive.errors import CommandError, nearest
+from pneudrive.errors import CommandError
 from pneudrive.lazy_names import used_later
 
 with used_later(__name__):
@@ -150,19 +150,12 @@ def characteristic(
 
 def _setting(name: str, text: str, kind: Any) -> Any:  # noqa: ANN401
     """Read a setting. Commas separate several values."""
-    if name not in kind.settings:
-        raise CommandError(f"{kind.name} has no setting {name!r}", remedy=nearest(name, kind.settings))
     values = [number_or_text(part.strip()) for part in text.split(",")]
-    value, default = values[0], kind.settings[name][0]
-    if isinstance(default, int):
-        if len(values) > 1 or not isinstance(value, float) or not value.is_integer() or value < 1.0:
-            shown = ", ".join(map(str, values))
-            raise CommandError(f"{name} = {shown} is out of bounds", rule="a whole number from 1 on")
-        return int(value)
+    default, _ = kind.settings.get(name, (None, ""))
     is_list = isinstance(default, tuple) or (default is None and name.endswith("s"))
     if len(values) > 1 and not is_list:
         raise CommandError(f"{name} = {text} has several values", rule=f"{kind.name} takes one {name}")
-    return values if is_list else value
+    return values if is_list else values[0]
 
 
 def _save(found: xr.Dataset, path: Path) -> None:

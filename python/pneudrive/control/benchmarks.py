@@ -477,7 +477,7 @@ SPREAD_SEED, MOST_TRUTHS = 0, 64  # seed of a spread's samples; members that are
 
 
 def standard(drive: Drive | Circuit) -> dict[str, Reference]:
-    """Return the standard references for a drive, slowed if they exceed 85 % of its speed at full opening.
+    """Return the standard references for a drive, slowed if they exceed 85 % of its speeds at full opening.
 
     R1 and R2 are sines, R3 stairs, R4 ramps, R5 a step and a long rest. R6 is a long fast move.
     `feasibility` also checks whether the force suffices.
@@ -493,8 +493,7 @@ def standard(drive: Drive | Circuit) -> dict[str, Reference]:
     >>> pn.control.standard(pn.Drive.load("catalogue:reference"))["R1"].text
     'sine 60 mm 0.5 Hz around 250 mm'
     """
-    plant = tune(drive).plant
-    return standard_references(plant.stroke_m, plant.speed_m_s)
+    return standard_references(*tune(drive).reach)
 
 
 def benchmark(
@@ -612,11 +611,9 @@ def _references_told(references: Mapping[str, Reference]) -> Plain:
 
 def _threads(threads: int | None, tunings: Mapping[str, Tuning]) -> int:
     """Return the number of simultaneous runs."""
-    if threads is not None:
-        threads = whole_number("threads", threads, 1, MOST_SEEDS)
-    if any(tuning.own is not None for tuning in tunings.values()):
-        return 1  # all runs share an object of the user
-    return threads or processors()
+    at_once = processors() if threads is None else whole_number("threads", threads, 1, MOST_SEEDS)
+    # All runs share an object of the user.
+    return 1 if any(tuning.own is not None for tuning in tunings.values()) else at_once
 
 
 def _folder(out: object) -> Path:
@@ -634,11 +631,11 @@ def _spread(spread: Mismatch | str | Path | None, mismatch: object) -> tuple[Mis
 
 def _count(seeds: int, members: int | None, *, is_spread: bool) -> int:
     """Return the number of seeds, or of members of a spread."""
-    if not is_spread and members is not None:
+    if is_spread:
+        return whole_number("members", MEMBERS if members is None else members, 1, MOST_SEEDS)
+    if members is not None:
         raise CommandError(f"members = {members} without a spread", remedy='Give a spread, for instance "standard".')
-    if not is_spread:
-        return whole_number("seeds", seeds, 1, MOST_SEEDS)
-    return whole_number("members", MEMBERS if members is None else members, 1, MOST_SEEDS)
+    return whole_number("seeds", seeds, 1, MOST_SEEDS)
 
 
 def _truths(first: Prepared, spread: tuple[Mismatch, str] | None) -> Callable[[int], Truth]:

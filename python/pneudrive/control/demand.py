@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, NamedTuple
 from pneudrive import _core
 from pneudrive.control.loop import prepare, run_prepared
 from pneudrive.control.mismatch import OF_VALVE, Mismatch, read_mismatch
-from pneudrive.control.motion import Reference, rounded_up
+from pneudrive.control.motion import NEVER, Reference, rounded_up
 from pneudrive.control.references import beyond_stroke
 from pneudrive.control.tuning import Tuning, laws
 from pneudrive.errors import PneudriveError
@@ -44,7 +44,7 @@ class Demand(NamedTuple):
     force_share : float
         Largest pressure force as a fraction of the force with one chamber at supply and one at ambient pressure.
     speed_share : float
-        Largest speed as a fraction of the steady speed at full opening.
+        Largest speed as a fraction of the steady speed at full opening in its direction.
     spool_rate_per_s : float
         Largest change of the opening per second.
     lowest_pressure_pa, highest_pressure_pa : float
@@ -75,8 +75,9 @@ class Feasibility(Viewed):
         feasible as given. None: no factor helps, for instance because the reference leaves the stroke.
     slowed : Demand or None
         Demand of the slowed reference.
-    stroke_m, speed_m_s : float
-        Stroke, and steady speed at full opening, of the drive.
+    stroke_m : float
+    speeds_m_s : pair of float
+        Steady speeds of the drive at full opening in +x and in -x.
     left_out : tuple of str
         Components that the model does not include, see `Plant`. The fractions ignore their effect.
     """
@@ -86,7 +87,7 @@ class Feasibility(Viewed):
     factor: float | None
     slowed: Demand | None
     stroke_m: float
-    speed_m_s: float
+    speeds_m_s: tuple[float, float]
     left_out: tuple[str, ...] = ()
 
     @property
@@ -99,9 +100,9 @@ class Feasibility(Viewed):
 
     def view(self) -> View:
         """Return a view: positions, the fraction of each limit, and whether the drive can follow."""
-        reach, own, whose = self.reference.reach(), self.demand, "model" if self.left_out else "drive"
+        reach, own = self.reference.reach(self.speeds_m_s), self.demand
         low, high = (1e-5 * p for p in (own.lowest_pressure_pa, own.highest_pressure_pa))
-        speed = f"{reach.fastest_m_s:.3g} m/s at {reach.at_s:.3g} s, {100.0 * own.speed_share:.0f} % of the {whose}'s"
+        speed = f"{reach.fastest_m_s:.3g} m/s at {reach.at_s:.3g} s, {_percent(own.speed_share)} of the drive's"
         force = f"{_percent(own.force_share)} of the supply's; pressures {low:.3g} .. {high:.3g} bar abs"
         valve = f"{_percent(own.valve_share)} of its opening at {own.valve_at_s:.3g} s"
         if own.valve_exceeded_s:
@@ -155,12 +156,16 @@ def _percent(share: float) -> str:
     return f"{100.0 * share:.0f} %" if share < 1e3 else "more than all"
 
 
-def _asked(form: str, reference: Reference) -> tuple[dict[str, float], tuple[float, dict[str, float]] | None]:
-    """Return the demands of a reference, its smallest time stretching, and the demands at this stretching."""
+def _asked(tuning: Tuning, reference: Reference) -> tuple[Demand, float | None]:
+    """Return the demands of a reference and its smallest time stretching; None if stretching does not help."""
     seen_s = (
         _PERIODS / reference.frequency_hz if reference.is_sine else reference.duration_s - reference.rest_s + _SEEN_S
     )
-    return _core.control_feasibility(form, json.dumps(reference.core()), seen_s, SHARE)
+    form = json.dumps(tuning.core())
+    demand, slowed = _core.control_feasibility(form, json.dumps(reference.core()), seen_s, SHARE)
+    share = reference.reach(tuning.speeds_m_s).share
+    factor = None if slowed is None or share > NEVER else max(slowed[0], share / SHARE)
+    return Demand(**demand | {"speed_share": share}), factor
 
 
 def feasibility(tuning: Tuning, reference: Reference) -> Feasibility:
@@ -185,27 +190,18 @@ def feasibility(tuning: Tuning, reference: Reference) -> Feasibility:
     """
     require(tuning, "plant", "tuning", "pn.control.tune(drive)")
     require(reference, "is_sine", "reference", 'pn.control.reference("250 mm; 1 s: 280 mm in 0.3 s")')
-    plant, form = tuning.plant, json.dumps(tuning.core())
-    told, slowed = _asked(form, reference)
-    if beyond_stroke(reference, plant.stroke_m) is not None:
-        slowed = None
-    factor, taken = (None, None) if slowed is None else slowed
+    demand, factor = _asked(tuning, reference)
+    if beyond_stroke(reference, tuning.plant.stroke_m) is not None:
+        factor = None
+    slowed = None if factor is None else demand
     for _ in range(_TRIES):  # after slowing and rounding, its peaks are between other steps
         if factor is None or factor == 1.0:
             break
-        taken, more = _asked(form, reference.stretched(factor))
-        if more is None or more[0] == 1.0:
+        slowed, more = _asked(tuning, reference.stretched(factor))
+        if more is None or more == 1.0:
             break
-        factor *= more[0]
-    return Feasibility(
-        reference,
-        Demand(**told),
-        factor,
-        None if taken is None else Demand(**taken),
-        plant.stroke_m,
-        plant.speed_m_s,
-        tuple(plant.left_out),
-    )
+        factor *= more
+    return Feasibility(reference, demand, factor, slowed, *tuning.reach, tuple(tuning.plant.left_out))
 
 
 # --- Choice of a controller: each is tried on the drive as described and with half of its mass.

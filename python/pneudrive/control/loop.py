@@ -195,10 +195,10 @@ def prepare(
         tuning = tune(drive, law, setup=read, controller=controller, believes=believes, allow_code=allow_code)
     _check_jitter(read, tuning.period_s)
     circuit = drive.circuit
-    to_follow = named_or_read(along, tuning.plant.stroke_m, tuning.plant.speed_m_s)
+    to_follow = named_or_read(along, *tuning.reach)
     is_another = tuning.belief.core_json() != circuit.core_json()
     plant = tune(drive, setup=read).plant if is_another else tuning.plant
-    check_reach(to_follow, min(plant.stroke_m, tuning.plant.stroke_m), tuning.plant.speed_m_s)
+    check_reach(to_follow, min(plant.stroke_m, tuning.plant.stroke_m), tuning.speeds_m_s)
     seconds = to_follow.duration_s if duration is None else positive(duration, "s", "duration")
     samples = seconds / tuning.period_s
     if not 1.0 <= round(samples) <= MOST_SAMPLES:

@@ -170,6 +170,7 @@ def _of_spline(spline: Any) -> list[Row]:  # noqa: ANN401 - scipy's own
 #: Default durations: shortest run of a sine, s, its least number of periods, and rest after the last move, s.
 SINE_S, SINE_PERIODS, REST_S = 16.0, 4.0, 2.0
 _TOGETHER_S = 1e-9  # between pieces of one move
+LEAST_M_S, NEVER = 1e-15, 1e9  # speed that replaces 0; fraction above which no stretching in time helps
 _EVERY, _PERIODS = 400, 2.0  # samples of a move or a period of a sine, to find the highest speed
 _EVERY_PIECE, _EVERY_PATH = 24, 4000  # the same for a polynomial; only the fastest ones are refined
 TURN_M = 1e-4  # a shorter way back does not count as a reversal (assumed)
@@ -195,18 +196,21 @@ class ReferenceMove(NamedTuple):
 
 
 class Reach(NamedTuple):
-    """Range and highest speed of a reference.
+    """Range of a reference, and the speed that is the largest fraction of that of a drive in the same direction.
 
     Attributes
     ----------
     lowest_m, highest_m, fastest_m_s : float
+    share : float
+        The fraction; above `NEVER` if the drive does not move in this direction.
     at_s : float
-        Time of the largest speed.
+        Time of this speed.
     """
 
     lowest_m: float
     highest_m: float
     fastest_m_s: float
+    share: float
     at_s: float
 
 
@@ -267,8 +271,8 @@ class Reference(Shown):
         """Return position, velocity, acceleration and jerk at times, shape (n, 4), SI."""
         return _core.reference_at(json.dumps(self.core()), np.ascontiguousarray(times_s, dtype=float))
 
-    def reach(self) -> Reach:
-        """Return range and highest speed."""
+    def reach(self, speeds_m_s: Pair = (1.0, 1.0)) -> Reach:
+        """Return range and highest speed, the latter in relation to the speeds of a drive in +x and in -x, m/s."""
         if self.is_sine:
             times = np.linspace(0.0, _PERIODS / self.frequency_hz, int(_PERIODS) * _EVERY + 1)
         else:
@@ -277,9 +281,9 @@ class Reference(Shown):
             each += [np.linspace(begin, begin + lasts, every + 1) for begin, lasts, *_ in self.pieces]
             times = np.concatenate([np.zeros(1), *each])
         position, velocity, *_ = self.at(times).T
-        fastest = int(np.argmax(np.abs(velocity)))
-        lowest, highest = float(position.min()), float(position.max())
-        return Reach(lowest, highest, float(abs(velocity[fastest])), float(times[fastest]))
+        shares = np.abs(velocity) / np.where(velocity > 0.0, *np.maximum(speeds_m_s, LEAST_M_S))
+        at = int(np.argmax(shares))
+        return Reach(*map(float, (position.min(), position.max(), abs(velocity[at]), shares[at], times[at])))
 
     def stretched(self, factor: float) -> Reference:
         """Return the motion stretched in time by a factor, rounded up to 0.001. Factors up to 1 have no effect."""

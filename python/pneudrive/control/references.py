@@ -11,6 +11,7 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from pneudrive import units
+from pneudrive.arrays import Pair
 from pneudrive.control import motion
 from pneudrive.describe.base import Described
 from pneudrive.describe.files import toml
@@ -33,7 +34,6 @@ FORMS = (
 )
 RECORDS = (".csv", ".parquet")
 PROGRAM = re.compile(r"\.(gcode|nc|ngc)(:\w*)?$")
-CSV_FORM = "Separate the columns of a CSV file by commas, and write decimal points."
 
 
 _Time = Annotated[float, Quantity("s", "s", Bounds(at_least=0.0, at_most=LONGEST_S))]
@@ -240,7 +240,7 @@ def _of_record(path: Path) -> motion.Reference:
     table = None if path.suffix.lower() == ".csv" else open_table(path, "parquet")
     there = csv_names(path, RecordingError) if table is None else table.names
     if not set(names) <= set(there):
-        raise CommandError.of("control.record_columns", path=path, columns=", ".join(there), remedy=CSV_FORM)
+        raise CommandError.of("control.record_columns", path=path, columns=", ".join(there))
     if table is None:
         frame = read_csv(path, dict.fromkeys(names, pl.Float64), RecordingError, names)
         time, position = (frame[name].to_numpy() for name in names)
@@ -268,7 +268,7 @@ def _check_span(made: motion.Reference, time: Any, position: Any) -> None:  # no
     """Reject a record if its fitted curve leaves the range of the samples, for example in a long gap."""
     low, high = float(position.min()), float(position.max())
     within = max(BEYOND_SHARE * (high - low), BEYOND_M)
-    reach = made.reach() if np.isfinite(made.pieces).all() else motion.Reach(-np.inf, np.inf, np.inf, 0.0)
+    reach = made.reach() if np.isfinite(made.pieces).all() else motion.Reach(-np.inf, *[np.inf] * 4)
     if low - within <= reach.lowest_m and reach.highest_m <= high + within:
         return
     gap = int(np.argmax(np.diff(time)))
@@ -311,30 +311,31 @@ def beyond_stroke(of: motion.Reference, stroke_m: float) -> tuple[str, str] | No
     return None
 
 
-def check_reach(of: motion.Reference, stroke_m: float, speed_m_s: float) -> None:
+def check_reach(of: motion.Reference, stroke_m: float, speeds_m_s: Pair) -> None:
     """Raise an error for a reference that a drive cannot follow.
 
     Parameters
     ----------
     of : Reference
     stroke_m : float
-    speed_m_s : float
-        Steady speed of the drive at full opening.
+    speeds_m_s : pair of float
+        Steady speeds of the drive at full opening in +x and in -x.
 
     Raises
     ------
     CommandError
         The reference leaves the stroke, or is faster than the drive.
     """
-    beyond, reach = beyond_stroke(of, stroke_m), of.reach()
+    beyond, reach = beyond_stroke(of, stroke_m), of.reach(speeds_m_s)
     if beyond is not None:
         raise CommandError(f"reference: {beyond[0]}", value=of.text, rule=beyond[1])
-    if reach.fastest_m_s > speed_m_s:
-        factor = reach.fastest_m_s / speed_m_s
-        slower = of.stretched(factor).text
-        by = f"Stretch it in time by {motion.rounded_up(factor):g}"
+    if reach.share > 1.0:
+        if reach.share > motion.NEVER:
+            raise CommandError.of("control.no_motion", at_s=reach.at_s, value=of.text)
+        by, slower = f"Stretch it in time by {motion.rounded_up(reach.share):g}", of.stretched(reach.share).text
         remedy = f"{by}." if of.pieces or len(slower) >= LONGEST_REMEDY else f"{by}: {slower}"
-        raise CommandError.of("control.too_fast", reach=reach, speed_m_s=speed_m_s, value=of.text, remedy=remedy)
+        limit_m_s = reach.fastest_m_s / reach.share
+        raise CommandError.of("control.too_fast", reach=reach, limit_m_s=limit_m_s, value=of.text, remedy=remedy)
 
 
 # --- Standard references, by which laws are compared.
@@ -352,8 +353,8 @@ _RAMPS = ((0.001, 0.005), (0.01, 0.03), (0.1, 0.1))
 _RUN_UP_S, _PAUSE_S = 0.1, 1.0
 
 
-def standard_references(stroke_m: float, speed_m_s: float) -> dict[str, motion.Reference]:
-    """Return the standard references for a drive, limited to 0.85 of its speed at full opening.
+def standard_references(stroke_m: float, speeds_m_s: Pair) -> dict[str, motion.Reference]:
+    """Return the standard references for a drive, limited to 0.85 of its speeds at full opening.
 
     R1 and R2: sines of 60 mm, 0.5 and 1 Hz, about mid stroke. R3: stairs, 60 mm forth and back in 0.3 s, then to 0.8
     and to 0.2 of the stroke. R4: ramps of 1, 10 and 100 mm/s. R5: 60 mm in 0.3 s and 40 s of rest. R6: 0.6 of the
@@ -362,26 +363,27 @@ def standard_references(stroke_m: float, speed_m_s: float) -> dict[str, motion.R
 
     Parameters
     ----------
-    stroke_m, speed_m_s : float
-        Stroke, and steady speed at full opening.
+    stroke_m : float
+    speeds_m_s : pair of float
+        As for `check_reach`.
 
     Returns
     -------
     dict
         Name -> reference.
     """
-    return {name: _standard(name, stroke_m, speed_m_s) for name in NAMES}
+    return {name: _standard(name, stroke_m, speeds_m_s) for name in NAMES}
 
 
-def named_or_read(given: motion.Reference | str | Path, stroke_m: float, speed_m_s: float) -> motion.Reference:
+def named_or_read(given: motion.Reference | str | Path, stroke_m: float, speeds_m_s: Pair) -> motion.Reference:
     """Return a standard reference for a drive by its name, or read any other reference.
 
     Errors are those of `reference`.
     """
-    return _standard(str(given), stroke_m, speed_m_s) if given in NAMES else reference(given)
+    return _standard(str(given), stroke_m, speeds_m_s) if given in NAMES else reference(given)
 
 
-def _standard(name: str, stroke_m: float, speed_m_s: float) -> motion.Reference:
+def _standard(name: str, stroke_m: float, speeds_m_s: Pair) -> motion.Reference:
     step = min(0.06, _STROKE_SHARE * stroke_m)
     low, middle, right, left = (round(share * stroke_m, 6) for share in (0.46, 0.5, 0.8, 0.2))
     high = round(low + step, 6)
@@ -398,7 +400,8 @@ def _standard(name: str, stroke_m: float, speed_m_s: float) -> motion.Reference:
             made = _moves(low, (1.0, 0.3, high), rest_s=40.0)
         case _:
             made = _moves(left, (1.0, 0.25, right))
-    return made.stretched(made.reach().fastest_m_s / (_SPEED_SHARE * speed_m_s))
+    share = made.reach(speeds_m_s).share
+    return made.stretched(share / _SPEED_SHARE if share < motion.NEVER else 1.0)
 
 
 def _moves(start_m: float, *moves: tuple[float, float, float], rest_s: float = motion.REST_S) -> motion.Reference:

@@ -123,9 +123,8 @@ def export(
         if along is None:
             plan = code_plan(tuning, *_written(tuning, read, "c"))
         else:
-            reach = (tuning.plant.stroke_m, tuning.plant.speed_m_s)
-            to_follow = named_or_read(along, *reach)
-            check_reach(to_follow, *reach)
+            to_follow = named_or_read(along, *tuning.reach)
+            check_reach(to_follow, *tuning.reach)
             plan = law_plan(tuning, to_follow, read)
         return [write_fmu(plan, target, version).path]
     files, _ = _written(tuning, read, "c-single" if precision == "single" else to, name)

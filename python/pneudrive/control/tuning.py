@@ -7,6 +7,7 @@ import math
 import os
 from contextlib import nullcontext
 from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, NamedTuple
 
@@ -16,6 +17,7 @@ from pneudrive import _core, own_code, units
 from pneudrive.control import setup as instrumentation
 from pneudrive.control.axis import check_axis, check_valves, supply_of, unknown_numbers
 from pneudrive.control.own_law import OWN, OwnLaw, is_own, own_law
+from pneudrive.datasheet.equilibrium import full_speeds
 from pneudrive.describe.base import Described
 from pneudrive.describe.files import toml
 from pneudrive.describe.files.catalogue import PREFIX
@@ -30,7 +32,7 @@ from pneudrive.views import VALUE, ShownValue, View, Viewed
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from pneudrive.arrays import Plain
+    from pneudrive.arrays import Pair, Plain
     from pneudrive.describe import Circuit, Drive
 
 
@@ -334,6 +336,19 @@ class Tuning(Viewed):
         """Time between two samples, s."""
         return self.controller.period_s
 
+    @cached_property
+    def speeds_m_s(self) -> Pair:
+        """Steady speeds of the assumed drive at full opening and mid-stroke in +x and in -x; 0 if it does not move.
+
+        The speed with choked exhaust stands for a speed that the steady-state solver does not find.
+        """
+        return full_speeds(self.belief, self.plant.speed_m_s)
+
+    @property
+    def reach(self) -> tuple[float, Pair]:
+        """Stroke, m, and `speeds_m_s`: the limits of a reference."""
+        return self.plant.stroke_m, self.speeds_m_s
+
     @property
     def model(self) -> LawModel:
         """Data of the drive that a custom law gets."""
@@ -397,7 +412,9 @@ class Tuning(Viewed):
                 ("follows from", "given" if gain.given else gain.rule),
             )
         ]
-        rows += [ShownValue(name, name, "assumed drive, near mid-stroke", text) for name, text in self.plant.rows()]
+        out, back = self.speeds_m_s
+        of_plant = [*self.plant.rows(), ("steady speed at full opening", f"{out:.3g} m/s out, {back:.3g} m/s back")]
+        rows += [ShownValue(name, name, "assumed drive, near mid-stroke", text) for name, text in of_plant]
         title = f"{self.law} for {self.belief.name}, every {1e3 * self.period_s:g} ms"
         factors = " ".join(f"{factor:g}" for factor in self.controller.factors.values)
         given = (f"given factors {factors} of {_factored(self.law)}",) if self.controller.factors.changed else ()
@@ -680,8 +697,7 @@ def limitations(tuning: Tuning, setup: instrumentation.Setup) -> tuple[str, ...]
             f"The law does not model {', '.join(plant.left_out)}, except the volume of tubes at the chambers: it "
             "assumes a valve at the cylinder and a constant supply pressure; speed and lag leave these parts out too."
         )
-    reach = f"References up to {plant.speed_m_s:.3g} m/s and within {1e3 * plant.stroke_m:g} mm are accepted"
-    said.append(f"{reach}{', but the drive can be slower than this' if plant.left_out else ''}.")
+    said.append(f"References within {1e3 * plant.stroke_m:g} mm and up to the steady speed are accepted.")
     assumed = [gain.key for gain in tuning.numbers if "assumed" in gain.rule and not gain.given]
     if assumed:
         said.append(f"Assumed, not derived from this drive: {', '.join(assumed)}.")

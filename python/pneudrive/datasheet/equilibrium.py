@@ -11,13 +11,14 @@ import numpy as np
 
 from pneudrive import units
 from pneudrive.datasheet.plant import HeldDrive
-from pneudrive.errors import CommandError, PneudriveError, SimulationError, naming
+from pneudrive.errors import CommandError, PneudriveError, SimulationError, naming, warn
+from pneudrive.simulation.simulate import number_of
 from pneudrive.views import ShownValue, View, Viewed
 
 if TYPE_CHECKING:
     from control import StateSpace
 
-    from pneudrive.arrays import Array
+    from pneudrive.arrays import Array, Pair
     from pneudrive.describe import Circuit, Drive
     from pneudrive.simulation.session import Linear, Session
 
@@ -132,21 +133,6 @@ def equilibrium(
     return under_load(plant, command, x, number_of(load, "N", "load"))
 
 
-def number_of(given: str | float, unit: str, what: str) -> float:
-    """Return a quantity in SI.
-
-    Raises
-    ------
-    CommandError
-        The value cannot be read, or is not finite.
-    """
-    with naming(what):
-        value = units.parse(given, unit) if isinstance(given, str) else float(given)
-    if not math.isfinite(value):
-        raise CommandError(f"{what} = {given} is not finite")
-    return value
-
-
 def at_velocity(plant: HeldDrive, command: float, position: float, velocity: float) -> Equilibrium:
     """Return the steady state at an imposed velocity; see `equilibrium`."""
     gas, _ = _SteadySearch(plant, command, position).settle(velocity)
@@ -177,6 +163,20 @@ def gas_under_load(plant: HeldDrive, command: float, position: float, load: floa
         return search.settle(search.toward * SLOWEST)
     except SimulationError:  # near rest, friction that falls with speed leads away from the steady motion
         return search.settle(search.toward * START_M_S)
+
+
+def full_speeds(drive: Drive | Circuit, otherwise: float) -> Pair:
+    """Return the speeds of steady motion in +x and in -x at full opening and mid-stroke, m/s.
+
+    The search begins in motion, so static friction has no effect. `otherwise` replaces speeds that are not found.
+    """
+    try:
+        plant = HeldDrive(drive).static
+        searches = [_SteadySearch(plant, way, 0.5 * plant.stroke_m, free=True) for way in (1.0, -1.0)]
+        out, back = (abs(search.settle(search.toward * START_M_S)[1]) for search in searches)
+    except (CommandError, SimulationError):
+        return otherwise, otherwise
+    return out, back
 
 
 class _SteadySearch:
@@ -394,9 +394,14 @@ def gas_at(plant: HeldDrive, pressures: Any = None) -> Array:  # noqa: ANN401 - 
 
 
 def moving_gas(plant: HeldDrive, position: float) -> Array:
-    """Return the gas of slow steady motion at ambient temperature, shape (nodes, 2): the usual operating point."""
+    """Return the gas of slow steady motion in +x at ambient temperature, shape (nodes, 2): the usual operating point.
+
+    Warn if the drive does not move.
+    """
     command = plant.sizes((plant.edge(1.0)[0] + SMALL,))[0]
-    gas, _ = gas_under_load(plant, command, position)
+    gas, velocity = gas_under_load(plant, command, position)
+    if velocity == 0.0:
+        warn(f"{plant.name} does not move in +x: instead of slow motion, the operating point is rest")
     gas[:, 1] = plant.ambient[1]
     return gas
 

@@ -92,12 +92,10 @@ def held_tables(circuit: Circuit) -> Plain:
     for name in circuit.commandable:
         if circuit.components[name].kind in HELD:
             parts[name] = _proportional(circuit.components[name].kind, circuit.components[name].plain())
-    starts = {
-        name: dict(table) if isinstance(table, dict) else table for name, table in tables.get("initial", {}).items()
-    }
+    starts = dict(tables.get("initial", {}))
     for name in circuit.commandable:
         if isinstance(starts.get(name), dict):
-            starts[name].pop(_KEPT, None)
+            starts[name] = {key: value for key, value in starts[name].items() if key != _KEPT}
     starts = {name: table for name, table in starts.items() if table != {}}
     return tables | {"components": parts} | ({"initial": starts} if "initial" in tables else {})
 

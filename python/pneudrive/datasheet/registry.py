@@ -10,12 +10,12 @@ import numpy as np
 
 from pneudrive import units
 from pneudrive.datasheet.characteristic import Characteristic, characteristics_in
-from pneudrive.datasheet.equilibrium import number_of
 from pneudrive.datasheet.plant import HeldDrive
 from pneudrive.describe.files.provenance import values
 from pneudrive.describe.system import PISTON
 from pneudrive.errors import CommandError, nearest
 from pneudrive.progress import UNWATCHED, Flag, Progress, Watch
+from pneudrive.simulation.simulate import number_of, positive
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -68,13 +68,12 @@ def _ends_of_heat(drive: Any, known: Any) -> list[Ends]:  # noqa: ANN401 - a dri
 
     Empty if no chamber follows the law of heat transfer with an assumed factor.
     """
-    kinds = {name: one.kind for name, one in drive.circuit.components.items()}
     prefix, spreads = drive.key_prefix, {}
     for name, one in drive.circuit.components.items():
         key = f"{prefix}{name}.heat_transfer_scale"
         is_given = one.has_heat_law and one.fields["heat_transfer_scale"] in one.model_fields_set
         if one.has_heat_law and not is_given and key not in known and (prefix or name == PISTON):
-            spreads[key] = TUBE_SPREAD if kinds[name].startswith("tube") else HEAT_SPREAD
+            spreads[key] = TUBE_SPREAD if one.kind.startswith("tube") else HEAT_SPREAD
     if HEAT_SPREAD not in spreads.values():
         return []
     low, high = (drive.replace({key: ends[side] for key, ends in spreads.items()}) for side in (0, 1))
@@ -277,6 +276,7 @@ def characteristic_named(name: str) -> Characteristic:
 
 #: Unit of each setting that is a quantity.
 _UNITS = {"position": "m", "half_period": "s", "duration": "s", "speed": "m/s", "end_speed": "m/s", "volume": "m3"}
+_SIGNED = ("position", "command")  # other settings are greater than 0
 
 
 def _read_setting(one: Characteristic, name: str, value: Any) -> Any:  # noqa: ANN401 - of each setting its own
@@ -285,11 +285,16 @@ def _read_setting(one: Characteristic, name: str, value: Any) -> Any:  # noqa: A
     Raises
     ------
     CommandError
-        The setting is neither of these.
+        The setting is neither of these, or must be greater than 0 and is not.
     """
-    default = one.settings[name][0]
-    if value is None or (name not in _UNITS and not isinstance(default, float)):
+    default, meaning = one.settings[name]
+    if value is None or (name not in _UNITS and not isinstance(default, int | float)):
         return value
     if isinstance(value, str) and name not in _UNITS:
-        raise CommandError(f"{name} = {value} is not a number", remedy=f"{name}: {one.settings[name][1]}")
-    return number_of(value, _UNITS.get(name, ""), name)
+        raise CommandError(f"{name} = {value} is not a number", remedy=f"{name}: {meaning}")
+    number = (number_of if name in _SIGNED else positive)(value, _UNITS.get(name, ""), name)
+    if not isinstance(default, int):
+        return number
+    if not number.is_integer():
+        raise CommandError(f"{name} = {value} is out of bounds", rule="a whole number from 1 on")
+    return int(number)

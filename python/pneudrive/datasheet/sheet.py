@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from pneudrive.constants import IMPACT_ENERGY_J_M2
+from pneudrive.datasheet.characteristics.air import NO_STROKES
 from pneudrive.datasheet.measured import MeasuredBeside, beside
 from pneudrive.datasheet.plant import HeldDrive
 from pneudrive.datasheet.registry import UncertainDrive, characteristics
@@ -235,8 +236,7 @@ def _hazards(plant: HeldDrive, results: dict[str, xr.Dataset]) -> Iterator[Findi
     if response is None:
         return
     if response.stroke_time.isnull().any():
-        text = "the piston does not reach both ends under full command, so the figures of air are not those of strokes"
-        yield Finding(f"{HAZARD}{text}.", "bad", "Raise supply.pressure, or take a larger bore.")
+        yield Finding(f"{HAZARD}{NO_STROKES}.", "bad", "Raise supply.pressure, or take a larger bore.")
     energy = float(response.end_energy.max())
     if energy > limit:
         text = f"an impact of {plain(energy)} J is harder than a cylinder of this bore usually takes, {plain(limit)} J"

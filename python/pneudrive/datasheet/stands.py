@@ -9,8 +9,8 @@ import numpy as np
 from pneudrive import _core, units
 from pneudrive.constants import ANR_DENSITY_KG_M3
 from pneudrive.datasheet.characteristic import ResultValue, characteristic
-from pneudrive.datasheet.characteristics.steady import least_pressure
-from pneudrive.datasheet.equilibrium import at_velocity, gas_at
+from pneudrive.datasheet.characteristics.steady import full_force, least_pressure
+from pneudrive.datasheet.equilibrium import gas_at
 from pneudrive.datasheet.plant import HeldDrive
 from pneudrive.describe.files.catalogue import Entry, entries
 from pneudrive.describe.tables.valve_flow import path_of
@@ -222,15 +222,11 @@ def _at_6_bar(drive: Drive) -> HeldDrive:
 
 
 def _theoretical(drive: Drive) -> float:
-    plant = _at_6_bar(drive)
-    return at_velocity(plant, 1.0, 0.5 * plant.stroke_m, 0.0).gas_force_n
+    return full_force(_at_6_bar(drive), 1.0)[0]
 
 
 def _effective(drive: Drive) -> float:
-    plant = _at_6_bar(drive)
-    found = at_velocity(plant, 1.0, 0.5 * plant.stroke_m, 0.0)
-    pressures = (found.pressure_a_pa, found.pressure_b_pa)
-    return found.gas_force_n - abs(plant.sliding(SLOW, pressures, 0.5 * plant.stroke_m))
+    return full_force(_at_6_bar(drive), 1.0, SLOW)[1]
 
 
 def _minimum(drive: Drive) -> float:

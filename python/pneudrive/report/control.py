@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
     from pneudrive.control.benchmarks import ControlComparison
     from pneudrive.control.motion import Reference
-    from pneudrive.control.tuning import Plant
+    from pneudrive.control.tuning import Tuning
 
 MOST_DRAWN = 4000  # samples of a curve
 SMALL_M = 5e-3  # largest error that is drawn in micrometres
@@ -109,13 +109,13 @@ def _pose_panels(time: np.ndarray, known: dict[str, np.ndarray], score: dict[str
     ]
 
 
-def plot_reference(reference: Reference, plant: Plant, path: str | Path | None = None) -> DrawnFigure:
-    """Draw a reference with the stroke and the highest speed of the drive.
+def plot_reference(reference: Reference, tuning: Tuning, path: str | Path | None = None) -> DrawnFigure:
+    """Draw a reference with the stroke and the highest speeds of the drive.
 
     Parameters
     ----------
     reference : Reference
-    plant : Plant
+    tuning : Tuning
         Result of `pneudrive.control.tune`.
     path : path-like, optional
         Picture to write: .png, .svg or .pdf.
@@ -128,8 +128,9 @@ def plot_reference(reference: Reference, plant: Plant, path: str | Path | None =
     end_s = 4.0 / reference.frequency_hz if reference.is_sine else reference.duration_s
     time = np.linspace(0.0, end_s, MOST_DRAWN)
     x, v, a, _ = reference.at(time).T
-    stroke = [Rule(y=end, look=REFERENCE, width=1.1) for end in (0.0, plant.stroke_m)]
-    speed = [Rule(y=limit, look=REFERENCE, width=1.1) for limit in (-plant.speed_m_s, plant.speed_m_s)]
+    out, back = tuning.speeds_m_s
+    limits = (0.0, tuning.plant.stroke_m), (-back, out)
+    stroke, speed = ([Rule(y=limit, look=REFERENCE, width=1.1) for limit in pair] for pair in limits)
     panels = [
         Panel([Line(time, x), *stroke], y="position / mm"),
         Panel([Line(time, v), *speed], y="velocity / (m/s)"),

@@ -312,14 +312,28 @@ def positive(given: str | float, si_unit: str, what: str) -> float:
     CommandError
         The quantity cannot be read, or is not greater than 0.
     """
+    value = number_of(given, si_unit, what)
+    if not value > 0.0:
+        raise CommandError(f"{what} = {given} is out of bounds", rule="finite and greater than 0")
+    return value
+
+
+def number_of(given: str | float, si_unit: str, what: str) -> float:
+    """Return a quantity in SI.
+
+    Raises
+    ------
+    CommandError
+        The quantity cannot be read, or is not finite.
+    """
     try:
         with naming(what):
             value = units.parse(given, si_unit) if isinstance(given, str) else float(given)
     except (TypeError, ValueError):
         rule = f"a text with its unit, or a number in {si_unit}"
         raise CommandError(f"{what} = {given} is of the type {type(given).__name__}", rule=rule) from None
-    if not (math.isfinite(value) and value > 0.0):
-        raise CommandError(f"{what} = {given} is out of bounds", rule="finite and greater than 0")
+    if not math.isfinite(value):
+        raise CommandError(f"{what} = {given} is not finite")
     return value
 
 

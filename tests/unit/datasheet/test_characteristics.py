@@ -11,7 +11,7 @@ import pytest
 import pneudrive as pn
 from pneudrive.datasheet.characteristics.air import FULL_S, NORMAL_DENSITY_KG_M3, drawn_mass
 from pneudrive.datasheet.characteristics.response import _end
-from pneudrive.datasheet.characteristics.steady import _mode, dynamic_stiffness, velocity_gain
+from pneudrive.datasheet.characteristics.steady import _mode, velocity_gain
 from pneudrive.datasheet.equilibrium import at_velocity
 from pneudrive.datasheet.plant import HeldDrive
 from pneudrive.datasheet.registry import characteristics
@@ -92,7 +92,6 @@ def test_stiffness_and_natural_frequency():
     middle = len(fast) // 2
     assert f"{float(fast[middle]):.1f} {float(slow[middle]):.1f} {float(fast[0]):.0f}" == "1525.1 1089.3 10516"
     assert float(found.largest_loss_factor) == pytest.approx(0.4 / (2.0 * math.sqrt(1.4)), rel=1e-3)
-    assert f"{float(found.largest_loss_factor):.3f}" == "0.169"
     frequency = pn.drive_characteristic(DRIVE, "natural-frequency", pressures=["3 bar abs"]).natural_frequency[:, 0]
     shown = [f"{float(frequency.sel(position=x)):.{n}f}" for x, n in ((0.25, 3), (0.125, 3), (0.5, 2))]
     assert shown == ["4.395", "4.956", "11.54"]
@@ -215,6 +214,15 @@ def test_correlations_of_identified_values_narrow_or_widen_what_they_share():
         width(1.5)
 
 
+WRONG_SETTINGS = [
+    *(("step-response", text) for text in ("command = abc", "command = 3", "position = 3", "position = 3 bar")),
+    *(("force-speed", text) for text in ("points = 0", "points = 2.5", "points = 3, 4", "pressure = 1", "points")),
+    *((name, "half_period = 0") for name in ("square-response", "air", "exergy")),
+    ("describing-function", "frequencies = 0"),
+    ("valve-times", "share = 0"),
+]
+
+
 def test_every_characteristic_says_what_it_is(tmp_path, capsys):
     from pneudrive.cli.main import run
     from pneudrive.references import entries
@@ -237,20 +245,8 @@ def test_every_characteristic_says_what_it_is(tmp_path, capsys):
     start = ["--set", "position = 0.05", "--set", "pressures = 3 bar abs"]
     assert run([*step, *start]) == 0
     assert "0.208 s" in capsys.readouterr().out
-    for wrong in ("command = abc", "command = 3", "position = 3", "position = 3 bar"):
-        assert run(["characteristic", "catalogue:reference", "step-response", "--set", wrong]) in (1, 2), wrong
-    for wrong in ("points = 2.5", "points = 3, 4", "pressure = 1", "points"):
-        assert run(["characteristic", "catalogue:reference", "force-speed", "--set", wrong]) == 2
-
-
-def test_dynamic_stiffness_is_that_of_the_springs():
-    plant = HeldDrive(DRIVE)
-    from pneudrive.datasheet.equilibrium import SIDE, gas_at, linear_model
-
-    linear = linear_model(plant, SIDE, 0.25, gas_at(plant, "3 bar abs"))
-    slow, fast = (dynamic_stiffness(linear, plant.piston, 1j * w) for w in (1e-3, 1e5))
-    assert slow.real < fast.real
-    assert slow.imag > 0.0
+    for name, wrong in WRONG_SETTINGS:
+        assert run(["characteristic", "catalogue:reference", name, "--set", wrong]) in (1, 2), wrong
 
 
 def test_frequency_responses_meet_where_they_should():

@@ -95,6 +95,9 @@ def test_a_drive_that_cannot_move_its_load_is_a_hazard(monkeypatch):
     stuck = DRIVE.replace({"cylinder.incline": "90 deg", "load.mass": "200 kg"})
     texts = [one.text for one in build(stuck, [], None, UNWATCHED, intervals=False).hazards]
     assert any("does not reach both ends" in text for text in texts)
+    for name, said in (("air", "does not reach both ends"), ("bode", "does not move in")):
+        with pytest.warns(pn.errors.PneudriveWarning, match=said):
+            pn.drive_characteristic(stuck, name, intervals=False)
 
 
 def test_intervals_reach_the_numbers_of_the_page(monkeypatch):

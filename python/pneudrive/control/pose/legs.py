@@ -131,14 +131,14 @@ def check_path(
         name, x, v = platform.legs[i].name, needs.legs.positions_m[:, i], needs.legs.velocities_m_s[:, i]
         stroke = tuning.plant.stroke_m
         _within(name, "position", "mm", 1e3 * x, (0.0, 1e3 * stroke), times, "Make the path smaller, or move it.")
-        fastest = tuning.plant.speed_m_s
+        out, back = tuning.speeds_m_s
         remedy = "Make the path slower, or take a larger valve."
-        _within(name, "velocity", "m/s", v, (-fastest, fastest), times, remedy)
+        _within(name, "velocity", "m/s", v, (-back, out), times, remedy)
         friction = tuning.plant.coulomb_n * np.sign(v) + _viscous(tuning) * v
         force, (low, high) = needs.legs.forces_n[:, i] + friction, _forces(platform, i, tuning)
         remedy = "Make the path slower, or take a larger cylinder or a higher pressure."
         _within(name, "force", "N", force, (low, high), times, remedy)
-        most["speed"] = max(most["speed"], float(np.abs(v).max() / fastest))
+        most["speed"] = max(most["speed"], float(np.maximum(v / out, -v / back).max()))
         most["force"] = max(most["force"], float((force / high).max()), float((force / low).max()))
     return {"singular_value": float(needs.singular_values[row]), **most}
 

@@ -14,7 +14,7 @@ from pneudrive.datasheet.characteristic import characteristic
 from pneudrive.datasheet.characteristics.response import cycle
 from pneudrive.datasheet.strokes import litres_anr
 from pneudrive.describe.system import compiled
-from pneudrive.errors import PneudriveWarning
+from pneudrive.errors import PneudriveWarning, warn
 from pneudrive.progress import Flag, Watch
 from pneudrive.simulation.simulate import run
 from pneudrive.views import ShownValue, View, Viewed
@@ -30,14 +30,21 @@ if TYPE_CHECKING:
 
 FULL_S = 20.0  # half a cycle: chambers fill and empty, and take the temperature of the wall
 SLOW = 4.0  # a slow drive is given this times the half cycle in which its piston reaches both ends
+NO_STROKES = "the piston does not reach both ends under full command, so the figures of air are not those of strokes"
 REPEATS, RTOL = 3, 1e-8  # cycles before the one that counts, and tolerance
 NORMAL_DENSITY_KG_M3 = 1.2929  # dry air at 0 degC and 101325 Pa (normal litre, DIN 1343)
 _BOUNDARY = ("mass over the boundary [kg]", "enthalpy over the boundary [J]", "entropy over the boundary [J/K]")
 
 
 def full_half_s(plant: HeldDrive, command: float) -> float:
-    """Return the half of a cycle in which the chambers fill and empty, and take the temperature of the wall, s."""
-    return max(FULL_S, SLOW * cycle(plant, command).half_s)
+    """Return the half of a cycle in which the chambers fill and empty, and take the temperature of the wall, s.
+
+    Warn if the piston does not move from end to end.
+    """
+    strokes = cycle(plant, command)
+    if not strokes.arrived():
+        warn(f"{plant.name}: {NO_STROKES}")
+    return max(FULL_S, SLOW * strokes.half_s)
 
 
 def accounts_of(plant: HeldDrive, command: float, half_s: float) -> dict[str, float]:

@@ -43,6 +43,7 @@ SLOW = 1e-4  # of the linear model's slowest pole that counts: where the velocit
 SINE_HZ, AMPLITUDES = (1.0, 2.0, 4.0, 8.0), (0.05, 0.1, 0.2, 0.4)
 STEPS, SETTLING, COUNTED = 200, 4, 2  # of the command in a period; periods before, and looked at
 HARMONICS = 10
+NOTHING = math.nan, math.nan, math.nan  # gain, phase and distortion of a piston that reaches an end
 LOADS = (0.2, 0.3, 0.4)  # of the blocked force at full command: amplitudes of a load
 
 
@@ -72,7 +73,7 @@ def _bode(
 
     Response of velocity, position and pressures to a small command about an operating point, without lag and dead time
     of the valve. The default is mid stroke, pressures of slow steady motion, a valve that begins to open (u > 0), and
-    viscous friction.
+    viscous friction. A valve with negative overlap is at its centre, where both edges of a chamber are open.
 
     Settings
     --------
@@ -100,7 +101,7 @@ def _bode(
     pressure_response : Pa over frequency
         magnitude of pressure a minus b, over command
     velocity_gain : m/s
-        velocity over command at low frequency
+        velocity over command at low frequency, at the operating point
     resonance : Hz
         frequency of the largest response
     """
@@ -162,28 +163,28 @@ def _over_grid(
     amplitudes: Sequence[float], frequencies: Sequence[float], find: Callable[[float, float], tuple[float, ...]]
 ) -> tuple[Any, ...]:
     """Return amplitudes and frequencies, and the results of each pair, shape (amplitudes, frequencies)."""
-    axes = list(map(float, amplitudes)), list(map(float, frequencies))
+    named = (("amplitude", amplitudes), ("frequency", frequencies))
+    axes = [[positive(one, "", name) for one in values] for name, values in named]
     return *axes, *np.moveaxis(np.array([[find(a, f) for f in axes[1]] for a in axes[0]]), 2, 0)
 
 
 def _harmonics(plant: HeldDrive, amplitude: float, frequency: float) -> tuple[float, float, float]:
     """Return gain, phase and distortion of the velocity. NaN if the piston reaches an end."""
-    rate = STEPS * frequency
+    rate, periods = STEPS * frequency, SETTLING + COUNTED
 
     def sine(t: float) -> float:  # held from a step to the next: the value at its middle
         return amplitude * math.sin(2.0 * math.pi * frequency * (t + 0.5 / rate))
 
-    periods = SETTLING + COUNTED
     start = start_of(plant, 0.5 * plant.stroke_m, plant.pressures(gas_at(plant)))
     try:
         plans = {name: lambda t, size=size: size * sine(t) for name, size in plant.actuation.out.items()}
         run = simulate_plant(plant, plans, periods / frequency, rate, initial=start)
     except SimulationError:
-        return math.nan, math.nan, math.nan
+        return NOTHING
     columns = short_columns(plant, run)
     last = slice(SETTLING * STEPS, periods * STEPS)
     if np.abs(columns["end_stop_force_n"][last]).max() > 0.0:
-        return math.nan, math.nan, math.nan
+        return NOTHING
     return _over_sine(columns["velocity_m_s"][last], amplitude)
 
 
@@ -210,8 +211,8 @@ def _load_describing(
 ) -> Found:
     """Response to large sines of the load.
 
-    First harmonic of the position over a sinusoidal load with the valve shut, and the other harmonics over the first,
-    for several amplitudes and frequencies. The piston starts at mid stroke and does not reach an end.
+    First harmonic of the position over a sinusoidal load with the valve at command 0, and the other harmonics over the
+    first, for several amplitudes and frequencies. The piston starts at mid stroke and does not reach an end.
 
     Settings
     --------
@@ -236,14 +237,14 @@ def _load_describing(
         harmonics 2 to 10 over the first one, root of squares
     """
     if amplitudes is None:
-        most = min(full_force(plant, direction)[0] for direction in (1.0, -1.0))
+        most = min(abs(full_force(plant, direction)[0]) for direction in (1.0, -1.0))
         amplitudes = [share * most for share in LOADS]
     gas = gas_at(plant, pressures)
     return _over_grid(amplitudes, frequencies, lambda a, f: _load_harmonics(plant, a, f, gas))
 
 
 def _load_harmonics(plant: HeldDrive, amplitude: float, frequency: float, gas: Array) -> tuple[float, float, float]:
-    """Return gain, phase and distortion of the position under a load, with the valve shut.
+    """Return gain, phase and distortion of the position under a load, with the valve at command 0.
 
     NaN if the piston reaches an end.
     """
@@ -257,7 +258,7 @@ def _load_harmonics(plant: HeldDrive, amplitude: float, frequency: float, gas: A
         session.advance((SETTLING * STEPS + k) / rate)
         positions.append(session.read(f"{plant.piston}.position_m"))
     if min(positions) <= 0.0 or max(positions) >= plant.stroke_m:
-        return math.nan, math.nan, math.nan
+        return NOTHING
     return _over_sine(np.array(positions), amplitude)
 
 

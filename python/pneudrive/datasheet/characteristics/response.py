@@ -320,7 +320,7 @@ def _cushion(
     end_speed
         largest admissible, m/s (assumed)
     pressure
-        largest admissible pressure, Pa; default: twice the supply (assumed)
+        largest admissible pressure, absolute; default: twice the supply (assumed)
     speed
         at which the needle is varied, m/s
 
@@ -343,7 +343,7 @@ def _cushion(
     side = next((side for side in "ba" if f"cushion_{side}_length" in table), "")
     if not side:
         raise CommandError(f"{plant.piston} has no cushion", remedy='Add cushion_b = { length = "17 mm", ... }.')
-    most = pressure or PRESSURE_SHARE * plant.supply_pa
+    most = PRESSURE_SHARE * plant.supply_pa if pressure is None else gas_at(plant, pressure)[0, 0]
     masses, speeds = [share * plant.mass for share in MASSES], list(SPEEDS)
     grid = np.array([[_end(_with(plant, mass=mass), side, v) for v in speeds] for mass in masses])
     needles = np.array([_end(_with(plant, needle=(side, share)), side, speed) for share in NEEDLES])

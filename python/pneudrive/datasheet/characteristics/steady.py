@@ -28,17 +28,17 @@ BLOCKED = (1e-4, 2e-4, 5e-4, 1e-3, 2e-3, 5e-3, 0.01, 0.02, 0.05, 0.1)
 TINY = 1e-8  # command at whose both sides the slope of a leaking valve is taken: far below any leak
 
 
-def full_force(plant: HeldDrive, direction: float) -> tuple[float, float]:
+def full_force(plant: HeldDrive, direction: float, velocity: float = LEAST_VELOCITY) -> tuple[float, float]:
     """Return blocked and stall force at full command, N, positive in the direction of the command.
 
     Blocked force: force of gas, weight and described load on a pinned piston. Stall force: blocked force minus
-    breakaway, the largest load that a piston at rest can move.
+    the friction at a velocity, by default breakaway: the largest load that a piston at rest can move.
     """
     x = 0.5 * plant.stroke_m
     rest = at_velocity(plant, direction, x, 0.0)
     pressures = (rest.pressure_a_pa, rest.pressure_b_pa)
     blocked = direction * rest.gas_force_n
-    return blocked, blocked - abs(plant.sliding(direction * LEAST_VELOCITY, pressures, x))
+    return blocked, blocked - abs(plant.sliding(direction * velocity, pressures, x))
 
 
 @characteristic(
@@ -52,7 +52,8 @@ def _velocity(plant: HeldDrive, loads: Any = None) -> Found:  # noqa: ANN401 - a
     """Steady velocity against command and load.
 
     Velocity at mid stroke at which pressures, temperatures and velocity are constant. The load acts against the motion.
-    Velocity gain and dead zone come from a line through commands 0.05 and 0.1 beyond the overlap, without load.
+    Velocity gain and dead zone come from a line through commands 0.05 and 0.1 without load, from the overlap on, or
+    from 0 if the overlap is negative.
 
     Settings
     --------
@@ -72,7 +73,7 @@ def _velocity(plant: HeldDrive, loads: Any = None) -> Found:  # noqa: ANN401 - a
     pressure_b : Pa over command, load_force
         absolute pressure in chamber b
     velocity_gain : m/s over direction
-        slope of velocity over command, for small commands without load
+        slope of velocity over command between these two commands
     dead_zone : 1 over direction
         command at which that line crosses zero velocity
     """
@@ -291,8 +292,9 @@ def levels_of(plant: HeldDrive, pressures: Any) -> list[float]:  # noqa: ANN401 
 def _stiffness(plant: HeldDrive, pressures: Any = None) -> Found:  # noqa: ANN401
     """Stiffness of the air spring.
 
-    Force over displacement of the piston with a shut valve, both chambers at one pressure and at wall temperature.
-    The gas exchanges no heat in a fast motion, and keeps the temperature of the wall in a slow one.
+    Force over displacement of the piston with the valve at command 0, both chambers at one pressure and at wall
+    temperature. The gas exchanges no heat in a fast motion, and keeps the temperature of the wall in a slow one. Gas
+    that leaks through the valve, or flows through it with negative overlap, lowers the slow stiffness.
 
     Settings
     --------
@@ -308,11 +310,11 @@ def _stiffness(plant: HeldDrive, pressures: Any = None) -> Found:  # noqa: ANN40
     frequency : Hz
         frequency
     adiabatic_stiffness : N/m over position, pressure
-        fast: gas without heat exchange, valve shut
+        fast: gas without heat exchange and flow
     isothermal_stiffness : N/m over position, pressure
-        slow: gas at the temperature of the wall, valve shut
+        slow, 1e-5 rad/s: gas at the temperature of the wall
     loss_factor : 1 over frequency
-        imaginary over real part of the stiffness
+        imaginary over real part of the stiffness, by heat exchange and by flow through the valve
     largest_loss_factor : 1
         its largest value
     loss_frequency : Hz
@@ -323,7 +325,8 @@ def _stiffness(plant: HeldDrive, pressures: Any = None) -> Found:  # noqa: ANN40
     models = [[_at(plant, x, p) for p in levels] for x in positions]
     fast = [[adiabatic_stiffness(plant, x, p) for p in levels] for x in positions]
     slow = [[dynamic_stiffness(one, plant.piston, 1j * SLOW).real for one in row] for row in models]
-    middle = _at(plant, 0.5 * plant.stroke_m, levels[min(1, len(levels) - 1)])
+    level = levels[:2][-1]
+    middle = _at(plant, 0.5 * plant.stroke_m, level)
     over = np.asarray([dynamic_stiffness(middle, plant.piston, 2j * math.pi * f) for f in FREQUENCIES])
     loss = np.imag(over) / np.real(over)
     return {
@@ -336,7 +339,7 @@ def _stiffness(plant: HeldDrive, pressures: Any = None) -> Found:  # noqa: ANN40
             ("frequency",),
             np.real(over),
             "N/m",
-            f"real part at mid stroke, {1e-5 * levels[min(1, len(levels) - 1)]:g} bar",
+            f"real part at mid stroke, {1e-5 * level:g} bar",
         ),
         "loss_factor": loss,
         "largest_loss_factor": loss.max(),
@@ -353,9 +356,9 @@ def _stiffness(plant: HeldDrive, pressures: Any = None) -> Found:  # noqa: ANN40
 def _frequency(plant: HeldDrive, pressures: Any = None) -> Found:  # noqa: ANN401
     """Natural frequency and damping.
 
-    The moving mass is on the air spring with the valve shut and both chambers at one pressure. The damping
-    includes the viscous part of the friction and the heat of the wall. Below breakaway the bristles add their
-    stiffness.
+    The moving mass is on the air spring with the valve at command 0 and both chambers at one pressure. The
+    damping includes the viscous part of the friction, the heat of the wall and flow through the valve. Below breakaway
+    the bristles add their stiffness.
 
     Settings
     --------
@@ -371,7 +374,7 @@ def _frequency(plant: HeldDrive, pressures: Any = None) -> Found:  # noqa: ANN40
     mass : kg
         moving mass
     natural_frequency : Hz over position, pressure
-        natural frequency of the mass on the air spring without friction and heat exchange, valve shut
+        natural frequency of the mass on the air spring without friction, heat exchange and flow
     mode_frequency : Hz over position, pressure
         size of the eigenvalue pair, with sliding friction and heat; 0 if overdamped
     damping_ratio : 1 over position, pressure
