@@ -9,10 +9,10 @@ import numpy as np
 import xarray as xr
 
 from pneudrive import units
-from pneudrive.datasheet.strokes import stroke_of
+from pneudrive.datasheet.strokes import StrokeNumbers, stroke_of
 from pneudrive.errors import CommandError, DescriptionError
 from pneudrive.lazy_names import upper
-from pneudrive.simulation.run_limits import exhaust_air
+from pneudrive.simulation.run_limits import ExhaustAir, exhaust_air
 from pneudrive.simulation.trajectory import attributes, columns
 from pneudrive.units import UnitFloat
 
@@ -21,9 +21,7 @@ if TYPE_CHECKING:
 
     from matplotlib.figure import Figure
 
-    from pneudrive.datasheet.strokes import StrokeNumbers
     from pneudrive.describe import Circuit, Drive
-    from pneudrive.simulation.run_limits import ExhaustAir
     from pneudrive.views import View
 
 _JOULE = " [J]"

@@ -65,7 +65,7 @@ def in_advance(work: Callable[[Item], Result], items: Iterable[Item], threads: i
 
 
 def share_out(
-    work: Callable[..., list[Result]], items: Sequence, *rest: object, least: int, processes: int | None = None
+    work: Callable[..., list[Result]], items: Sequence, *rest: object, least: int, processes: int | None
 ) -> list[Result]:
     """Call ``work(items, *rest)``, in several processes if there is enough work.
 

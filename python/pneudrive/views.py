@@ -7,7 +7,7 @@ result. A class that derives from `Viewed` needs no other method for display.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Literal, TypeAlias
 
@@ -18,8 +18,6 @@ from pneudrive.repr_tables import Card, Shown, aligned
 from pneudrive.units import readable
 
 if TYPE_CHECKING:
-    from collections.abc import Collection, Iterable
-
     import numpy as np
     from numpy.typing import NDArray
 

@@ -14,7 +14,6 @@ import pneudrive as pn
 from oracle.chain_coverage import WIDEST, hits
 from oracle.rig_faults import with_friction
 from pneudrive.cli.main import run
-from pneudrive.identify.static.result import FrictionFit
 from pneudrive.rig import SimulatedRig, sweep
 
 LAW = {
@@ -122,10 +121,6 @@ def test_a_fit_of_the_campaign_applies_all_that_characterise_does(chain):
     assert run(["apply", out, str(chain / "drive.toml"), "--out", str(chain / "again.toml")]) == 0
     drives = [(chain / name).read_text("utf-8") for name in ("again.toml", "applied.toml")]
     assert len({re.sub(r'(fit|file) = "[^"]+"', "", text) for text in drives}) == 1  # but for the fit's file
-    assert run(["fit", str(chain / "c"), "--laws", "coulomb", "--direction", "+x", "--out", out]) == 0
-    kept = FrictionFit.from_toml(out).dependences
-    assert {"dwell", "position"} <= kept.tables.keys()
-    assert "direction" not in kept.tables  # the curve of one direction has it already
 
 
 # --- From the simulated rig to parameters: recordings with noise, characterised and fitted, give the truth back.

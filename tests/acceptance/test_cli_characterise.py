@@ -44,7 +44,7 @@ def test_a_foreign_recording_by_way_of_a_proposed_layout(tmp_path, capsys):
 def test_a_campaign_becomes_curves_effects_fit_and_report(tmp_path, capsys):
     folder = write_campaign(tmp_path / "campaign", World(samples=300, gauges_pa=((0.0, 0.0), (1e5, 1e5))), 1)
     out = tmp_path / "out"
-    assert run(["characterise", str(folder), "--out", str(out), "--law", "stribeck lorentzian"]) == 0
+    assert run(["characterise", str(folder), "--out", str(out)]) == 0
     said = capsys.readouterr().out
     for name in ("map.parquet", "map.csv", "curves.parquet", "effects.toml", "fit.toml", "report.html"):
         assert (out / name).stat().st_size > 500, name
@@ -80,7 +80,6 @@ def test_what_is_no_campaign_is_one_message_and_status_2(tmp_path, capsys, monke
         (["binary_1bar.csv", "--layout", "layout.toml"], "binary"),
         (["empty_1bar.csv", "--layout", "bad.toml"], "bad.toml:1"),
         (["empty_1bar.csv"], "there is no layout for this file"),
-        (["empty_1bar.csv", "--law", "coulom"], "Did you mean 'coulomb'"),
         (["empty_1bar.csv", "--layout", "layout.toml", "--out", "binary_1bar.csv"], "cannot be written to"),
     ],
 )

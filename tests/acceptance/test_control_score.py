@@ -169,7 +169,7 @@ def test_another_gas_has_its_own_volume_and_exergy(axis):
 
 def test_members_of_a_spread_are_the_same_for_any_number_of_threads(axis, tmp_path, capsys):
     command = ["control", "benchmark", str(AXIS), "--laws", "pid,inversion", "--references", STEP]
-    options = ["--spread", "standard", "--members", "4", "--threads", "1", "--out", str(tmp_path / "one")]
+    options = ["--spread", "standard", "--members", "4", "--out", str(tmp_path / "one")]
     assert run([*command, *options]) == 0
     told = {"laws": ["pid", "inversion"], "references": [STEP], "spread": "standard"}
     pn.control.benchmark(axis, **told, members=4, threads=3, out=tmp_path / "three")
@@ -475,7 +475,6 @@ SPREADS = {
     "members": (["--members", "3"], "members = 3 without a spread"),
     "a range as a mismatch": (["--mismatch", "standard"], "is a spread"),
     "unknown": (["--spread", "standards"], "'standard'"),
-    "threads": (["--threads", "0"], "threads = 0 is out of bounds"),
     "file": (["--spread", "given.toml"], "LOW .. HIGH"),
 }
 
@@ -512,9 +511,6 @@ WRONG_CALLS = {
     "tuning is a NoneType": lambda _: pn.control.feasibility(None, pn.control.reference(STEP)),
     'two references are called "220 mm"': lambda axis: pn.control.benchmark(
         axis, "inversion", [one := pn.control.reference("220 mm"), dataclasses.replace(one, start_m=0.3)], out="."
-    ),
-    "believes and a tuning of pid": lambda axis: pn.control.benchmark(
-        axis, [pn.control.tune(axis, "pid")], [STEP], out=".", believes=axis
     ),
     "the drive already has lugre": lambda axis: pn.control.run(
         axis, reference=STEP, mismatch=Mismatch(friction_law="lugre")

@@ -4,10 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from pneudrive import batching
 from pneudrive.cli.hand_over import AXIS, SHIPPED
 from pneudrive.cli.main import run
-from pneudrive.errors import CampaignError
 from pneudrive.friction.characterisation import characterise_recordings
 from pneudrive.report.recordings import closures
 
@@ -25,11 +23,6 @@ def test_the_demo_prints_five_lines_and_where_the_report_lies(demonstration):
         assert f'<section id="{key}">' in page
     for name in ("map.parquet", "map.csv", "fit-PK.toml"):
         assert (demonstration.folder / name).stat().st_size > 500
-
-
-def test_a_folder_without_recordings_is_told(tmp_path, capsys):
-    assert run(["demo", "--out", str(tmp_path / "out"), "--measurements", str(tmp_path)]) == 2
-    assert f"there are no recordings in {tmp_path}" in capsys.readouterr().err
 
 
 def test_what_the_demo_has_elsewhere_can_be_characterised():
@@ -53,18 +46,6 @@ def test_reproduce_says_of_each_sentence_whether_it_holds(reproduced, demonstrat
     assert len(cycles) > 200
     for path in cycles:
         assert (reproduced.folder / path).read_bytes() == (demonstration.folder / path).read_bytes()
-
-
-def test_the_seed_is_that_of_the_rigs(tmp_path, monkeypatch):
-    seeds = []
-
-    def stop(work, jobs):
-        seeds.extend(job[-1] for job in jobs)
-        raise CampaignError("stopped")
-
-    monkeypatch.setattr(batching, "in_processes", stop)
-    assert run(["reproduce", "--out", str(tmp_path / "out"), "--seed", "7"]) == 2
-    assert seeds == [7, 7, 7, 7]
 
 
 def test_reproduce_into_a_place_that_cannot_be(tmp_path, capsys):

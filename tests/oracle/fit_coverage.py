@@ -45,10 +45,10 @@ class Case:
 
 
 CASES = {
-    "exponent fixed": Case(lambda v: 0.5 + 0.0 * v, {"stribeck_shape": "gaussian"}),
-    "exponent free": Case(lambda v: 0.5 + 0.0 * v, {"stribeck_shape": "free"}),
+    "exponent fixed": Case(lambda v: 0.5 + 0.0 * v, {"law": "stribeck gaussian"}),
+    "exponent free": Case(lambda v: 0.5 + 0.0 * v, {"law": "stribeck free"}),
     "standard errors from six strokes, noise grows with speed": Case(
-        lambda v: 0.2 + 2.0 * v, {"stribeck_shape": "gaussian"}, strokes=6
+        lambda v: 0.2 + 2.0 * v, {"law": "stribeck gaussian"}, strokes=6
     ),
 }
 

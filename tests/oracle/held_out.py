@@ -29,8 +29,7 @@ class LeftOut:
 
 def held_out(friction_map, seals, runs, *, by, direction=None):
     """Hold out each pressure of each seal, or each run of seals with several runs, and predict it at 90 %."""
-    ambient = friction_map.attrs["ambient_pressure_pa"]
-    selected = {"direction": direction, "ambient_pressure_pa": ambient, "exclude_flags": ()}
+    selected = {"direction": direction, "exclude_flags": ()}
     groups, of_run, _ = grouped(friction_map, seals, runs, selected)
     out = []
     for seal, data in groups.items():

@@ -90,7 +90,7 @@ def test_starts_that_would_move_too_far_move_less():
 
 def test_a_tube_and_the_drive_behind_it_are_found(recorded):
     truth, start = with_tubes(2.0), with_tubes(1.2, **{"valve.conductance": "1 dm3/(s bar)"})
-    fit = pn.identify(start, recorded, free=["tubing.a.length", "valve.conductance"], segment="0.2 s")
+    fit = pn.identify(start, recorded, free=["tubing.a.length", "valve.conductance"])
     known = {"tubing.a.length": 2.0, "valve.conductance": truth.valve.conductance_m3_s_pa}
     assert fit.converged
     assert fit.units["tubing.a.length"] == "m"

@@ -63,7 +63,7 @@ def test_a_drive_without_these_keys_is_as_before(plain):
 
 
 def test_the_overlap_is_identified_and_applied(plain, recorded):
-    fit = pn.identify(plain, recorded, ["valve.overlap", "valve.conductance"], segment="0.1 s")
+    fit = pn.identify(plain, recorded, ["valve.overlap", "valve.conductance"])
     low, high = fit.intervals["valve.overlap"]
     assert low <= 0.03 <= high
     assert high - low < 1e-3

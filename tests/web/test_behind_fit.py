@@ -81,7 +81,7 @@ def test_residuals_profiles_and_ellipses_are_those_of_the_fit(fitted: Served, mo
 
 def test_an_ellipse_is_that_of_the_normal_equations() -> None:
     """Of a straight line through values of one precision: covariance (X'X)^-1, and t standard errors as its shadow."""
-    fit = pn.fit_friction(friction_map(coulomb(30.0), WIDE, noise_n=0.1), "coulomb", robust=False)
+    fit = pn.fit_friction(friction_map(coulomb(30.0), WIDE, noise_n=0.1), "coulomb")
     (pair,) = ellipses(fit)
     columns = np.column_stack([np.ones(2 * len(WIDE)), np.tile(WIDE, 2)])
     shape = columns.T @ columns

@@ -99,8 +99,8 @@ class ReplayRig:
         files: Sequence[CycleFile],
         identity: Identity,
         limits: Envelope,
-        pace: float | None = None,
-        tolerance: Tolerance | None = None,
+        pace: float | None,
+        tolerance: Tolerance | None,
     ) -> None:
         self.files, self.pace, self.tolerance = tuple(files), pace, tolerance or Tolerance()
         self._identity, self._limits = identity, limits

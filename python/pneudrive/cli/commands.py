@@ -49,7 +49,7 @@ def _declared(parameter: inspect.Parameter) -> inspect.Parameter:
     return parameter.replace(default=typer.Option(default, *flag))
 
 
-def command_from(function: Callable[..., Any], name: str, *, hidden: bool = False) -> Any:  # noqa: ANN401 - of click
+def command_from(function: Callable[..., Any], name: str, *, hidden: bool) -> Any:  # noqa: ANN401 - of click
     """Return the command of a function."""
 
     @wraps(function)
@@ -142,7 +142,7 @@ class LazyGroup(TyperGroup):
         return super().resolve_command(ctx, args)
 
 
-def command_paths(table: Mapping[str, str], hidden: frozenset[str] = frozenset()) -> Iterator[tuple[str, ...]]:
+def command_paths(table: Mapping[str, str], hidden: frozenset[str]) -> Iterator[tuple[str, ...]]:
     """Yield every command of a table as a list of words; commands of a group follow the group."""
     for name, module in table.items():
         if name in hidden:

@@ -102,7 +102,6 @@ def run(
     initial: str | None = None,
     payload: str | None = None,
     dynamics: Literal["full", "constant"] = "full",
-    rtol: float = 1e-5,
     out: Path | None = None,
     plot: Path | None = None,
     allow_code: str | None = None,
@@ -138,7 +137,6 @@ def run(
         raise CommandError(f"--law {law} and --controller {controller} are both given", remedy="Keep one.")
     law, file = (law, controller) if is_file else (law or controller, None)
     options: dict[str, Any] = {"setup": setup, "duration": duration, "controller": file, "mismatch": mismatch}
-    options["rtol"] = rtol
     described = load.load_described(drive)
     if platforms.is_platform(described.circuit):
         if initial is not None or allow_code:

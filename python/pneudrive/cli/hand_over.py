@@ -136,22 +136,19 @@ def _export_whole(source: str, to: str, out: Path | None, fmi: str, *, actuator:
     typer.echo(f"runs on {system} only, the system of this computer: for another one, export the drive there")
 
 
-def demo(*, out: Path = Path("out"), measurements: Path | None = None) -> None:
+def demo(*, out: Path = Path("out")) -> None:
     """Characterise the real recordings, reproduce the source paper on the simulated rig, write one report.
+
+    The recordings are those of the project, or two shipped ones.
 
     Options
     -------
     out
         Folder for the results.
-    measurements
-        Folder with the recordings; default: those of the project, or two shipped ones.
     """
     folder = terminal.writable_folder(out)
-    if measurements is None:
-        measurements = MEASUREMENTS if MEASUREMENTS.is_dir() else SHIPPED
+    measurements = MEASUREMENTS if MEASUREMENTS.is_dir() else SHIPPED
     recordings = sorted([*measurements.glob("friction/*.csv*"), *measurements.glob("repeatability/*.csv*")])
-    if not recordings:
-        raise CommandError.of("cli.no-recordings", folder=measurements)
     found = characterisation.characterise_recordings(recordings)
     for name in ("map.parquet", "map.csv"):
         friction_map.write_map(found.friction_map, folder / name)

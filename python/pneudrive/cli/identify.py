@@ -7,16 +7,16 @@ from contextlib import suppress
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, TypeAlias
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import typer
 
 import pneudrive as pn
 from pneudrive.cli import terminal
-from pneudrive.cli.options import Count, Switch, names_in, one_of, quantity, sensor_options
+from pneudrive.cli.options import Count, names_in, one_of, quantity, sensor_options
 from pneudrive.cli.terminal import check_outputs, show_fit, show_paths, show_view, watch, writable_folder, write_text
 from pneudrive.constants import STANDARD_ATMOSPHERE_PA
-from pneudrive.errors import CommandError, DescriptionError, FitError, PneudriveError, naming
+from pneudrive.errors import CommandError, DescriptionError, FitError, PneudriveError
 from pneudrive.lazy_names import used_later
 
 with used_later(__name__):
@@ -41,19 +41,17 @@ with used_later(__name__):
     from pneudrive.validate import motion as friction_check
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
+    from collections.abc import Callable, Iterator, Sequence
 
     import xarray as xr
 
     from pneudrive.friction.campaign.result import CampaignCharacteristics
-    from pneudrive.identify.design import Design, Limits
+    from pneudrive.identify.design import Design
     from pneudrive.identify.dynamic.search import Progress
-    from pneudrive.rig.interface import Envelope, Identity
 
 LawFit: TypeAlias = "tuple[static_fits.FrictionFit, law_choice.LawComparison | None]"
 MOST_NAMED = 6  # largest number of values of a label in a message
 MAP_SUFFIXES = (".parquet", ".csv")
-DIRECTIONS = {"both": None, "+x": 1, "-x": -1}
 #: Largest number of attempts to fit a protocol into the requested time, and time factor of each further attempt.
 FITS, FIT_FRACTION = 5, 0.97
 
@@ -64,12 +62,8 @@ def fit(
     laws: str = "",
     pressure: str = "",
     hold_out: str = "",
-    direction: str = "both",
     by: str = "",
-    loss: str = "huber",
-    ambient: str = "",
     layout: Path | None = None,
-    profile: Switch = False,
     report: Path | None = None,
     out: Path = Path("fit.toml"),
 ) -> None:
@@ -88,14 +82,8 @@ def fit(
         Dependence on pressure: none, linear, quadratic, saturating, interaction. Default: all.
     hold_out
         Groups for cross-validation: pressure, speed, recording, or a column of the map.
-    direction
-        both, +x or -x.
     by
         Column of the map, such as seal: one fit for each of its values.
-    loss
-        huber, or linear (not robust).
-    ambient
-        Ambient pressure, if the map lacks it.
     out
         Fit file to write; with --by one file for each value.
 
@@ -106,15 +94,14 @@ def fit(
     names = [one_of("--laws", name, law_choice.NAMES) for name in names_in(laws) or law_choice.CANDIDATES]
     if pressure:
         one_of("--pressure", pressure, dict.fromkeys(("none", *model.PRESSURE_FORMS)))
-    sign = one_of("--direction", direction, DIRECTIONS)
     if out.suffix != ".toml" or not out.parent.is_dir():
         raise CommandError(f"--out {out}: a fit cannot be written there", rule="FILE.toml in a folder that exists")
     curves, campaign = _map_of(source, layout)
-    options: dict[str, Any] = {"direction": sign, "ambient_pressure_pa": _ambient(curves, ambient)}
+    if friction_map.AMBIENT not in curves.attrs:
+        typer.echo("- the map lacks the ambient pressure: 1.01325 bar is assumed", err=True)
+        curves = curves.assign_attrs({friction_map.AMBIENT: STANDARD_ATMOSPHERE_PA})
     left_out = model.NOT_SLIDING if campaign is None else characteristics.NO_POINTS  # as characterise does
-    robust = one_of("--loss", loss, {"huber": True, "linear": False})
-    choices = {"pressure": pressure, "hold_out": hold_out, "robust": robust}
-    fit_part = partial(_fit_laws, names=names, **choices, options={**options, "exclude_flags": left_out})
+    fit_part = partial(_fit_laws, names=names, pressure=pressure, hold_out=hold_out, left_out=left_out)
     for note in _averaged(curves, by):
         typer.echo(f"! {note}")
     for group, part, (curve_fit, comparison) in _each_fit(curves, by, fit_part):
@@ -123,11 +110,11 @@ def fit(
             show_view(comparison.view())
         slug = terminal.file_name(group)
         target = out.with_stem(f"{out.stem}-{slug}") if group else out
-        show_fit(result, target, report and report / slug, profile=profile)
+        show_fit(result, target, report and report / slug)
     if by == "seal" and "seal" in curves and len(set(curves["seal"].to_numpy().tolist())) > 1:
         runs = "run" if "run" in curves else None
         try:
-            statements = survey.survey(curves, "seal", runs, **options).statements()
+            statements = survey.survey(curves, "seal", runs).statements()
         except FitError as problem:
             statements = [f"the seals are not surveyed: {problem.what}"]
         typer.echo("".join(f"- {statement}\n" for statement in statements), nl=False)
@@ -191,17 +178,6 @@ def _averaged(curves: xr.Dataset, by: str) -> Iterator[str]:
             )
 
 
-def _ambient(curves: xr.Dataset, text: str) -> float:
-    """Return the ambient pressure from the option or the map, otherwise the standard value with a note."""
-    if text:
-        with naming("--ambient"):
-            return units.parse_pressure(text if units.split_mark(text)[1] == " abs" else f"{text} abs").value_pa
-    if "ambient_pressure_pa" in curves.attrs:
-        return float(curves.attrs["ambient_pressure_pa"])
-    typer.echo("- the map lacks the ambient pressure: 1.01325 bar is assumed; --ambient gives another one", err=True)
-    return STANDARD_ATMOSPHERE_PA
-
-
 def _each_fit(
     curves: xr.Dataset,
     by: str,
@@ -228,17 +204,15 @@ def _each_fit(
             yield group, part, result
 
 
-def _fit_laws(
-    curves: xr.Dataset, names: list[str], pressure: str, hold_out: str, robust: bool, options: dict[str, Any]
-) -> LawFit:
+def _fit_laws(curves: xr.Dataset, names: list[str], pressure: str, hold_out: str, left_out: Sequence[str]) -> LawFit:
     """Compare several laws and fit the recommended one; fit a single law directly."""
     forms = None if not pressure else () if pressure == "none" else (pressure,)
     comparison: law_choice.LawComparison | None = None
     chosen, form = names[0], pressure or "linear"
     if len(names) > 1 or forms is None or hold_out:
-        held = {"pressure": forms, "hold_out": hold_out or None, "progress": watch().tell}
+        held = {"pressure": forms, "hold_out": hold_out or None, "exclude_flags": left_out}
         try:
-            comparison = pn.select_friction_law(curves, names, robust=robust, **held, **options)
+            comparison = pn.select_friction_law(curves, names, **held, progress=watch().tell)
         except FitError as problem:
             if hold_out:
                 raise
@@ -252,8 +226,7 @@ def _fit_laws(
         pressure_dependence=form != "none",
         pressure=form if form != "none" else "linear",
         viscous=comparison is None or comparison.recommended.viscous,
-        robust=robust,
-        **options,
+        exclude_flags=left_out,
     )
     return result, comparison
 
@@ -264,10 +237,7 @@ def identify(
     *,
     free: str = "",
     sensor: list[str] | None = None,
-    segment: str = "0.4 s",
-    robust: Switch = False,
     follow: str | None = None,
-    profile: Switch = False,
     report: Path | None = None,
     layout: Path | None = None,
     out: Path | None = None,
@@ -289,10 +259,6 @@ def identify(
     sensor : CHANNEL:KEY=VALUE
         Sensor: "position: noise = 2 um, offset = free", with noise, offset, offset_uncertainty, gain, lag,
         resolution. "command: delay = free".
-    segment
-        Length of a segment, or "whole".
-    robust
-        Reduce the weight of outliers.
     follow : motion
         A circuit follows the recorded position. Free: volumes, heat, wall, leak, leak_a, leak_b, barrel, or names
         such as upper.volume.
@@ -309,25 +275,22 @@ def identify(
     if follow is not None:
         one_of("--follow", follow, {"motion": None})
         motion = pn.identify_motion(drive, recordings, names or ["volumes", "heat"], layout=layout, progress=tell)
-        show_fit(motion, out, report, profile=profile)
+        show_fit(motion, out, report)
     elif volume.Regulator.is_file(drive):
-        show_fit(pn.identify_regulator(drive, recordings, layout), out, report, profile=profile)
+        show_fit(pn.identify_regulator(drive, recordings, layout), out, report)
     elif pn.Tank.is_file(drive):
-        for name, value in (("sensor", sensor), ("robust", robust)):
-            if value:
-                raise CommandError.of("cli.tank", where=drive, name=name)
+        if sensor:
+            raise CommandError.of("cli.tank", where=drive, name="sensor")
         tank_fit = pn.identify_volume(pn.Tank.load(drive), recordings, names or None, layout=layout, progress=tell)
-        show_fit(tank_fit, out, report, profile=profile)
+        show_fit(tank_fit, out, report)
     else:
         known = {
             "sensors": sensor_options(sensor),
-            "segment": None if segment == "whole" else segment,
-            "robust": robust,
             "layout": layout,
         }
         described: Any = load.load_described(drive)
         result = pn.identify(described, recordings, names, progress=_show_step, **known)
-        show_fit(result, out, report, profile=profile)
+        show_fit(result, out, report)
 
 
 def _show_step(progress: Progress) -> None:
@@ -438,11 +401,7 @@ def design(
     points: Count = 0,
     time: str = "",
     criterion: str = "D",
-    speeds: str = "",
-    noise: str = "",
-    strokes: Annotated[int, typer.Option(min=1)] = 1,
     stops: str = "",
-    scale: str = "1 s",
     out: Path | None = None,
 ) -> None:
     """Propose the next measurements for a fit.
@@ -461,16 +420,8 @@ def design(
         Time on the rig instead of a number of points, such as '1 h'.
     criterion
         D: all parameters; I: prediction over the range.
-    speeds
-        Range of speeds; default: 1 mm/s to the highest speed of the rig.
-    noise
-        Standard deviation of one point; default: from the fit.
-    strokes
-        Strokes in each direction for one point.
     stops
         Stops instead of speeds: the dwell law, such as log or hyperbolic.
-    scale
-        With --stops: estimated time constant of the law.
     out
         Protocol file to write.
 
@@ -489,22 +440,19 @@ def design(
         return plans.lay_out(protocol.parse_protocol(text), identity, envelope).time_s
 
     if stops:
-        noise_n = found.statistics["rms_n"]
-        stop_plan = dwell_models.design_stops(
-            stops, quantity("--scale", scale, "s"), stops=points or 12, noise_n=noise_n
-        )
+        stop_plan = dwell_models.design_stops(stops, 1.0, stops=points or 12, noise_n=found.statistics["rms_n"])
         text = stop_plan.protocol()
         typer.echo(str(stop_plan))
     else:
-        limits = _limits(found, identity, envelope, speeds, strokes)
+        limits = next_points.limits_of(found, identity, envelope)
         longest_s = quantity("--time", time, "s") if time else None
-        options = {"criterion": criterion, "noise_n": quantity("--noise", noise, "N") if noise else None}
-        proposal = pn.next_measurements(found, limits, points=points or None, seconds=longest_s, **options)
+        plan = partial(pn.next_measurements, found, limits, criterion=criterion)
+        proposal = plan(points=points or None, seconds=longest_s)
         text = proposal.protocol()
         for _ in range(FITS):  # a cycle takes longer than its strokes
             if longest_s is None or (ratio := seconds_of(text) / longest_s) <= 1.0:
                 break
-            proposal = pn.next_measurements(found, limits, seconds=FIT_FRACTION * proposal.seconds / ratio, **options)
+            proposal = plan(seconds=FIT_FRACTION * proposal.seconds / ratio)
             text = proposal.protocol()
         show_view(replace(proposal.view(), notes=_shared_errors(found, proposal)))
     typer.echo(f'the protocol takes {live.duration(seconds_of(text))} on "{identity.name}"')
@@ -523,17 +471,6 @@ def _shared_errors(fit: static_fits.FrictionFit, plan: Design) -> tuple[str, ...
             errors.append(f"{name} ± {both / factor:.2g} {unit}")
     what = "errors that all values share (sensors, area) are larger; more points do not reduce them"
     return (f"{what}: {', '.join(errors)}",) if errors else ()
-
-
-def _limits(fit: static_fits.FrictionFit, identity: Identity, envelope: Envelope, speeds: str, strokes: int) -> Limits:
-    limits = next_points.limits_of(fit, identity, envelope, strokes)
-    if not speeds:
-        return limits
-    with naming("--speeds"):
-        slowest, fastest = units.parse_range(speeds, "m/s")
-    if fastest > limits.speed_m_s[1]:
-        raise CommandError.of("cli.too-fast", speeds=speeds, most=1e3 * limits.speed_m_s[1])
-    return replace(limits, speed_m_s=(slowest, fastest))
 
 
 def report(fit: Path, *, map: Path | None = None, out: Path = Path("report")) -> None:  # noqa: A002 - the option

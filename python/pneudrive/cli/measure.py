@@ -14,7 +14,7 @@ import typer
 import pneudrive as pn
 from pneudrive.cli import terminal
 from pneudrive.cli.commands import group
-from pneudrive.cli.options import Count, one_of
+from pneudrive.cli.options import one_of
 from pneudrive.cli.terminal import show_lines, show_paths, show_table, show_view, watch, writable_folder, write_outputs
 from pneudrive.errors import Cancelled, CommandError, RecordingError
 from pneudrive.lazy_names import used_later
@@ -90,7 +90,6 @@ def characterise(
     layout: Path | None = None,
     out: Path = Path("characterisation"),
     protocol: str = "settled",
-    law: str = "stribeck",
 ) -> None:
     """Determine friction with its uncertainty from recordings or a campaign.
 
@@ -105,8 +104,6 @@ def characterise(
         Recordings, also compressed (.gz, .xz, .bz2); their folder with layout.toml; or a campaign folder.
     protocol
         Selection of samples: settled, or source-paper (without the first 5 %).
-    law
-        Friction law of fit.toml, named as in `pneudrive fit`: coulomb, stribeck, "stribeck lorentzian", ...
 
     Examples
     --------
@@ -114,16 +111,15 @@ def characterise(
     pneudrive characterise my-campaign --out results
     """
     choice = one_of("--protocol", protocol, strokes.SAMPLE_CHOICES)()
-    law = one_of("--law", law, static_fits.NAMES).removesuffix(" gaussian")
     recordings = [file for path in recordings for file in (path.is_dir() and load.recordings_in(path)) or [path]]
     if any(path.is_dir() for path in recordings):
-        _characterise_campaign(recordings, layout, out, choice, law)
+        _characterise_campaign(recordings, layout, out, choice)
         return
     with _output(out) as folder:
         found = characterisation.characterise_recordings(recordings, layout, choice, progress=watch().tell)
         written = [friction_map.write_map(found.friction_map, folder / f"map.{end}") for end in ("parquet", "csv")]
-        fits, problems = static_fits.fit_characterisation(found, _laws_with(law))
-        written += _write_fits(fits, law, folder, whole=friction_map.ALL_RECORDINGS)
+        fits, problems = static_fits.fit_characterisation(found)
+        written += _write_fits(fits, folder, whole=friction_map.ALL_RECORDINGS)
         curves = characteristics.recorded_characteristics(found)
         written += [] if curves is None else files.write_curves_and_effects(curves, folder)
         written.append(Path(report.write_report(found, fits, folder, None, curves)))
@@ -137,7 +133,7 @@ def characterise(
 
 
 def _characterise_campaign(
-    recordings: list[Path], layout: Path | None, out: Path, choice: strokes.SampleChoice, law: str
+    recordings: list[Path], layout: Path | None, out: Path, choice: strokes.SampleChoice
 ) -> None:
     """Characterise one campaign folder."""
     if len(recordings) > 1 or layout is not None:
@@ -146,18 +142,13 @@ def _characterise_campaign(
     with _output(out) as folder:
         found = characteristics.campaign_friction(recordings[0], choice, progress=watch().tell)
         written = files.write_characteristics(found, folder)
-        fits, problems = characteristics.fit_campaign(found, _laws_with(law))
+        fits, problems = characteristics.fit_campaign(found)
         whole = characteristics.ALL if len(fits) != 1 else next(iter(fits))
-        written += _write_fits(fits, law, folder, whole)
+        written += _write_fits(fits, folder, whole)
         written.append(campaign_page.write_campaign_report(found, folder))
     _show_problems(problems)
     show_view(found.view())
     show_paths(*written)
-
-
-def _laws_with(law: str) -> list[str]:
-    """Return the laws to fit: the standard laws of a report, and the law of fit.toml."""
-    return list(dict.fromkeys((*static_fits.LAWS, law)))
 
 
 def _show_problems(problems: list[str]) -> None:
@@ -181,13 +172,13 @@ def _output(out: Path) -> Iterator[Path]:
             out.rmdir()
 
 
-def _write_fits(fits: dict[str, dict[str, fit_results.FrictionFit]], law: str, folder: Path, whole: str) -> list[Path]:
+def _write_fits(fits: dict[str, dict[str, fit_results.FrictionFit]], folder: Path, whole: str) -> list[Path]:
     """Write fit.toml for all data, and fit-GROUP.toml for each group."""
     written = []
     for group_name, by_law in fits.items():
-        if law in by_law:
+        if "stribeck" in by_law:
             name = "fit.toml" if group_name == whole else f"fit-{terminal.file_name(group_name)}.toml"
-            by_law[law].to_toml(folder / name)
+            by_law["stribeck"].to_toml(folder / name)
             written.append(folder / name)
     return written
 
@@ -255,22 +246,20 @@ def _compare_results(first: str, second: str, plot: Path | None) -> None:
     write_outputs((plot, lambda path: render.draw_figure(compared.figure(), path)))
 
 
-def reproduce(*, out: Path = Path("reproduction"), seed: Count = 0) -> None:
+def reproduce(*, out: Path = Path("reproduction")) -> None:
     """Reproduce figures 1 to 9 of the source paper on simulated rigs.
 
     Options
     -------
     out
         Folder for the report and its figures.
-    seed
-        Seed of the noise of the simulated sensors.
 
     Examples
     --------
     pneudrive reproduce --out figures
     """
     folder = writable_folder(out)
-    made = reproduction.reproduce(folder / reproduction.FOLDER, seed)
+    made = reproduction.reproduce(folder / reproduction.FOLDER)
     page = report.write_report(None, {}, folder, made)
     for claim in made.claims:
         typer.echo(f'{claim.place}: "{claim.said}"')

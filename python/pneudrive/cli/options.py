@@ -20,8 +20,6 @@ rtol
     Relative tolerance of the solver.
 out
     Folder for the results.
-profile
-    Also compute intervals by profile likelihood.
 report : FOLDER
     Folder for a report with residuals.
 """

@@ -11,7 +11,7 @@ from typing import Annotated
 import typer
 
 from pneudrive.cli import terminal
-from pneudrive.cli.options import Port, quantity
+from pneudrive.cli.options import Port
 from pneudrive.errors import CommandError
 from pneudrive.lazy_names import used_later
 
@@ -30,9 +30,7 @@ def serve(
     speed: float = 1.0,
     seed: int = 0,
     map: Path | None = None,  # noqa: A002 - the name of the option
-    heartbeat: str = "",
     certificate: Path | None = None,
-    key: Path | None = None,
     trust: list[Path] | None = None,
     user_file: Path | None = None,
     unprotected: bool = False,
@@ -53,12 +51,8 @@ def serve(
         Seed of all noise of a simulated rig.
     map
         Node map; default: the one of the package.
-    heartbeat
-        The axis stops if the client is silent for longer; default: from the node map.
     certificate
-        Certificate of this server; all messages are then signed and encrypted.
-    key
-        Private key of the certificate; default: the same name with .key.
+        Certificate of this server, with its private key beside it (.key); all messages are signed and encrypted.
     trust
         Certificate of a client that may connect; repeatable.
     user_file
@@ -70,18 +64,15 @@ def serve(
     --------
     pneudrive rig serve default
     """
-    protection = access.Protection.of(certificate, key, trust, user_file)
+    protection = access.Protection.of(certificate, trust, user_file)
     if bind not in LOOPBACK and certificate is None and not unprotected:
         raise CommandError.of("cli.bind", address=bind)
     if speed < 0.0 or 0.0 < speed < 1.0:
         raise CommandError(f"--speed {speed:g} is out of bounds", rule="0, or at least 1")
-    heartbeat_s = quantity("--heartbeat", heartbeat, "s") if heartbeat else None
-    if heartbeat_s is not None and heartbeat_s <= 0.0:
-        raise CommandError(f"--heartbeat {heartbeat} is out of bounds", rule="greater than zero")
     bench = rig_file.load_rig(rig, seed, speed or None)
     ended = threading.Event()
     signal.signal(signal.SIGTERM, lambda *_: ended.set())
-    with server.RigServer(bench, nodes.load_map(map), bind, port, protection, heartbeat_s) as running:
+    with server.RigServer(bench, nodes.load_map(map), bind, port, protection) as running:
         about = f"{bench.identity().name} at {running.url} with seed {seed}"
         typer.echo(f"{about}; heartbeat {running.heartbeat_s:g} s. Ctrl-C ends the server.")
         sys.stdout.flush()

@@ -133,9 +133,7 @@ def sweep(
     out: Path,
     command: list[str] | None = None,
     members: int | None = None,
-    design: str = "sobol",
     seed: int = 0,
-    correlation: list[str] | None = None,
     output: list[str] | None = None,
     set: list[str] | None = None,  # noqa: A002 - the name of the option
     initial: str | None = None,
@@ -157,12 +155,8 @@ def sweep(
         Table (.parquet, .csv, .nc) or folder.
     members : N
         Number of members of distributions or of a fit.
-    design
-        sobol, latin-hypercube or random.
     seed
         Random seed of the sampling.
-    correlation : A,B=R
-        Correlated numbers, such as "cylinder.bore, friction.coulomb = 0.6".
     output : OUTPUT
         Output of each run, repeatable: final(position), max(velocity), min, mean, integral, "time_when(position >
         0.45 m)", "settling(position, 0.5 mm)", stroke_time, "samples(position, 100 Hz)". Default: final state,
@@ -185,7 +179,7 @@ def sweep(
         described,
         command_of(described, command),
         duration,
-        vary=_design(described, vary, members, design, seed, correlation or []),
+        vary=_design(described, vary, members, seed),
         outputs=output,
         initial=initial,
         rtol=rtol,
@@ -210,20 +204,9 @@ def sweep(
     show_paths(out)
 
 
-def _design(
-    drive: pn.Drive | pn.Circuit,
-    vary: Sequence[str],
-    members: int | None,
-    method: str,
-    seed: int,
-    correlation: Sequence[str],
-) -> pn.EnsembleDesign:
+def _design(drive: pn.Drive | pn.Circuit, vary: Sequence[str], members: int | None, seed: int) -> pn.EnsembleDesign:
     """Read the varied parameters, and return the design."""
-    if method not in designs.SAMPLERS:
-        raise CommandError(f"--design {method} is not known", remedy=nearest(method, designs.SAMPLERS))
     files = [text for text in vary if "=" not in text]
-    if correlation and (files or not all("(" in text and "grid(" not in text for text in vary)):
-        raise CommandError("--correlation has no effect", rule="each varied number needs a distribution")
     if files and len(vary) > 1:
         raise CommandError("--vary mixes a file and values", rule="give one file, or NAME = VALUES for each number")
     if files:
@@ -231,21 +214,9 @@ def _design(
         if path.suffix == ".toml":
             if members is None:
                 raise CommandError("--members is missing", remedy="Give the number of members to draw from the fit.")
-            return pn.EnsembleDesign.posterior(fits.read_fit(path), members, seed=seed, method=method)
+            return pn.EnsembleDesign.posterior(fits.read_fit(path), members, seed=seed)
         return designs.design_of(_table(drive, path), members)
-    variables = pairs_in("--vary", vary, "load.mass = uniform(1 kg, 2 kg)")
-    return replace(designs.design_of(variables, members, seed, method), correlation=dict(map(_pair, correlation)))
-
-
-def _pair(text: str) -> tuple[tuple[str, str], float]:
-    names, _, value = text.partition("=")
-    first, _, second = (part.strip() for part in names.partition(","))
-    try:
-        if first and second:
-            return (first, second), float(value)
-    except ValueError:
-        pass
-    raise CommandError.of("cli.correlation", text=text)
+    return designs.design_of(pairs_in("--vary", vary, "load.mass = uniform(1 kg, 2 kg)"), members, seed)
 
 
 def _table(drive: pn.Drive | pn.Circuit, path: Path) -> dict[str, Any]:

@@ -84,7 +84,6 @@ def datasheet(
     *,
     layout: Path | None = None,
     out: Path = Path("datasheet.html"),
-    intervals: bool = True,
 ) -> None:
     """Write a data sheet of a drive, with standards and sources.
 
@@ -94,8 +93,6 @@ def datasheet(
         Recordings of the drive, or of its piston alone, or one friction map or campaign.
     out
         Page: .html or .pdf.
-    intervals
-        Compute intervals from those of identified values.
 
     Examples
     --------
@@ -103,7 +100,7 @@ def datasheet(
     """
     out.parent.mkdir(parents=True, exist_ok=True)
     check_outputs(out, sheet_page.SUFFIXES)
-    found = sheet.build(load.load_described(drive), recordings or [], layout, watch(), intervals=intervals)
+    found = sheet.build(load.load_described(drive), recordings or [], layout, watch())
     show_view(found.view())
     show_paths(sheet_page.write_datasheet(found, out))
 
@@ -115,7 +112,6 @@ def characteristic(
     set: list[str] | None = None,  # noqa: A002 - the name of the option
     out: Path | None = None,
     plot: Path | None = None,
-    intervals: bool = True,
 ) -> None:
     """Show a characteristic of a drive, with definition and standard.
 
@@ -127,8 +123,6 @@ def characteristic(
         A setting, "command = 0.6"; repeatable.
     out
         All results: .csv or .nc (netCDF).
-    intervals
-        Propagate intervals of identified values.
 
     Examples
     --------
@@ -143,7 +137,7 @@ def characteristic(
     texts = pairs_in("--set", set or (), "command = 0.6")
     settings = {key: _setting(key, text, kind) for key, text in texts.items()}
     uncertain = registry.UncertainDrive(load.load_described(drive))
-    found = uncertain.characteristic(name, watch(), intervals=intervals, **settings)
+    found = uncertain.characteristic(name, watch(), **settings)
     show_view(sheet_page.characteristic_view(found))
     write_outputs((out, partial(_save, found)), (plot, partial(sheet_page.plot_characteristic, found)))
 

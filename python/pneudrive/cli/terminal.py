@@ -165,15 +165,12 @@ def file_name(text: str) -> str:
     return re.sub(r"[^A-Za-z0-9._-]+", "-", text)
 
 
-def show_fit(fit: Fit, out: Path | None, report: Path | None, *, profile: bool) -> None:
-    """Print a fit, write its file and its page, and print intervals by profile likelihood."""
+def show_fit(fit: Fit, out: Path | None, report: Path | None) -> None:
+    """Print a fit, and write its file and its page."""
     show_view(fit.view())
     write_outputs((out, fit.to_toml))
     if report is not None:
         show_paths(fit.report(report))
-    if profile:
-        for name, (lower, upper) in fit.profile().items():
-            typer.echo(f"  profile of {name}: {lower:.5g} .. {upper:.5g} {fit.units[name]}")
 
 
 def write_text(text: str, out: Path | None) -> None:

@@ -24,7 +24,7 @@ from pneudrive.control.own_law import is_own
 from pneudrive.control.references import USUAL, reference, standard_references
 from pneudrive.control.scores import SHOWN, SPREAD_SHOWN, Score, written
 from pneudrive.control.setup import Setup, read_setup
-from pneudrive.control.tuning import Tuning, alone, laws, tune
+from pneudrive.control.tuning import Tuning, laws, tune
 from pneudrive.ensemble.engine import processors
 from pneudrive.errors import CommandError, RecordingError, SimulationError
 from pneudrive.files.content import read_json, read_text
@@ -397,7 +397,7 @@ def key_of(prepared: Prepared, seed: int, mark: str) -> str:
         "setup": prepared.truth.setup.core(seed, prepared.circuit.ambient.pressure_pa),
         "start": prepared.start | prepared.truth.start,
         "duration_s": prepared.duration_s,
-        "rtol": prepared.rtol,
+        "rtol": RTOL,
     }
     if prepared.tuning.own is not None:
         own = prepared.tuning.own
@@ -504,12 +504,10 @@ def benchmark(
     out: str | Path,
     seeds: int = 5,
     setup: Setup | str | Path = "real",
-    believes: Drive | Circuit | None = None,
     mismatch: Mismatch | str | Path | None = None,
     spread: Mismatch | str | Path | None = None,
     members: int | None = None,
     threads: int | None = None,
-    rtol: float = RTOL,
     allow_code: str | None = None,
     progress: Progress | None = None,
     cancel: Flag | None = None,
@@ -534,8 +532,6 @@ def benchmark(
     seeds : int
         Number of seeds. The seeds are 1, 2, 3 and so on.
     setup : Setup, str or path-like
-    believes : Drive or Circuit, optional
-        Drive that the laws assume.
     mismatch : Mismatch, str or path-like, optional
         Deviation of the simulated drive from `drive`, as for `pneudrive.control.run`.
     spread : Mismatch, str or path-like, optional
@@ -545,7 +541,6 @@ def benchmark(
     threads : int, optional
         Number of simultaneous runs; by default the number of processors. Results do not depend on it. Custom laws run
         one after the other.
-    rtol : float
     allow_code : str, optional
         SHA-256 of the file of a custom law, if only a controller file names it.
     progress, cancel : optional
@@ -563,11 +558,11 @@ def benchmark(
     folder, own = _folder(out), _spread(spread, mismatch)
     count = _count(seeds, members, is_spread=own is not None)
     read, name = read_setup(setup)
-    tunings = _tunings(drive, laws, {"setup": read, "believes": believes, "allow_code": allow_code})
+    tunings = _tunings(drive, laws, {"setup": read, "allow_code": allow_code})
     at_once = _threads(threads, tunings)
-    to_follow = _references(drive if believes is None else believes, references)
+    to_follow = _references(drive, references)
     prepared = {
-        (law, along): prepare(drive, None, one, setup=setup, controller=tuning, rtol=rtol, mismatch=mismatch)
+        (law, along): prepare(drive, None, one, setup=setup, controller=tuning, mismatch=mismatch)
         for law, tuning in tunings.items()
         for along, one in to_follow.items()
     }
@@ -575,7 +570,7 @@ def benchmark(
     truths = _truths(first := next(iter(prepared.values())), own)
     keys = [key_of(one._replace(truth=truths(1)), 1, store.mark) for one in prepared.values()]
     about = {"drive": drive.name, "setup": name, "setup_about": read.about, "mismatch": first.mismatch}
-    about |= {"spread": own[1] if own else "", "count": count, "rtol": rtol, **_references_told(to_follow)}
+    about |= {"spread": own[1] if own else "", "count": count, "rtol": RTOL, **_references_told(to_follow)}
     about |= assumptions(tunings) | {"mark": store.mark, "keys": hashlib.sha256("".join(keys).encode()).hexdigest()}
     about |= stored_beside({INPUTS: [one for tuning in tunings.values() for one in inputs_of(tuning.belief)]}, folder)
     asked = {"drive": named, "laws": laws, "references": references, "setup": setup, "mismatch": mismatch}
@@ -674,7 +669,7 @@ def _tunings(
     out: dict[str, Tuning] = {}
     for one in each:
         if isinstance(one, Tuning):
-            name, tuning = one.law, alone(one, believes=options["believes"])
+            name, tuning = one.law, one
         elif is_own(one):
             tuning = tune(drive, one, **options)
             name = tuning.law

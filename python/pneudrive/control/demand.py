@@ -237,7 +237,7 @@ class Suitability(NamedTuple):
     reason: str
 
 
-def suitability(drive: Drive | Circuit, setup: Setup | str | Path = "real", *, seed: int = 1) -> list[Suitability]:
+def suitability(drive: Drive | Circuit, setup: Setup | str | Path = "real") -> list[Suitability]:
     """Try each controller on a drive along R3, with the described mass and with half of it; the best one comes first.
 
     Parameters
@@ -245,19 +245,17 @@ def suitability(drive: Drive | Circuit, setup: Setup | str | Path = "real", *, s
     drive : Drive or Circuit
     setup : Setup, str or path-like
         Sensors and converter.
-    seed : int
-        Seed of the noise.
     """
-    found = [_tried(drive, law, setup, seed) for law in laws()]
+    found = [_tried(drive, law, setup) for law in laws()]
     return sorted(found, key=lambda one: (not one.suits, one.law in BASELINES, one.max_error_m))
 
 
-def _tried(drive: Drive | Circuit, law: str, setup: Setup | str | Path, seed: int) -> Suitability:
+def _tried(drive: Drive | Circuit, law: str, setup: Setup | str | Path) -> Suitability:
     """Try a controller along a reference, with the described mass and with half of it."""
     worst = 0.0
     for mass in MASSES:
         of = "as described" if mass == 1.0 else f"with {mass:g} of its mass"
-        error_m, fault = _trial(drive, law, setup, {"moving_mass": mass}, seed)
+        error_m, fault = _trial(drive, law, setup, {"moving_mass": mass})
         worst = max(worst, error_m)
         if fault:
             return Suitability(law, False, worst, f"{of} it {fault}")
@@ -277,7 +275,6 @@ def _trial(
     controller: Tuning | str,
     setup: Setup | str | Path,
     deviations: Mapping[str, float | str],
-    seed: int = 1,
 ) -> tuple[float, str]:
     """Run a drive that deviates from its description; return the largest error, m, and why it failed, or ""."""
     mismatch = Mismatch.model_validate(deviations)
@@ -286,7 +283,7 @@ def _trial(
         warnings.simplefilter("ignore")
         try:
             prepared = prepare(drive, law, ALONG, setup=setup, controller=tuning, mismatch=mismatch)
-            told = run_prepared(prepared, seed).provenance
+            told = run_prepared(prepared, seed=1).provenance
         except PneudriveError as error:
             return float("inf"), f"cannot run: {error.what}"
     reach, error_m = prepared.reference.reach(), float(told["score"]["max_error_m"])
@@ -309,7 +306,7 @@ def view_of_suitability(found: Sequence[Suitability]) -> View:
     return View(title, tuple(rows), state="good" if any(one.suits for one in found) else "bad")
 
 
-def view_of_lag(drive: Drive | Circuit, tuning: Tuning, setup: Setup | str | Path = "real") -> View | None:
+def view_of_lag(drive: Drive | Circuit, tuning: Tuning, setup: Setup | str | Path) -> View | None:
     """Return the additional dead time that the controller tolerates, and the possible effect of zero valve parameters.
 
     Parameters

@@ -22,7 +22,6 @@ from pneudrive.files.inputs import INPUTS, inputs_of
 from pneudrive.platforms import is_platform
 from pneudrive.progress import UNWATCHED, Flag, Progress, Watch
 from pneudrive.simulation.simulate import Run, made_from, positive, require
-from pneudrive.simulation.start import check_tolerance
 from pneudrive.simulation.trajectory import meaning
 
 if TYPE_CHECKING:
@@ -67,7 +66,6 @@ class Prepared(NamedTuple):
     setup_name: str
     start: dict[str, float]
     duration_s: float
-    rtol: float
     truth: Truth
     mismatch: str = ""
     warnings: tuple[str, ...] = ()
@@ -86,7 +84,6 @@ def run(
     believes: Drive | Circuit | None = None,
     mismatch: Mismatch | str | Path | None = None,
     initial: Initial | Mapping[str, object] | str | None = None,
-    rtol: float = RTOL,
     allow_code: str | None = None,
     progress: Progress | None = None,
     cancel: Flag | None = None,
@@ -121,8 +118,6 @@ def run(
     initial : Initial, dict or str, optional
         Start state. Default: at rest at the reference's first position, with both pressures near the mean of supply and
         ambient pressure and in balance.
-    rtol : float
-        Relative tolerance of the solver.
     allow_code : str, optional
         SHA-256 of the file of your law, if only the controller's file names it.
     progress, cancel : optional
@@ -160,7 +155,7 @@ def run(
     """
     told: Plain = {"setup": setup, "duration": duration, "controller": controller, "believes": believes}
     told |= {"mismatch": mismatch, "allow_code": allow_code}
-    prepared = prepare(drive, law, reference, **told, initial=initial, rtol=rtol)
+    prepared = prepare(drive, law, reference, **told, initial=initial)
     return run_prepared(prepared, seed, Watch(progress, cancel)).dataset()
 
 
@@ -175,7 +170,6 @@ def prepare(
     believes: Drive | Circuit | None = None,
     mismatch: Mismatch | str | Path | None = None,
     initial: Initial | Mapping[str, object] | str | None = None,
-    rtol: float = RTOL,
     allow_code: str | None = None,
 ) -> Prepared:
     """Read and check all inputs that determine a run, except its seed, and warn.
@@ -187,7 +181,6 @@ def prepare(
         raise CommandError(f"{drive.circuit.name} has a platform", remedy="Call pn.control.run_pose.")
     if believes is not None:
         require(believes, "core_json", "believes", 'pn.Drive.load("drive.toml")')
-    check_tolerance(rtol)
     read, name = read_setup(setup)
     if isinstance(controller, Tuning):
         tuning = alone(controller, law=law, believes=believes)
@@ -218,7 +211,7 @@ def prepare(
     warnings += truth.setup.later_than(seconds)
     for said in warnings:
         warn(said)
-    return Prepared(circuit, tuning, plant, to_follow, read, name, start, seconds, rtol, truth, called, tuple(warnings))
+    return Prepared(circuit, tuning, plant, to_follow, read, name, start, seconds, truth, called, tuple(warnings))
 
 
 def run_prepared(prepared: Prepared, seed: int, watch: Watch = UNWATCHED) -> Run:
@@ -231,7 +224,7 @@ def run_prepared(prepared: Prepared, seed: int, watch: Watch = UNWATCHED) -> Run
     watch.look()
     own = None if tuning.own is None else tuning.own.begin(tuning.model, motion, tuning.period_s, seconds)
     axes, start = [(tuning.core(), motion, setup)], prepared.start | truth.start
-    (columns,), _, mass_kg = run_axes(truth.core_json, start, axes, [], seconds, prepared.rtol, watch, own)
+    (columns,), _, mass_kg = run_axes(truth.core_json, start, axes, [], seconds, watch, own)
     events = told(columns.pop("events", []))
     named = {meaning(column)[0]: values for column, values in columns.items()}
     gas = circuit.gas.heat_capacity_ratio, circuit.gas.gas_constant_j_kg_k
@@ -249,7 +242,6 @@ def run_axes(
     axes: Sequence[tuple[Any, Any, Any]],
     outputs: list[str],
     seconds: float,
-    rtol: float,
     watch: Watch,
     own: RunningLaw | None = None,
 ) -> tuple[list[Plain], Array, float]:
@@ -264,7 +256,7 @@ def run_axes(
         Controller, motion and instrumentation of each axis in the core's form.
     outputs : list of str
         Further columns of the circuit.
-    seconds, rtol : float
+    seconds : float
     watch : Watch
     own : RunningLaw, optional
         Custom law; only for a single axis.
@@ -276,7 +268,7 @@ def run_axes(
             [(json.dumps(law), json.dumps(motion), json.dumps(setup)) for law, motion, setup in axes],
             outputs,
             seconds,
-            rtol,
+            RTOL,
             lambda t: watch.tell(t, seconds, "seconds simulated"),
             None if own is None else (own.call, own.signals),
         )
@@ -355,7 +347,7 @@ def _provenance(prepared: Prepared, seed: int) -> Plain:
     setup = prepared.setup, prepared.setup_name
     return (
         known
-        | provenance_of(circuit, tuning, setup, reference.text, seed, prepared.rtol)
+        | provenance_of(circuit, tuning, setup, reference.text, seed)
         | {
             "factors": tuning.controller.factors.to_dict(),
             "belief_hash": tuning.belief.description_hash,
@@ -366,13 +358,11 @@ def _provenance(prepared: Prepared, seed: int) -> Plain:
     )
 
 
-def provenance_of(
-    circuit: Circuit, tuning: Tuning, setup: tuple[Setup, str], reference: str, seed: int, rtol: float
-) -> Plain:
+def provenance_of(circuit: Circuit, tuning: Tuning, setup: tuple[Setup, str], reference: str, seed: int) -> Plain:
     """Return the provenance that runs of an axis and of a platform have in common."""
     read, name = setup
     assumed = [f"setup {name}: {read.about}"] if name in ready_setups() else []
-    return made_from(circuit, rtol) | {
+    return made_from(circuit, RTOL) | {
         "law": tuning.law,
         "gains": {gain.key: gain.value for gain in tuning.gains},
         "period_s": tuning.period_s,

@@ -381,7 +381,7 @@ def sine(amplitude_m: float, frequency_hz: float, centre_m: float) -> Reference:
     return Reference(text, centre_m, amplitude_m=amplitude_m, frequency_hz=frequency_hz)
 
 
-def stairs(start_m: float, moves: Sequence[ReferenceMove], rest_s: float = REST_S) -> Reference:
+def stairs(start_m: float, moves: Sequence[ReferenceMove], rest_s: float) -> Reference:
     """Return a reference that consists of successive moves."""
     each = (f"{move.begin_s:.9g} s: {units.write(move.to_m, 'm', 'mm')} in {move.duration_s:.9g} s" for move in moves)
     text = "; ".join([units.write(start_m, "m", "mm"), *each])

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pneudrive.constants import AIR_GAS_CONSTANT_J_KG_K, AIR_HEAT_CAPACITY_RATIO
 from pneudrive.control.motion import ReferenceMove, moves_of, ways_of
 from pneudrive.describe.tables.parts import anr_density_kg_m3
 from pneudrive.errors import CommandError, package_table
@@ -265,7 +264,7 @@ def air_of(
     mass_kg: float,
     supply: tuple[float, float],
     ambient: tuple[float, float],
-    gas: tuple[float, float] = (AIR_HEAT_CAPACITY_RATIO, AIR_GAS_CONSTANT_J_KG_K),
+    gas: tuple[float, float],
 ) -> dict[str, float]:
     """Return volume and exergy of the air, or other gas, drawn from a reservoir.
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import defaultdict
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from inspect import signature
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -13,16 +14,15 @@ from pneudrive.documented import parts_of
 from pneudrive.lazy_names import upper
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Mapping
     from types import ModuleType
 
     import xarray as xr
 
     from pneudrive.datasheet.plant import HeldDrive
 
-    #: Values by name, or in the order of the docstring. A `ResultValue` is used if the meaning depends on the drive.
-    Found = Mapping[str, Any] | tuple[Any, ...]
-    Find = Callable[..., Found]
+#: Values by name, or in the order of the docstring. A `ResultValue` is used if the meaning depends on the drive.
+Found = Mapping[str, Any] | tuple[Any, ...]
+Find = Callable[..., Found]
 
 
 class ResultValue(NamedTuple):

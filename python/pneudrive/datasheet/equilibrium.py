@@ -83,11 +83,9 @@ def equilibrium(
     drive: Drive | Circuit,
     command: float,
     *,
-    position: str | float | None = None,
-    velocity: str | float | None = None,
     load: str | float | None = None,
 ) -> Equilibrium:
-    """Return the steady state of a drive under a command.
+    """Return the steady state of a drive under a command, with the piston at mid stroke.
 
     The core evaluates the rates at each trial state. A damped Newton method finds their zero.
 
@@ -97,12 +95,8 @@ def equilibrium(
         Drive with one piston and one to four valves.
     command : float
         Command of the valve in [-1, 1].
-    position : str or float, optional
-        Position of the piston, ``"120 mm"`` or in m. The default is mid-stroke.
-    velocity : str or float, optional
-        Imposed velocity, ``"0.2 m/s"`` or in m/s; the balancing load is calculated. The default is 0, a pinned piston.
     load : str or float, optional
-        Force in +x, ``"-100 N"`` or in N, instead of `velocity`. The velocity under this load is calculated.
+        Force in +x, ``"-100 N"`` or in N. The velocity under this load is calculated. Default: a pinned piston.
 
     Returns
     -------
@@ -111,7 +105,7 @@ def equilibrium(
     Raises
     ------
     CommandError
-        The command, the position, the velocity or the load is not valid.
+        The command or the load is not valid.
     SimulationError
         No steady state exists, or it is not unique, as for a shut valve without leaks.
 
@@ -125,11 +119,9 @@ def equilibrium(
     whole = HeldDrive(drive)
     whole.actuation.commands(command)  # a switching valve has no commands between its positions
     plant = whole.static
-    x = 0.5 * plant.stroke_m if position is None else number_of(position, "m", "position")
+    x = 0.5 * plant.stroke_m
     if load is None:
-        return at_velocity(plant, command, x, 0.0 if velocity is None else number_of(velocity, "m/s", "velocity"))
-    if velocity is not None:
-        raise CommandError("velocity and load are both given", remedy="Give one of them; the other one is computed.")
+        return at_velocity(plant, command, x, 0.0)
     return under_load(plant, command, x, number_of(load, "N", "load"))
 
 
@@ -287,7 +279,6 @@ def linearise(
     command: float = 0.0,
     opening: Literal["+", "-"] = "+",
     friction: Literal["presliding", "sliding", "none"] = "sliding",
-    velocity: str | float = 0.0,
 ) -> StateSpace:
     """Return the linear model of a drive about a state, as a `control.StateSpace` (extra ``linear``).
 
@@ -307,10 +298,8 @@ def linearise(
         Side to which the valve opens, because the slope of the flow differs between sides. Only for ``command = 0``.
     friction : {"presliding", "sliding", "none"}
         ``"presliding"``: the contact is at rest, and bristles are springs. A contact without bristles does not move.
-        ``"sliding"``: the slope of the steady friction over velocity, at `velocity`. If `velocity` is 0, the viscous
-        slope far above the Stribeck velocity is used. ``"none"``: without friction.
-    velocity : str or float
-        Velocity of the piston.
+        ``"sliding"``: the viscous slope of the steady friction over velocity, far above the Stribeck velocity.
+        ``"none"``: without friction.
 
     Returns
     -------
@@ -339,11 +328,10 @@ def linearise(
         raise CommandError.of("datasheet.not_linear", name=whole.name, valves=" and ".join(whole.actuation.held))
     plant = whole.static
     x = 0.5 * plant.stroke_m if position is None else number_of(position, "m", "position")
-    v = number_of(velocity, "m/s", "velocity")
     if opening not in OPENINGS:
         raise CommandError(f'opening = "{opening}" is not known', remedy='"+" or "-"')
     at = open_command(plant, command, OPENINGS[opening])
-    found = linear_model(plant, at, x, gas_at(plant, pressures), v, friction)
+    found = linear_model(plant, at, x, gas_at(plant, pressures), friction)
     short = {name: _short(name, plant) for name in (*found.states, *found.inputs, *found.outputs)}
     keep = [k for k, name in enumerate(found.outputs) if short[name] in _SHOWN or name.endswith("pressure_pa")]
     return control.StateSpace(
@@ -414,21 +402,19 @@ def _pressure(given: str | float, plant: HeldDrive) -> float:
     return value
 
 
-def linear_model(
-    plant: HeldDrive, command: float, position: float, gas: Array, velocity: float = 0.0, friction: str = "none"
-) -> Linear:
+def linear_model(plant: HeldDrive, command: float, position: float, gas: Array, friction: str = "none") -> Linear:
     """Return the linear model about a state, with the requested friction. See `linearise`."""
     if friction not in FRICTIONS:
         raise CommandError(f'friction = "{friction}" is not known', remedy=" or ".join(f'"{one}"' for one in FRICTIONS))
     if friction == "presliding":
-        return _linear(plant, plant.session(command, position, velocity, gas), command)
+        return _linear(plant, plant.session(command, position, 0.0, gas), command)
     lags = {name: math.copysign(lag, command * lag) for name, lag in plant.lags.items()}
-    session = plant.frictionless.session(command, position, velocity or MOVING, gas, lags=lags)
+    session = plant.frictionless.session(command, position, MOVING, gas, lags=lags)
     bare = _linear(plant, session, command)
     for name in lags if friction == "sliding" else ():
         row = bare.states.index(f"{name}.velocity_m_s")
         by_load = bare.B[row, 1] if name == plant.piston else 1.0 / plant.masses[name]
-        bare.A[row, row] -= by_load * friction_slope(plant, name, gas, position, velocity)
+        bare.A[row, row] -= by_load * friction_slope(plant, name, gas, position)
     return bare
 
 
@@ -444,14 +430,11 @@ def _linear(plant: HeldDrive, session: Session, command: float) -> Linear:
     return replace(found, B=b, D=d, inputs=(plant.commands[0], *found.inputs[count:]))
 
 
-def friction_slope(plant: HeldDrive, name: str, gas: Array, position: float, velocity: float) -> float:
-    """Return the slope of a component's steady friction over velocity, N s/m.
-
-    At zero velocity, return the slope far above the Stribeck velocity.
-    """
-    fast, pressures = abs(velocity) or FAST, plant.pressures(gas)
-    low, high = (plant.sliding_of(name, fast * (1.0 + sign * STEP), pressures, position) for sign in (-1.0, 1.0))
-    return (high - low) / (2.0 * STEP * fast)
+def friction_slope(plant: HeldDrive, name: str, gas: Array, position: float) -> float:
+    """Return the slope of a component's steady friction over velocity, far above the Stribeck velocity, N s/m."""
+    pressures = plant.pressures(gas)
+    low, high = (plant.sliding_of(name, FAST * (1.0 + sign * STEP), pressures, position) for sign in (-1.0, 1.0))
+    return (high - low) / (2.0 * STEP * FAST)
 
 
 FAST = 10.0  # m/s: where nothing but viscous friction depends on velocity

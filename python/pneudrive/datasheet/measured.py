@@ -69,7 +69,7 @@ def _air(drive: Drive, recording: VolumeRecording) -> Pair:
     room, density = drive.ambient.temperature_k, drive.gas.anr_density_kg_m3
     mass = volume * (before - after) / (cycles * drive.gas.gas_constant_j_kg_k * room)
     fed = HeldDrive(drive.replace({"supply.pressure": f"{0.5 * (before + after)!r} Pa abs"}))
-    return litres_anr(mass, density), litres_anr(drawn_mass(fed, 1.0, half), density)
+    return litres_anr(mass, density), litres_anr(drawn_mass(fed, half), density)
 
 
 def _label(recording: VolumeRecording, key: str, unit: str) -> float:

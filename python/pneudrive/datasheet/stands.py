@@ -8,9 +8,8 @@ import numpy as np
 
 from pneudrive import _core, units
 from pneudrive.constants import ANR_DENSITY_KG_M3
-from pneudrive.datasheet.characteristic import ResultValue, characteristic
+from pneudrive.datasheet.characteristic import Found, ResultValue, characteristic
 from pneudrive.datasheet.characteristics.steady import full_force, least_pressure
-from pneudrive.datasheet.equilibrium import gas_at
 from pneudrive.datasheet.plant import HeldDrive
 from pneudrive.describe.files.catalogue import Entry, entries
 from pneudrive.describe.tables.valve_flow import path_of
@@ -21,7 +20,6 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator
 
     from pneudrive.arrays import Array
-    from pneudrive.datasheet.characteristic import Found
     from pneudrive.describe import Drive
 
 
@@ -51,7 +49,7 @@ def flow_through(plant: HeldDrive, side: str, *, inward: bool, upstream: float, 
 
 
 def reduce_flow(
-    upstream: float, ratios: Array, flows: Array, index: float, density: float = ANR_DENSITY_KG_M3
+    upstream: float, ratios: Array, flows: Array, index: float, density: float
 ) -> tuple[float, float, float]:
     """Return sonic conductance, critical pressure ratio and largest relative misfit of measured flows.
 
@@ -93,16 +91,11 @@ def _fed(plant: HeldDrive) -> list[str]:
     slow=True,
     held=False,
 )
-def _flows(plant: HeldDrive, upstream: float | None = None) -> Found:
+def _flows(plant: HeldDrive) -> Found:
     """Flow of the paths (C and b).
 
     Sonic conductance and critical pressure ratio of each path between valve port and chamber, including lines. They
-    are fitted to steady flows over the pressure ratio, at constant upstream pressure.
-
-    Settings
-    --------
-    upstream
-        absolute pressure before the path, Pa; default: that of the supply
+    are fitted to steady flows over the pressure ratio, with the supply pressure upstream.
 
     Results
     -------
@@ -117,7 +110,7 @@ def _flows(plant: HeldDrive, upstream: float | None = None) -> Found:
     misfit : 1 over path
         largest relative difference of a flow from the fitted function
     """
-    before = plant.supply_pa if upstream is None else float(gas_at(plant, upstream)[0, 0])
+    before = plant.supply_pa
     ratios, density = np.array(RATIOS), plant.circuit.gas.anr_density_kg_m3
     index = float(getattr(plant.circuit.components[plant.valve], "subsonic_index", 0.5))
     named, flows, rows = [], [], []
@@ -150,18 +143,11 @@ def _flows(plant: HeldDrive, upstream: float | None = None) -> Found:
     y="pressure",
     held=False,
 )
-def _leakage(plant: HeldDrive, pressure: Any = None, duration: float = ISOTHERMAL_S) -> Found:  # noqa: ANN401
+def _leakage(plant: HeldDrive) -> Found:
     """Leakage of shut chambers.
 
-    Pressure decay of a chamber that was filled and shut with its line, with the piston at its end and the other chamber
-    at ambient pressure. The gas starts at ambient temperature.
-
-    Settings
-    --------
-    pressure
-        absolute; default: that of the supply
-    duration
-        s
+    Pressure decay of a chamber that was filled from the supply and shut with its line. The piston is at its end, and
+    the other chamber at ambient pressure. The gas starts at ambient temperature.
 
     Results
     -------
@@ -174,14 +160,13 @@ def _leakage(plant: HeldDrive, pressure: Any = None, duration: float = ISOTHERMA
     decay_rate : 1/s over chamber
         relative fall of the pressure in the second half
     fall : Pa over chamber
-        fall of the pressure in {duration:g} s
+        fall of the pressure in 60 s
     """
-    filled = plant.supply_pa if pressure is None else float(gas_at(plant, pressure)[0, 0])
     ambient, kelvin = plant.ambient
-    times = np.linspace(0.0, duration, 61)
+    times = np.linspace(0.0, ISOTHERMAL_S, 61)
     curves, plant = [], plant.with_held_valves
     for side in plant.sides:
-        levels = {one: filled if one == side else ambient for one in plant.sides}
+        levels = {one: plant.supply_pa if one == side else ambient for one in plant.sides}
         given = {f"{plant.piston}.{one}": f"{level!r} Pa abs" for one, level in levels.items()}
         start = plant.circuit.core_initial(given)  # lines start at the pressure of their chamber
         at = plant.stroke_m if side == "a" else 0.0  # pressed against its end

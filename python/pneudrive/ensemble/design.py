@@ -566,9 +566,7 @@ class EnsembleDesign(Shown):
         return cls("random", dict(distributions), n, seed, dict(correlation or {}))
 
     @classmethod
-    def posterior(
-        cls, fit: Fit, n: int, *, names: Sequence[str] | None = None, seed: int = 0, method: str = "sobol"
-    ) -> EnsembleDesign:
+    def posterior(cls, fit: Fit, n: int, *, names: Sequence[str] | None = None, seed: int = 0) -> EnsembleDesign:
         """Draw members from the posterior of a fit: jointly normal in the coordinates of its intervals.
 
         Values that were not free, or that the data do not determine, keep the value of the drive.
@@ -582,8 +580,6 @@ class EnsembleDesign(Shown):
         names : sequence of str, optional
             Names of the values that vary. Default: all values that the data determine.
         seed : int
-        method : str
-            ``"sobol"``, ``"latin-hypercube"`` or ``"random"``.
         """
         determined = [name for name in fit.free if name in fit.values and name not in names_of(fit.undetermined)]
         for name in names or ():
@@ -592,7 +588,7 @@ class EnsembleDesign(Shown):
         determined = [name for name in determined if names is None or name in names]
         if not determined or not fit.covariance.size:
             raise CommandError("the fit has no covariance of a value that the data determine")
-        return cls(method, dict.fromkeys(determined, "as the fit"), n, seed, fit=fit)
+        return cls("sobol", dict.fromkeys(determined, "as the fit"), n, seed, fit=fit)
 
     @property
     def names(self) -> list[str]:
@@ -679,9 +675,7 @@ class EnsembleDesign(Shown):
         return NormalCoordinates(tuple(self.names), scales, centre, covariance, source, folded)
 
 
-def design_of(
-    vary: Keyed | EnsembleDesign, n: int | None = None, seed: int | None = None, method: str = "sobol"
-) -> EnsembleDesign:
+def design_of(vary: Keyed | EnsembleDesign, n: int | None = None, seed: int | None = None) -> EnsembleDesign:
     """Return the design that a mapping describes: a table of values, a grid, or distributions.
 
     Raises
@@ -708,7 +702,7 @@ def design_of(
         raise CommandError.of("ensemble.mixed", kinds=" and ".join(sorted(kinds)))
     (kind,) = kinds
     if kind == "distributions":
-        return EnsembleDesign(method, each, n, seed or 0)
+        return EnsembleDesign("sobol", each, n, seed or 0)
     design = EnsembleDesign("grid" if kind == "a grid" else "table", each)
     sizes = {name: len(one) for name, one in each.items()} if kind == "values" else {}
     if n is not None and kind == "values" and set(sizes.values()) != {n}:

@@ -103,7 +103,7 @@ class EnsembleStudy:
         """SHA-256 of all inputs that determine the results."""
         return hashlib.sha256(json.dumps(self.about(), sort_keys=True).encode()).hexdigest()
 
-    def chunks(self, members: int | None = None) -> list[Chunk]:
+    def chunks(self, members: int | None) -> list[Chunk]:
         """Return chunks with this number of members each."""
         sampled = [output for output in self.outputs if output.word in ("samples", "own")]
         samples = sum(len(output.columns) * self.sample_times(output.rate_hz).size for output in sampled)
@@ -365,7 +365,7 @@ class ChunkStore:
         The folder contains another study or other files, or it is not writable.
     """
 
-    def __init__(self, folder: Path, study: EnsembleStudy, members: int | None = None) -> None:
+    def __init__(self, folder: Path, study: EnsembleStudy, members: int | None) -> None:
         self.folder, self.study = folder, study
         about = {"study": study.study_hash, "about": study.about()}
         path = folder / STUDY
@@ -502,7 +502,6 @@ def simulate_many(
     executor: Executor | None = None,
     out: str | Path | None = None,
     chunk: int | None = None,
-    errors: str = "keep",
     max_members_in_memory: int = IN_MEMORY,
     threads: int | None = None,
     progress: Progress | None = None,
@@ -562,8 +561,6 @@ def simulate_many(
         run again.
     chunk : int, optional
         Number of members that run together.
-    errors : str
-        Reaction to a failed member. ``"keep"``: store NaN, status and reason. ``"raise"``: end the study with an error.
     max_members_in_memory : int
         Larger studies need `out`. The returned data set then does not contain the members.
     threads : int, optional
@@ -590,8 +587,6 @@ def simulate_many(
         durations or start states do not fit the members, or the folder holds another study.
     DescriptionError
         The start state does not fit the drive.
-    SimulationError
-        A member failed, with ``errors="raise"``.
     Cancelled
         `cancel` was set; finished chunks in `out` are kept.
 
@@ -603,8 +598,6 @@ def simulate_many(
     >>> dict(many.sizes), bool(many.max_velocity[0] > many.max_velocity[1])
     ({'member': 2}, True)
     """
-    if errors not in ("keep", "raise"):
-        raise CommandError(f'errors = "{errors}"', rule='"keep" or "raise"')
     design = design_of(vary, n, seed)
     study = study_of(
         drive, command, duration, vary=design, outputs=outputs, initial=initial, rtol=rtol, threads=threads
@@ -616,9 +609,6 @@ def simulate_many(
     store = None if out is None else ChunkStore(Path(out), study, chunk)
     frames = []
     for frame in results(study, store, chunk, executor, Watch(progress, cancel)):
-        lost = frame.filter(frame["status"] != DONE)
-        if errors == "raise" and lost.height:
-            raise SimulationError(f"member {lost['member'][0]}: {lost['reason'][0]}")
         frames += [frame] if store is None else []
     if store is not None and not fits:
         found = Members(study, next(store.frames()).clear(), store.failed())
@@ -635,8 +625,8 @@ def study_of(
     duration: Any,  # noqa: ANN401
     *,
     vary: Keyed | EnsembleDesign,
-    outputs: Sequence[str | Output] | None = None,
-    initial: Any = None,  # noqa: ANN401
+    outputs: Sequence[str | Output] | None,
+    initial: Any,  # noqa: ANN401
     rtol: float = 1e-6,
     threads: int | None = None,
     refuse: bool = True,

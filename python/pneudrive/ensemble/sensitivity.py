@@ -30,6 +30,8 @@ if TYPE_CHECKING:
 
 #: Base points by default.
 BASE_POINTS = 1024
+#: Nominal coverage of the bootstrap intervals.
+CONFIDENCE = 0.95
 #: Number of bootstrap resamples, and number that is evaluated together.
 RESAMPLES, TOGETHER = 1000, 50
 #: Variables of the result -> long name.
@@ -51,7 +53,6 @@ def sensitivity(
     initial: Initial | Mapping[str, object] | str | None = None,
     rtol: float = 1e-6,
     seed: int = 0,
-    confidence: float = 0.95,
     executor: Executor | None = None,
     progress: Progress | None = None,
     cancel: Flag | None = None,
@@ -71,8 +72,6 @@ def sensitivity(
         Number of base points, preferably a power of 2. For a screening of many numbers, 32 can suffice.
     seed : int
         Random seed of the design and of the bootstrap.
-    confidence : float
-        Nominal coverage of the bootstrap intervals.
 
     Returns
     -------
@@ -100,8 +99,6 @@ def sensitivity(
     >>> found.total.sel(output="max_velocity").idxmax().item()
     'load.mass'
     """
-    if not 0.0 < confidence < 1.0:
-        raise CommandError(f"confidence = {confidence}", rule="between 0 and 1")
     if isinstance(n, bool) or n < 2:
         raise CommandError(f"n = {n} is too few", rule="at least 2")
     design = replace(design_of(vary), members=n)
@@ -114,12 +111,12 @@ def sensitivity(
     if sampled:
         raise CommandError(f"outputs: {sampled[0]} is sampled", rule="sensitivities are of numbers")
     names, about = study.rows.names, {**study.about(), "vary": shape.about()}
-    about |= {"n": n, "seed": seed, "confidence": confidence}
+    about |= {"n": n, "seed": seed, "confidence": CONFIDENCE}
     cube = sobol_points(n, len(names), seed)
     study = replace(study, rows=Rows.table(names, shape.values(cube)))
     study.plans.check(study.rows.size)
     values = _values(study, executor, Watch(progress, cancel))
-    return _labelled(study, sobol_indices(cube, values, confidence=confidence, seed=seed), about)
+    return _labelled(study, sobol_indices(cube, values, seed=seed), about)
 
 
 def _values(study: EnsembleStudy, executor: Executor | None, watch: Watch) -> Array:
@@ -167,7 +164,7 @@ def sobol_points(n: int, d: int, seed: int) -> Array:
 
 
 def sobol_indices(
-    points: Array, values: Array, *, confidence: float = 0.95, resamples: int = RESAMPLES, seed: int = 0
+    points: Array, values: Array, *, resamples: int = RESAMPLES, seed: int = 0
 ) -> dict[str, NDArray[Any]]:
     """Estimate Sobol indices of first and total order.
 
@@ -179,10 +176,8 @@ def sobol_indices(
         Points from `sobol_points`.
     values : ndarray, shape (n (d + 2), s)
         Values of s outputs at these points.
-    confidence : float
-        Nominal coverage probability of an interval, from a percentile bootstrap over base points.
     resamples : int
-        Number of bootstrap samples.
+        Number of bootstrap samples: intervals are percentiles over base points.
     seed : int
         Random seed of the bootstrap.
 
@@ -210,7 +205,7 @@ def sobol_indices(
             method="percentile",
             rng=np.random.default_rng([seed, k]),
         ).bootstrap_distribution
-        ends[..., k] = np.nanquantile(again, [0.5 * (1.0 - confidence), 0.5 * (1.0 + confidence)], axis=-1)
+        ends[..., k] = np.nanquantile(again, [0.5 * (1.0 - CONFIDENCE), 0.5 * (1.0 + CONFIDENCE)], axis=-1)
     intervals = {"first_interval": ends[:, 0], "total_interval": ends[:, 1]}
     return {"first": indices[0], "total": indices[1], **intervals, "used": complete.sum(axis=0)}
 

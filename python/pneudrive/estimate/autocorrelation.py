@@ -64,11 +64,11 @@ def stderrs_of_means(rows: Array) -> Array:
 SAME_SPEED = 0.05
 
 
-def distinct_levels(values: Array, share: float = SAME_SPEED) -> list[tuple[float, float]]:
-    """Return the lowest and highest value of each level: values within the fraction `share` of its largest one."""
+def distinct_levels(values: Array) -> list[tuple[float, float]]:
+    """Return the lowest and highest value of each level: values within `SAME_SPEED` of its largest one."""
     levels: list[tuple[float, float]] = []
     for value in np.sort(np.abs(values)).tolist():
-        if not levels or value - levels[-1][0] > share * value:
+        if not levels or value - levels[-1][0] > SAME_SPEED * value:
             levels.append((value, value))
         levels[-1] = (levels[-1][0], value)
     return levels

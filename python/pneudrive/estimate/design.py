@@ -96,7 +96,7 @@ def exchange(candidates: DesignSpace, count: int, criterion: str = "D") -> Ints:
     return np.sort(np.array(chosen, dtype=np.int64))
 
 
-def within_budget(candidates: DesignSpace, cost: Array, budget: float, criterion: str = "D") -> tuple[Ints, int]:
+def within_budget(candidates: DesignSpace, cost: Array, budget: float, criterion: str) -> tuple[Ints, int]:
     """Choose measurements in the order of their gain over their cost (c,), within the budget.
 
     Each point is chosen at most once. All points have the same number of repeats, which is optimised, too.

@@ -272,7 +272,7 @@ class MixedModel:
         points, weights = _points(few, best, scales)
         return MixedFit(self, np.exp(best), weights, tuple(_State.of(self, np.exp(p)) for p in points))
 
-    def most_probable(self, start: Array | None = None) -> tuple[Array, float]:
+    def most_probable(self, start: Array | None) -> tuple[Array, float]:
         """Return the most probable standard deviations, searched from `start`, and the cost of the data.
 
         The cost is the negative log likelihood without its constant term.
@@ -478,7 +478,7 @@ class MixedFit:
         names = [c.name for c in self.model.components]
         return float(self.sd[names.index(name)]) if name in names else 0.0
 
-    def deviation(self, name: str, unit: str = "N") -> Estimate:
+    def deviation(self, name: str) -> Estimate:
         """Estimate the standard deviation of a component, with its interval."""
         index = [c.name for c in self.model.components].index(name)
         logs = np.log([s.sd[index] for s in self.states])
@@ -486,7 +486,7 @@ class MixedFit:
         spread = float(np.sqrt(max(self.weights @ (logs - mean) ** 2, 0.0)))
         reach = NORMAL_95 * spread
         value = float(self.sd[index])
-        return Estimate(value, float(np.exp(mean - reach)), float(np.exp(mean + reach)), value * spread, unit)
+        return Estimate(value, float(np.exp(mean - reach)), float(np.exp(mean + reach)), value * spread, "N")
 
     def log_likelihood(self) -> float:
         """Restricted log-likelihood at the most probable standard deviations."""
@@ -545,7 +545,7 @@ def _mixed(means: Array, variances: Array, weights: Array) -> Predicted:
     return Predicted(mean, scale + weights @ (means - mean) ** 2, np.minimum(freedom, MOST_FREEDOM))
 
 
-def independent(x: Array, tolerance: float = 1e-9) -> NDArray[np.intp]:
+def independent(x: Array) -> NDArray[np.intp]:
     """Return the columns that are not linear combinations of earlier ones."""
     kept: list[int] = []
     basis = np.zeros((x.shape[0], 0))
@@ -554,7 +554,7 @@ def independent(x: Array, tolerance: float = 1e-9) -> NDArray[np.intp]:
         rest = column - basis @ (basis.T @ column)
         rest -= basis @ (basis.T @ rest)
         size = float(np.linalg.norm(rest))
-        if size > tolerance:
+        if size > 1e-9:
             kept.append(k)
             basis = np.column_stack([basis, rest / size])
     return np.array(kept, dtype=np.intp)

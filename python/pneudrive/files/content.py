@@ -261,7 +261,7 @@ PIECE = 1 << 22
 SMALL = 1e8  # bytes that every machine has: a small file of constants may unpack to more than the usual factor
 
 
-def pieces(path: Path, kind: ErrorKind, folder: str | None = None, size: int = PIECE) -> Iterator[bytes]:
+def pieces(path: Path, kind: ErrorKind, folder: str | None) -> Iterator[bytes]:
     """Yield the bytes of a file in pieces, unpacked according to its suffix.
 
     Parameters
@@ -270,8 +270,6 @@ def pieces(path: Path, kind: ErrorKind, folder: str | None = None, size: int = P
     kind : type of PneudriveError
     folder : str, optional
         Text of the remedy if the path is a folder.
-    size : int
-        Largest number of bytes of a piece.
 
     Raises
     ------
@@ -283,7 +281,7 @@ def pieces(path: Path, kind: ErrorKind, folder: str | None = None, size: int = P
     total = 0
     try:
         with cast("BinaryIO", COMPRESSIONS[path.suffix](path)) if packed else path.open("rb") as file:
-            while piece := file.read(size):
+            while piece := file.read(PIECE):
                 total += len(piece)
                 if packed:
                     check_unpacked(total, there, kind, str(path))

@@ -26,7 +26,7 @@ from pneudrive.friction.friction_map import TABLES, group_of
 from pneudrive.friction.sentences import sentence
 from pneudrive.friction.stick_slip import RIPPLE_LIMIT, ReversalPeak, StickSlip
 from pneudrive.friction.strokes import RecordedMotion, SampleChoice, Side, Strokes, StrokeUse, stroke_grid, stroke_use
-from pneudrive.progress import UNWATCHED, Watch
+from pneudrive.progress import Watch
 from pneudrive.repr_tables import Card, Shown
 from pneudrive.signals.motion import Stroke, middle, speed_levels, speeds_differ, straight_line
 from pneudrive.signals.pressure_delay import pressure_delay
@@ -338,7 +338,7 @@ def extract(recording: Recording, choice: SampleChoice) -> RecordingResult:
     return _result(motion, motion.strokes, tables, window, choice)
 
 
-def extract_long(file: LongFile, choice: SampleChoice, watch: Watch = UNWATCHED) -> RecordingResult:
+def extract_long(file: LongFile, choice: SampleChoice, watch: Watch) -> RecordingResult:
     """Extract friction from a long recording.
 
     Parameters

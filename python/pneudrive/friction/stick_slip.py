@@ -234,24 +234,13 @@ class StickSlip(Shown):
     resolution_s: float
 
 
-def find_stick_slip(
-    time_s: Array,
-    position_m: Array,
-    velocity_m_s: Array | None = None,
-    *,
-    trim: float = 0.1,
-) -> list[StickSlip]:
+def find_stick_slip(time_s: Array, position_m: Array) -> list[StickSlip]:
     """Measure stick-slip in every stroke of a motion.
 
     Parameters
     ----------
     time_s, position_m
-        Shape (n,), SI, time increasing.
-    velocity_m_s
-        Shape (n,) if known (a simulation). Otherwise it follows from the position, smoothed according to the position
-        noise.
-    trim
-        Fraction of each stroke's travel that is left out at both ends.
+        Shape (n,), SI, time increasing. The velocity follows from the position, smoothed according to its noise.
 
     Returns
     -------
@@ -266,19 +255,15 @@ def find_stick_slip(
     time_s, position_m = np.asarray(time_s, dtype=float), np.asarray(position_m, dtype=float)
     if time_s.shape != position_m.shape or time_s.ndim != 1:
         raise RecordingError("time and position must be one-dimensional and of one length", where="find_stick_slip")
-    velocity = None if velocity_m_s is None else np.asarray(velocity_m_s, dtype=float)
     strokes = motion.find_strokes("motion", time_s, position_m)
-    parts = [part for stroke in strokes if (part := middle_of(stroke, position_m, trim)) is not None]
-    return [
-        measure_stick_slip(time_s[part], position_m[part], None if velocity is None else velocity[part])
-        for part in parts
-    ]
+    parts = [part for stroke in strokes if (part := middle_of(stroke, position_m)) is not None]
+    return [measure_stick_slip(time_s[part], position_m[part]) for part in parts]
 
 
-def middle_of(stroke: motion.Stroke, position_m: Array, trim: float = 0.1) -> slice | None:
-    """Return the samples of a stroke without a fraction of its travel at each end. None if too few remain."""
+def middle_of(stroke: motion.Stroke, position_m: Array) -> slice | None:
+    """Return the samples of a stroke without a tenth of its travel at each end. None if too few remain."""
     share = (position_m[stroke.samples] - stroke.from_m) / (stroke.to_m - stroke.from_m)
-    inside = np.flatnonzero((share >= trim) & (share <= 1 - trim))
+    inside = np.flatnonzero((share >= 0.1) & (share <= 0.9))
     if inside.size < FEWEST_SAMPLES:
         return None
     return slice(stroke.start + int(inside[0]), stroke.start + int(inside[-1]) + 1)

@@ -19,7 +19,7 @@ from pneudrive.identify.static.diagnose import Support, choose_model, estimated,
 from pneudrive.identify.static.fit import NAMES, assembled, fit_values
 from pneudrive.identify.static.result import FrictionFit
 from pneudrive.identify.static.survey import SPEED_SPAN, of_values, pressure_levels, row_labels
-from pneudrive.progress import Watch
+from pneudrive.progress import Flag, Watch
 from pneudrive.repr_tables import Shown
 from pneudrive.units import readable
 from pneudrive.views import ShownTable, View, Viewed
@@ -31,7 +31,6 @@ if TYPE_CHECKING:
 
     from pneudrive.arrays import Array, Ints, Plain
     from pneudrive.identify.static.model import Observations
-    from pneudrive.progress import Flag
 
 
 # --- Comparison of laws and dependences on pressure by cross-validation over conditions.
@@ -44,6 +43,8 @@ CANDIDATES = {
     "stribeck lorentzian": sliding.FrictionModel("stribeck", lorentzian=True),
     "stribeck free": sliding.FrictionModel("stribeck", exponent=None),
 }
+#: Probability of the intervals in which held-out values are counted.
+PROBABILITY = 0.9
 #: Relative error of a straight line above which it is reported.
 MISSED = 0.2
 #: Ratio of a curve's error to the line's error below which the curvature of the pressure effect is reported.
@@ -108,8 +109,6 @@ class LawComparison(Viewed):
         Kind of the held-out conditions.
     folds : int
         Number of held-out conditions.
-    probability : float
-        Probability of the prediction intervals.
     recommended : Compared
         The simplest law whose held-out error is not larger than the smallest by more than one standard error of their
         difference.
@@ -120,13 +119,12 @@ class LawComparison(Viewed):
     rows: tuple[Compared, ...]
     held_out: str
     folds: int
-    probability: float
     recommended: Compared
     statements: tuple[str, ...]
 
     def view(self) -> View:
         """Return the recommendation, the compared laws, and further sentences."""
-        head = ("law", "free", "AICc", "BIC", "error N", "error %", f"in {100 * self.probability:.0f} %, %")
+        head = ("law", "free", "AICc", "BIC", "error N", "error %", f"in {100 * PROBABILITY:.0f} %, %")
         rows = []
         for row in self.rows:
             criteria = (f"{row.fit.statistics[name]:.1f}" for name in ("aicc", "bic"))
@@ -143,11 +141,7 @@ def select_friction_law(
     *,
     pressure: Sequence[str] | None = None,
     hold_out: str | Sequence[str] | None = None,
-    direction: int | None = None,
-    ambient_pressure_pa: float | None = None,
     exclude_flags: Collection[str] = sliding.NOT_SLIDING,
-    robust: bool = True,
-    probability: float = 0.9,
     progress: Callable[[float, float, str], None] | None = None,
     cancel: Flag | None = None,
 ) -> LawComparison:
@@ -167,10 +161,8 @@ def select_friction_law(
         Groups held out together: ``pressure``, ``speed``, ``recording``, a column of the map (``seal``, ``day``,
         ``mounting``), or a label for each row. The default is ``pressure`` if there are three or more, else ``speed``.
         Holding out single values would be too optimistic, because values at the same condition predict them.
-    direction, ambient_pressure_pa, exclude_flags, robust
+    exclude_flags
         As for :func:`fit_friction`.
-    probability : float
-        Probability of the prediction intervals.
     progress, cancel : optional
         See `pneudrive.progress.Watch`.
 
@@ -186,13 +178,12 @@ def select_friction_law(
     for name in laws:
         if name not in NAMES:
             raise FitError(f"the law {name!r} cannot be compared", remedy=nearest(name, NAMES))
-    data, _, selected = sliding.selected(friction_map, direction, ambient_pressure_pa, exclude_flags)
+    data, _, selected = sliding.selected(friction_map, exclude_flags=exclude_flags)
     forms = _forms(data, pressure)
     held_out, folds = _folds(friction_map, data, hold_out)
     wanted = [(name, form) for name in dict.fromkeys(NAMES[law] for law in laws) for form in forms]
     each = Watch(progress, cancel).each(wanted, "laws fitted, each with every condition left out once")
-    loss = "huber" if robust else "linear"
-    tried = [_compared(name, form, data, folds, loss, probability, selected) for name, form in each]
+    tried = [_compared(name, form, data, folds, selected) for name, form in each]
     rows = [row for row in tried if isinstance(row, Compared)]
     if not rows:
         raise FitError("no law can be compared on this map", value="; ".join(str(row) for row in tried))
@@ -202,7 +193,7 @@ def select_friction_law(
     recommended = min((row for row in rows if _as_good(row, best)), key=lambda row: (row.free, row.error_n))
     said = (*_statements(rows, best, recommended, held_out), *(row for row in tried if isinstance(row, str)))
     ordered = tuple(sorted(rows, key=lambda row: row.error_n))
-    return LawComparison(ordered, held_out, int(folds.max()) + 1, probability, recommended, said)
+    return LawComparison(ordered, held_out, int(folds.max()) + 1, recommended, said)
 
 
 def _distinct(rows: list[Compared]) -> tuple[list[Compared], list[str]]:
@@ -258,20 +249,12 @@ def _folds(friction_map: xr.Dataset, data: Observations, wanted: str | Sequence[
     return name, np.asarray(folds, dtype=np.int64)
 
 
-def _compared(
-    name: str,
-    form: str | None,
-    data: Observations,
-    folds: Ints,
-    loss: str,
-    probability: float,
-    selected: Plain,
-) -> Compared | str:
+def _compared(name: str, form: str | None, data: Observations, folds: Ints, selected: Plain) -> Compared | str:
     """Fit and predict, or return the reason why this is not possible."""
     wide = float(data.speed_m_s.max() / data.speed_m_s.min()) >= SPEED_SPAN
     try:
         wanted = replace(CANDIDATES[name], viscous=wide)
-        fit = fit_values(wanted, data, pressure=form, loss=loss, any_shape=True, options=selected)
+        fit = fit_values(wanted, data, pressure=form, any_shape=True, options=selected)
     except FitError as problem:
         return f"{name} is not compared: {problem.what}"
     error, inside = np.empty(len(data)), np.empty(len(data), dtype=bool)
@@ -280,13 +263,13 @@ def _compared(
         left = folds == fold
         at = data.take(left)
         try:
-            without = _without(fit.model, form, data.take(~left), loss)
+            without = _without(fit.model, form, data.take(~left))
         except FitError as problem:
             raise FitError.of(
                 "identify.needs_condition", name=name, at=_condition(at), reason=problem.what
             ) from problem
         band = without.predict(
-            at.speed_m_s, at.gauge_a_pa, at.gauge_b_pa, stderr_n=at.stderr_n, probability=probability
+            at.speed_m_s, at.gauge_a_pa, at.gauge_b_pa, stderr_n=at.stderr_n, probability=PROBABILITY
         )
         error[left] = band.friction_n - at.friction_n
         inside[left] = (band.lower_n <= at.friction_n) & (at.friction_n <= band.upper_n)
@@ -308,11 +291,11 @@ def _compared(
     )
 
 
-def _without(model: sliding.FrictionModel, form: str | None, rest: Observations, loss: str) -> FrictionFit:
+def _without(model: sliding.FrictionModel, form: str | None, rest: Observations) -> FrictionFit:
     """Fit a subset of the values with the model that all values together determine."""
     plain = replace(model, chambers=(), pressure="linear", knee_pa=None)
     chosen, lost = choose_model(plain, rest, pressure=form)
-    found, scatter = estimated(with_knee(chosen, rest, loss), rest, loss)
+    found, scatter = estimated(with_knee(chosen, rest), rest)
     return assembled(model.law, Support(found, scatter, {}, []), lost, [], {"direction": "both"})
 
 
@@ -503,7 +486,7 @@ class Design(Viewed):
             ),
         )
 
-    def protocol(self, name: str = "Next points") -> str:
+    def protocol(self) -> str:
         """Return a protocol for ``pneudrive campaign plan``: every proposed speed at every proposed pressure.
 
         All points have the same number of repeats: the mean number in the design.
@@ -513,7 +496,12 @@ class Design(Viewed):
         repeats = max(1, round(sum(p.repeats for p in self.points) / len(self.points)))
         listed = ", ".join(f'"{1e3 * v:.6g} mm/s"' for v in speeds)
         pairs = ", ".join(f'{{ a = "{1e-5 * a:.6g} bar gauge", b = "{1e-5 * b:.6g} bar gauge" }}' for a, b in gauges)
-        lines = ["schema = 1", f'name = "{name}"', f'about = "{self.criterion}-optimal points"', f"repeats = {repeats}"]
+        lines = [
+            "schema = 1",
+            'name = "Next points"',
+            f'about = "{self.criterion}-optimal points"',
+            f"repeats = {repeats}",
+        ]
         lines += ["", "[speed]", f"list = [{listed}]", "", "[pressure]", f"pairs = [{pairs}]"]
         return "\n".join([*lines, "", "[order]", 'kind = "randomised"', ""])
 

@@ -58,7 +58,7 @@ def read_source(path: str | Path) -> AnyFit | Drive:
 
 
 def curve_differences(
-    before: FrictionFit, after: FrictionFit, speed_m_s: Array, gauge_a_pa: float = 0.0, gauge_b_pa: float = 0.0
+    before: FrictionFit, after: FrictionFit, speed_m_s: Array, gauge_a_pa: float, gauge_b_pa: float
 ) -> list[Estimate]:
     """Return the difference between the laws of two fits, with 95 % intervals, N.
 

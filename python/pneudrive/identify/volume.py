@@ -193,7 +193,7 @@ def identify_volume(
     tried = [(_minima(one, records, names, watcher), one) for one in _linear_regions(tank, records)]
     minima, tank = min(tried, key=lambda found: found[0][0][0])
     problem, _ = _problem(tank, records, names, watch)
-    options = search.SearchOptions(None, robust=False, rtol=RTOL, threads=1)
+    options = search.SearchOptions(None, RTOL, threads=1)
     attempt = solve(problem, minima[0][1], options, watcher)
     others = _other_minima(attempt.solved, [point for _, point in minima[1:]]) if attempt.converged else []
     return _result(tank, records, attempt, others, held, options.notes)

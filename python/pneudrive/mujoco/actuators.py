@@ -18,7 +18,6 @@ from pneudrive.errors import CommandError, SimulationError, nearest, warn
 from pneudrive.simulation.command import Commands, inputs
 from pneudrive.simulation.session import Session
 from pneudrive.simulation.simulate import positive
-from pneudrive.simulation.start import check_tolerance
 from pneudrive.views import ShownValue, View, Viewed
 
 if TYPE_CHECKING:
@@ -29,6 +28,9 @@ if TYPE_CHECKING:
     from pneudrive.describe import Circuit, Drive
 
     Described = Drive | Circuit
+
+#: Relative tolerance of the chambers.
+RTOL = 1e-6
 
 
 # --- A MuJoCo model under forces at some of its actuators: one step, repeated with other forces.
@@ -289,14 +291,14 @@ class _Axis:
         self.given = described.read_start(initial)
         self.stroke_m = float(self.cylinder["numbers"]["stroke"])
 
-    def start(self, position_m: float, mass_kg: float, rtol: float, seed: int) -> None:
+    def start(self, position_m: float, mass_kg: float, seed: int) -> None:
         """Start at a position. The default end stops are designed for the mass that MuJoCo moves."""
         if not self.is_coupled:
             self.cylinder["numbers"]["moving_mass"] = mass_kg
         core = compiled(json.dumps(self.form, sort_keys=True), self.described.system.names)
         movers = [self.prefix, f"{AXIS}.1."] if self.is_coupled else [self.prefix]
         own = {f"{of}{key}": at for of in movers for key, at in (("position_m", position_m), ("velocity_m_s", 0.0))}
-        self.core = core.start({**self.given, **own}, rtol)
+        self.core = core.start({**self.given, **own}, RTOL)
         self.session = Session(self.core)
         ambient_pa = float(self.form["ambient"]["pressure_pa"])
         self.sensors = ControlSensors(json.dumps(self.setup.core(seed, ambient_pa)))
@@ -337,10 +339,6 @@ class Actuators:
         masses.
     setup : Setup, str or path-like
         Sensors of `sense`: ``"ideal"``, ``"real"``, ``"cheap"`` or a file.
-    seed : int
-        Seed of the noise of the sensors.
-    rtol : float
-        Relative tolerance of the chambers.
 
     Raises
     ------
@@ -358,15 +356,12 @@ class Actuators:
         initial: Keyed | None = None,
         couplings: Mapping[str, str | float] | None = None,
         setup: Setup | str | Path = "real",
-        seed: int = 0,
-        rtol: float = 1e-6,
     ) -> None:
-        check_tolerance(rtol)
         for given in (zero, initial, couplings):
             for name in given or {}:
                 if name not in drives:
                     raise CommandError(f"there is no drive at {name!r}", remedy=nearest(name, drives))
-        self.model, self.names, self.rtol, self.seed = model, tuple(drives), rtol, seed
+        self.model, self.names = model, tuple(drives)
         self._response = Response(model, self.names, data)
         self.data = self._response.data
         self._zero = np.array([_number((zero or {}).get(name, 0.0), "m") for name in self.names])
@@ -401,7 +396,7 @@ class Actuators:
                 what = f"{axis.name} starts at {1e3 * position:.6g} mm"
                 remedy = f"Move the model there, or set zero={{{axis.name!r}: ...}}."
                 raise CommandError(what, rule=f"within the stroke, 0 to {1e3 * axis.stroke_m:g} mm", remedy=remedy)
-            axis.start(min(max(position, 0.0), axis.stroke_m), 1.0 / float(mobility[i, i]), self.rtol, self.seed + i)
+            axis.start(min(max(position, 0.0), axis.stroke_m), 1.0 / float(mobility[i, i]), seed=i)
         self.time = 0.0
         self._x = self._length = x
         self._cores = [axis.core for axis in self._axes]

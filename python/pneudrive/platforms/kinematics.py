@@ -148,15 +148,9 @@ class Platform(Viewed):
         frame = self.evaluate(pose)["frame"]
         return np.asarray(frame[:, 0] + self.normal_m * frame[:, 3], dtype=float)
 
-    def reach(self, *, least_singular_value: float = LEAST_SINGULAR_VALUE) -> Array:
-        """Return the outermost traced points of the workspace, m, shape (k, 3): the farthest point in each direction.
-
-        Parameters
-        ----------
-        least_singular_value : float
-            Poses with a smaller singular value count as singular.
-        """
-        limits = self.workspace(least_singular_value=least_singular_value).limits.values()
+    def reach(self) -> Array:
+        """Return the farthest traced point of the workspace in each direction, m, shape (k, 3)."""
+        limits = self.workspace().limits.values()
         steps = REACH_STEPS[len(self.legs) > 3]
         axes = np.meshgrid(*(np.linspace(low.value, high.value, steps) for low, high in limits), indexing="ij")
         poses = np.stack(axes, axis=-1).reshape(-1, len(self.legs))
@@ -164,7 +158,7 @@ class Platform(Viewed):
             x = self.evaluate(poses)["positions"]
         strokes = np.nan_to_num([leg.stroke_m for leg in self.legs], nan=np.inf)
         poses = poses[np.all((x >= 0.0) & (x <= strokes), axis=1)]
-        points = self.traced(poses[self.singular_values(poses)[:, -1] >= least_singular_value])
+        points = self.traced(poses[self.singular_values(poses)[:, -1] >= LEAST_SINGULAR_VALUE])
         z = np.linspace(-1.0, 1.0, REACH_POINTS)
         turn = np.arange(REACH_POINTS) * np.pi * (3.0 - np.sqrt(5.0))
         around = np.sqrt(1.0 - z**2)
@@ -329,24 +323,21 @@ class Platform(Viewed):
         pose = self.pose(pose)
         return singular_values(self.core, coordinates(self.core, np.atleast_2d(pose))).reshape(pose.shape)
 
-    def stiffness(self, pose: Pose, pressures: ArrayLike, forces: ArrayLike | None = None) -> Array:
+    def stiffness(self, pose: Pose, pressures: ArrayLike) -> Array:
         """Return the stiffness of the platform in its coordinates with shut valves, N/m, N/rad and N m/rad.
 
         K = J' diag(k) J + sum F_i d2x_i/dq2, with k = kappa (p_a A_a2/V_a + p_b A_b2/V_b) of each leg. The second term
-        is the effect of the load.
+        is the effect of the load that the legs hold at rest.
 
         Parameters
         ----------
         pose : mapping or array, shape (n,)
         pressures : array, shape (2,) or (n, 2)
             Absolute pressures in chambers a and b, Pa.
-        forces : array, shape (n,), optional
-            Forces of the legs in +x, N; by default the forces that hold the platform at rest.
         """
         pose = self.pose(pose)
         x = self.inverse(pose)
         jacobian = self.jacobian(pose)
-        force = self.load(pose) if forces is None else np.asarray(forces, dtype=float)
         areas, dead = (np.array([getattr(leg, key) for leg in self.legs]) for key in ("areas_m2", "dead_volumes_m3"))
         strokes = np.array([leg.stroke_m for leg in self.legs])
         volumes = dead + areas * np.column_stack([x, strokes - x])
@@ -354,7 +345,7 @@ class Platform(Viewed):
         gas = self.heat_capacity_ratio * np.sum(p * areas**2 / volumes, axis=1)
         step = STEP * np.eye(len(x))
         above, below = self.jacobian(pose + step), self.jacobian(pose - step)
-        bent = np.einsum("i,bia->ab", force, above - below) / (2.0 * STEP)
+        bent = np.einsum("i,bia->ab", self.load(pose), above - below) / (2.0 * STEP)
         return jacobian.T @ (gas[:, None] * jacobian) + 0.5 * (bent + bent.T)
 
     def outputs(self, run: xr.Dataset) -> xr.Dataset:
@@ -382,15 +373,9 @@ class Platform(Viewed):
             out[name] = ("time", values, {"units": unit, "long_name": what, "column": column})
         return run.assign(out)
 
-    def workspace(self, *, least_singular_value: float = LEAST_SINGULAR_VALUE) -> PoseLimits:
-        """Return the limits of each coordinate, with the others fixed at `home`, by strokes, reach and singular poses.
-
-        Parameters
-        ----------
-        least_singular_value : float
-            Poses with a smaller singular value count as singular.
-        """
-        ends = [[_limit(self, k, sign, least_singular_value) for sign in (-1.0, 1.0)] for k in range(len(self.legs))]
+    def workspace(self) -> PoseLimits:
+        """Return the limits of each coordinate by strokes, reach and singular poses, from the pose `home`."""
+        ends = [[_limit(self, k, sign) for sign in (-1.0, 1.0)] for k in range(len(self.legs))]
         return PoseLimits({key: (low, high) for key, (low, high) in zip(self.coordinates, ends, strict=True)})
 
     def text(self, pose: ArrayLike) -> str:
@@ -427,25 +412,25 @@ class PoseLimits:
     limits: dict[str, tuple[Limit, Limit]]
 
 
-def _limit(platform: Platform, k: int, sign: float, least: float) -> Limit:
+def _limit(platform: Platform, k: int, sign: float) -> Limit:
     reach = sign * np.linspace(0.0, REACH[platform.units[k]], POINTS)
     if platform.units[k] == "rad":
         reach = reach[np.abs(platform.home[k] + reach) < np.pi - 1e-6]
     poses = np.tile(platform.home, (len(reach), 1))
     poses[:, k] += reach
-    wrong = next((i for i, pose in enumerate(poses) if _reason(platform, pose, least)), None)
+    wrong = next((i for i, pose in enumerate(poses) if _reason(platform, pose)), None)
     if wrong is None:
         return Limit(float(poses[-1, k]), "none found")
     if wrong == 0:
-        return Limit(float(platform.home[k]), _reason(platform, poses[0], least))
+        return Limit(float(platform.home[k]), _reason(platform, poses[0]))
     inside, outside = poses[wrong - 1], poses[wrong]
     for _ in range(HALVINGS):
         middle = 0.5 * (inside + outside)
-        inside, outside = (inside, middle) if _reason(platform, middle, least) else (middle, outside)
-    return Limit(float(inside[k]), _reason(platform, outside, least))
+        inside, outside = (inside, middle) if _reason(platform, middle) else (middle, outside)
+    return Limit(float(inside[k]), _reason(platform, outside))
 
 
-def _reason(platform: Platform, pose: np.ndarray, least: float) -> str:
+def _reason(platform: Platform, pose: np.ndarray) -> str:
     """Return the reason why a pose is outside the workspace, or an empty text."""
     with np.errstate(invalid="ignore"):
         positions = platform.evaluate(pose)["positions"][0]
@@ -454,7 +439,7 @@ def _reason(platform: Platform, pose: np.ndarray, least: float) -> str:
     for leg, x in zip(platform.legs, positions, strict=True):
         if x < 0.0 or x > leg.stroke_m:
             return f"{leg.name} {'in' if x < 0.0 else 'out'}"
-    return "singular pose" if platform.singular_values(pose)[-1] < least else ""
+    return "singular pose" if platform.singular_values(pose)[-1] < LEAST_SINGULAR_VALUE else ""
 
 
 def is_platform(circuit: Circuit) -> bool:

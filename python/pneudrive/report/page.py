@@ -295,7 +295,7 @@ def chance(p: float) -> str:
     return "–" if not math.isfinite(p) else "< 0.001" if p < 1e-3 else f"{p:.2g}"
 
 
-def spread_evenly(items: Sequence, most: int = MOST_SHOWN) -> list:
+def spread_evenly(items: Sequence, most: int) -> list:
     """Return at most `most` of the items, evenly spread over all of them."""
     if len(items) <= most:
         return list(items)
@@ -356,7 +356,7 @@ _FORMS: Mapping[str, Callable[[Any], str]] = {
 }
 
 
-def cell(value: Any, form: str = "") -> str:  # noqa: ANN401 - whatever results hold
+def cell(value: Any, form: str) -> str:  # noqa: ANN401 - whatever results hold
     """Return a value as text: estimates with their interval, a missing value as a dash."""
     if isinstance(value, str):
         return value

@@ -419,7 +419,7 @@ class RigDescription:
         return Encoder(self.tables.encoder.resolution)
 
 
-def read_description(path: str | Path = DEFAULT) -> RigDescription:
+def read_description(path: str | Path) -> RigDescription:
     """Read a rig file.
 
     Raises

@@ -224,7 +224,7 @@ class Past:
         turn = 2.0 * np.pi * (self.clock_s + after_s) / d.tables.thermal.room_period
         return d.tables.ambient.temperature + d.tables.thermal.room_amplitude * np.sin(turn)
 
-    def barrel_k(self, d: RigDescription, after_s: Numbers = 0.0) -> Numbers:
+    def barrel_k(self, d: RigDescription, after_s: Numbers) -> Numbers:
         """Return the temperature of the barrel, K, at the thermometer."""
         return self.room_k(d, after_s) + d.tables.temperature_sensor.share * self.seal_rise_k
 

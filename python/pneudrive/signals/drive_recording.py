@@ -281,7 +281,7 @@ def _refuse_command(command: Array, lowest: float, meaning: str, where: str) -> 
 
 def read_drive_recordings(
     recordings: Given | DriveRecording | Sequence[Given | DriveRecording],
-    layout: Layout | str | Path | None = None,
+    layout: Layout | str | Path | None,
     needed: Sequence[str] = NEEDED,
     *,
     gaps: bool = False,
@@ -326,7 +326,7 @@ def read_drive_recordings(
 
 def read_volume_recordings(
     recordings: Any,  # noqa: ANN401 - one or several, of several kinds
-    layout: Layout | str | Path | None = None,
+    layout: Layout | str | Path | None,
 ) -> list[VolumeRecording]:
     """Read recordings of a fixed volume.
 

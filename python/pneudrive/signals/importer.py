@@ -148,7 +148,7 @@ def names_of(wanted: list[int | str], names: list[str], path: Path) -> dict[int 
     return {w: names[text_table.column_number(column, names, len(names), path)] for w, column in full.items()}
 
 
-def _as_numbers(column: NDArray[Any], name: str, path: Path, date_form: str | None = None) -> Array:
+def _as_numbers(column: NDArray[Any], name: str, path: Path, date_form: str | None) -> Array:
     """Return a column as float64; dates and times as seconds since the first.
 
     Raises

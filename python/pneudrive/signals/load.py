@@ -66,7 +66,7 @@ class RecordingFile:
         return to_recording(name or self.name, self.path, self.said, si_columns(self.said, raw))
 
 
-def recording_files(paths: Iterable[str | Path], layout: Layout | str | Path | None = None) -> list[RecordingFile]:
+def recording_files(paths: Iterable[str | Path], layout: Layout | str | Path | None) -> list[RecordingFile]:
     """Find the layout and the name of each file; duplicate names get their folder as prefix."""
     files = [Path(p) for p in paths]
     if not files:

@@ -169,7 +169,7 @@ def is_words(fields: Fields, form: TextForm) -> bool:
     return any(fields) and not any(is_number(text, form) for text in there)
 
 
-def is_row_of_numbers(fields: Fields, form: TextForm, texts: Collection[int] = ()) -> bool:
+def is_row_of_numbers(fields: Fields, form: TextForm, texts: Collection[int]) -> bool:
     """Return whether a row holds numbers, dates and empty fields, except in columns of texts."""
     own = [text for at, text in enumerate(fields) if at not in texts]
     return any(own) and all(is_number(text, form) for text in own)

@@ -132,7 +132,7 @@ EVEN_SHARE = 0.05  # largest deviation of the number of samples of one stamp, or
 SLOW = 2  # least usual distance of the values of a slow channel, in rows
 
 
-def unwrapped(values: Array, moduli: Iterable[float] = COUNTERS, *, forward: bool = False) -> tuple[Array, int]:
+def unwrapped(values: Array, moduli: Iterable[float], *, forward: bool = False) -> tuple[Array, int]:
     """Return a counter without wraps, and the number of wraps. Other columns are unchanged.
 
     An n-bit counter has whole numbers within a range of less than 2^n, and jumps by nearly this range.

@@ -88,7 +88,7 @@ class TubedCylinder:
         """Number of choices."""
         return len(self.valves) * len(self.flow_controls)
 
-    def probe(self, task: SizingTask, threads: int | None) -> list[StrokeRuns]:
+    def probe(self, task: SizingTask) -> list[StrokeRuns]:
         """Return the runs of the pair, nominal and fast, out and back, with its widest and earliest-opening valve."""
         numbers: dict[str, float] = dict(self.valves[0].numbers)
         for valve in self.valves:
@@ -106,7 +106,7 @@ class TubedCylinder:
             early["time_on"] = early["time_off"] = min(value for key, value in early.items() if key != "travel_share")
         assumed = frozenset().union(*(one.assumed for one in self.valves))
         widest = replace(first, numbers=numbers | early, assumed=assumed)
-        strokes = DriveStrokes(DriveChoice(self.cylinder, widest, self.tube, NO_FLOW_CONTROL), task, threads)
+        strokes = DriveStrokes(DriveChoice(self.cylinder, widest, self.tube, NO_FLOW_CONTROL), task)
         return [StrokeRuns(strokes, way, cases(task, way)[[0, 2]], np.ones((2, 4))) for way in (True, False)]
 
     def take(self, task: SizingTask, found: Sequence[StrokeResults]) -> None:
@@ -120,7 +120,7 @@ class TubedCylinder:
                 reason = f"time {way}: {least} with the widest valve in the fast case, {limit:.4g} s allowed"
                 self.late = Shortage("time", limit / time, reason)
 
-    def candidates(self, task: SizingTask, threads: int | None) -> list[SizingCandidate]:
+    def candidates(self, task: SizingTask) -> list[SizingCandidate]:
         """Return the choices of parts with the pair."""
         valves = sorted(self.valves, key=lambda one: (-_exhaust(one), -one.numbers["conductance"], one.name))
         wide = self._opened(DriveChoice(self.cylinder, valves[0], self.tube, NO_FLOW_CONTROL))
@@ -136,7 +136,7 @@ class TubedCylinder:
                 lead = first or widest
                 if not choice.is_throttled:  # a needle imitates a narrower valve
                     lead = widest if widest is not None and self._opened(widest.choice) >= opened else None
-                made.append(SizingCandidate(DriveStrokes(choice, task, threads), self, min(margins), lead))
+                made.append(SizingCandidate(DriveStrokes(choice, task), self, min(margins), lead))
                 first = first or made[-1]
             widest = widest or first
         return made

@@ -301,7 +301,7 @@ def mechanical_checks(cylinder: PartChoice, task: SizingTask) -> Iterator[Machin
         yield _check("buckling of the rod", push, buckles, "N", rule)
 
 
-def machine_checks(choice: DriveChoice, task: SizingTask, drive: SizedDrive | None = None) -> list[MachineCheck]:
+def machine_checks(choice: DriveChoice, task: SizingTask, drive: SizedDrive | None) -> list[MachineCheck]:
     """Return the checks of a choice of parts: failed first, then undecided, then passed.
 
     Without a simulation (`drive`), checks of energy and pressure do not fail.

@@ -20,10 +20,10 @@ from pneudrive.simulation.trajectory import write_whole
 from pneudrive.sizing.checks import READ, MachineCheck, Provisional, SizedDrive, sized
 from pneudrive.sizing.choices import SLOTS, WITHOUT, choices
 from pneudrive.sizing.folder import LINES, read_choices, read_drive
-from pneudrive.sizing.strokes import Setting, circuit_of, cycle_s
+from pneudrive.sizing.strokes import DriveStrokes, Setting, circuit_of, cycle_s
 from pneudrive.sizing.task import SizingTask
 from pneudrive.sizing.tune import tune
-from pneudrive.views import Finding, ShownValue, Viewed
+from pneudrive.views import Finding, ShownValue, View, Viewed
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
@@ -33,8 +33,6 @@ if TYPE_CHECKING:
     from pneudrive.arrays import Array, Plain
     from pneudrive.describe.circuit import Circuit
     from pneudrive.sizing.candidate import Dropped
-    from pneudrive.sizing.strokes import DriveStrokes
-    from pneudrive.views import View
 
 #: Electricity per cubic metre of air (ANR) at 6 to 8 bar gauge, kWh: lowest, usual, highest (assumed: screw compressors
 #: with 6 to 7.5 kW per m3/min, without leaks of the network).

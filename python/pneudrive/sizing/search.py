@@ -67,7 +67,6 @@ def size(
     draws: int = DRAWS,
     draws_best: int = DRAWS_BEST,
     out: str | Path | None = None,
-    threads: int | None = None,
     progress: Progress | None = None,
     cancel: Flag | None = None,
     provisional: Callable[[SizingResult], None] | None = None,
@@ -85,8 +84,6 @@ def size(
         points of a scrambled Sobol sequence, the same for all choices.
     out : path-like, optional
         Folder for the results. An interrupted search is resumed from it.
-    threads : int, optional
-        Default: all processors.
     progress, cancel : optional
         See `pneudrive.progress.Watch`. A search that is cancelled, or ended by Ctrl-C, after the provisional ranking
         returns its results so far (`complete` is false).
@@ -120,7 +117,7 @@ def size(
             raise CommandError(f"{name} = {value} is out of bounds", rule="at least 1")
     read, asked = _read(task), (draws, draws_best)
     with nullcontext() if out is None else SizingFolder(Path(out), read, asked) as folder:
-        return Search(read, most, asked, threads, Watch(progress, cancel), folder).result(provisional)
+        return Search(read, most, asked, Watch(progress, cancel), folder).result(provisional)
 
 
 def _read(task: SizingTask | Keyed | str | Path) -> SizingTask:
@@ -139,7 +136,6 @@ class Search:
     most : int
     asked : tuple of int
         Numbers of samples of each leading choice, and of each choice that may be the best.
-    threads : int or None
     watch : Watch
     folder : SizingFolder or None
     """
@@ -147,7 +143,6 @@ class Search:
     task: SizingTask
     most: int
     asked: tuple[int, int]
-    threads: int | None
     watch: Watch
     folder: SizingFolder | None
 
@@ -241,7 +236,7 @@ class Search:
 
     def _probe(self, pairs: Sequence[TubedCylinder]) -> None:
         """Probe pairs, and add the choices of pairs that can do the task."""
-        asked = [pair.probe(self.task, self.threads) for pair in pairs]
+        asked = [pair.probe(self.task) for pair in pairs]
         found = iter(run_all([one for runs in asked for one in runs]))
         for pair, runs in zip(pairs, asked, strict=True):
             pair.take(self.task, list(islice(found, len(runs))))
@@ -249,7 +244,7 @@ class Search:
                 parts = {"cylinder": pair.cylinder.name, "valve": "*", "tube": pair.tube.name, "flow_control": "*"}
                 self.dropped.append(Dropped(parts, pair.count, "time", pair.late.said, pair.late.share))
             else:
-                self.candidates += pair.candidates(self.task, self.threads)
+                self.candidates += pair.candidates(self.task)
         gone = set(map(id, pairs))
         self.unseen = [one for one in self.unseen if id(one) not in gone]
 

@@ -115,15 +115,12 @@ class DriveStrokes:
     ----------
     choice : DriveChoice
     task : SizingTask
-    threads : int, optional
-        Default: all processors.
     return_share : float
         Gauge pressure for the return stroke divided by that of the supply; below 1 with a regulator.
     """
 
     choice: DriveChoice
     task: SizingTask
-    threads: int | None = None
     return_share: float = 1.0
 
     def run(self, outward: bool, draws: Array, settings: Array, rtol: float = COARSE) -> StrokeResults:
@@ -346,7 +343,7 @@ def _run_alike(asked: Sequence[StrokeRuns], rtol: float) -> list[StrokeResults]:
     members = CoreMembers(each[0].paths, np.concatenate([one.values for one in each]), starts)
     plans = MemberPlans({}, np.array([held_s(limit)]))
     system, reductions = first.template(outward)[0], _reductions(first.task.stroke_m, outward)
-    kept = engine.run(system, members, plans, rtol, reductions, first.threads)
+    kept = engine.run(system, members, plans, rtol, reductions, None)
     arrived, speed, *peaks, air, force = kept.values
     late = np.concatenate([one.strokes.opens_after(outward, one.draws) for one in asked])
     time = np.where(np.isnan(arrived), np.inf, arrived + late)

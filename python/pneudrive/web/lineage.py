@@ -207,7 +207,7 @@ class Lineage:
 
 def _law(fit: FrictionFit) -> str:
     """Return the value of ``--laws`` that repeats this fit; empty if it cannot express all options of the fit."""
-    plain = fit.provenance["direction"] == "both" and fit.provenance["robust"]
+    plain = fit.provenance["direction"] == "both" and fit.provenance.get("robust", True)
     plain &= fit.provenance["exclude_flags"] in ([], list(NOT_SLIDING))
     plain &= fit.model.law == fit.law
     own = FrictionModel(fit.law, fit.model.exponent, lorentzian=fit.model.lorentzian)

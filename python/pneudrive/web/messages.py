@@ -171,8 +171,8 @@ def words(command: str, /, *names: str, **options: Any) -> list[str]:  # noqa: A
 
     Examples
     --------
-    >>> words("fit", "-map.csv", laws="stribeck", ambient=None, profile=True, set=["a = 1", "b = 2"])
-    ['fit', './-map.csv', '--laws', 'stribeck', '--profile', '--set', 'a = 1', '--set', 'b = 2']
+    >>> words("fit", "-map.csv", laws="stribeck", by=None, yes=True, set=["a = 1", "b = 2"])
+    ['fit', './-map.csv', '--laws', 'stribeck', '--yes', '--set', 'a = 1', '--set', 'b = 2']
     """
     out = [*command.split(), *map(safe, names)]
     for name, value in options.items():

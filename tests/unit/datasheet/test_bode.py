@@ -45,7 +45,7 @@ def test_a_shut_valve_is_seen_at_the_edge_of_its_overlap(overlap):
     # The edge opens from 0 to 1 over the rest of the travel: the slope of the same valve without overlap, steeper.
     open_gain = float(pn.drive_characteristic(overlapped(0.0), "bode", intervals=False).velocity_gain)
     assert gain == pytest.approx(open_gain / (1.0 - overlap), rel=0.02)
-    zone = pn.drive_characteristic(axis, "velocity", loads=[0.0], intervals=False).dead_zone
+    zone = pn.drive_characteristic(axis, "velocity", intervals=False).dead_zone
     assert zone.values == pytest.approx([overlap, overlap], abs=1e-3)
     linear, beyond = pn.linearise(axis, opening="-"), pn.linearise(axis, command=-overlap - 0.01)
     row = linear.state_labels.index("mass_a_kg")
@@ -55,14 +55,10 @@ def test_a_shut_valve_is_seen_at_the_edge_of_its_overlap(overlap):
 
 
 def test_a_command_within_the_overlap_is_refused_with_the_one_that_opens_the_valve():
-    for call in (
-        lambda: pn.drive_characteristic(overlapped(0.04), "bode", command=0.03),
-        lambda: pn.linearise(overlapped(0.04), command=-0.03),
-    ):
-        with pytest.raises(CommandError, match=r"shut up to a command of 0\.04") as refused:
-            call()
-        assert "0.09" in str(refused.value.remedy)
-        assert refused.value.rule
+    with pytest.raises(CommandError, match=r"shut up to a command of 0\.04") as refused:
+        pn.linearise(overlapped(0.04), command=-0.03)
+    assert "0.09" in str(refused.value.remedy)
+    assert refused.value.rule
 
 
 def test_a_slide_behind_a_coupling_moves_with_the_piston():

@@ -169,7 +169,7 @@ def test_a_step_has_the_known_numbers():
 def test_air_and_exergy_of_a_full_cycle():
     stop = {"stiffness": "1e8 N/m", "damping": "2e4 N s/m", "damping_depth": "0.01 mm"}  # the usual one gives 0.05 %
     stiff = DRIVE.replace({"cylinder.end_stop": stop})
-    mass = drawn_mass(HeldDrive(stiff), 1.0, FULL_S, repeats=1)
+    mass = drawn_mass(HeldDrive(stiff), FULL_S, repeats=1)
     assert f"{litres_anr(mass):.3f} {1e3 * mass / NORMAL_DENSITY_KG_M3:.3f}" == "3.566 3.268"
     spent = pn.drive_characteristic(stiff, "exergy")
     assert (round(float(spent.drawn), 1), round(float(spent.open), 6)) == (687.3, 0.0)
@@ -267,7 +267,7 @@ def test_a_load_moves_the_piston_as_its_linear_model_says_and_friction_holds_it(
     smooth = DRIVE.replace({"friction": {"law": "coulomb", "coulomb": "1e-6 N", "viscous": "40 N s/m"}})
     settings = {"frequencies": [1.0, 8.0], "pressures": "3 bar abs"}
     found = pn.drive_characteristic(smooth, "load-describing-function", amplitudes=[2.0], **settings)
-    linear = linear_model(HeldDrive(smooth), SIDE, 0.25, gas_at(HeldDrive(smooth), "3 bar abs"), 0.0, "sliding")
+    linear = linear_model(HeldDrive(smooth), SIDE, 0.25, gas_at(HeldDrive(smooth), "3 bar abs"), "sliding")
     b = linear.B[:, linear.inputs.index("cylinder.load_force_n")]
     c = linear.C[linear.outputs.index("cylinder.position_m")]
     for k, f in enumerate(settings["frequencies"]):  # below and above the natural frequency, 4.4 Hz

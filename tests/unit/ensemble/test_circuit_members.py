@@ -158,7 +158,6 @@ def test_points_with_a_failed_member_are_left_out_and_told():
         ({"vary": {"load.mass": [1.0, 2.0]}}, "a distribution of each number"),
         ({"outputs": ["samples(position)"]}, "is sampled"),
         ({"n": 1}, "too few"),
-        ({"confidence": 95}, "confidence"),
     ],
 )
 def test_what_has_no_sensitivity_is_refused(options, said):

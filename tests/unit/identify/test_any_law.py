@@ -179,14 +179,13 @@ ROW = st.tuples(st.floats(1e-4, 1.0), FRICTION, STDERR, st.sampled_from((0.0, 1e
     rows=st.lists(ROW, min_size=1, max_size=14),
     law=st.sampled_from(("coulomb", "stribeck")),
     pressure=st.booleans(),
-    robust=st.booleans(),
     strokes=st.integers(1, 20),
 )
-def test_fit_or_message(make_map, rows, law, pressure, robust, strokes):
+def test_fit_or_message(make_map, rows, law, pressure, strokes):
     speed, friction, stderr, gauge_a, gauge_b = (np.array(column) for column in zip(*rows, strict=True))
     data = make_map(speed, friction, stderr, gauge_a=gauge_a, gauge_b=gauge_b, strokes=strokes)
     try:
-        fit = fit_friction(data, law, pressure_dependence=pressure, robust=robust)
+        fit = fit_friction(data, law, pressure_dependence=pressure)
     except FitError:
         return
     assert np.isfinite(fit.covariance).all()

@@ -210,7 +210,7 @@ def test_a_search_is_cancelled_within_a_run_of_the_core(monkeypatch) -> None:
     truth = pn.Drive.load("catalogue:reference")
     made = record(truth, 4, 4.0, steps=[(0.02 * i, 0.3 * (-1.0) ** i) for i in range(200)])
     with pytest.raises(Cancelled):
-        pn.identify(truth, made, ["friction.coulomb"], segment=None, rtol=1e-9, cancel=flag)
+        pn.identify(truth, made, ["friction.coulomb"], cancel=flag)
 
 
 # --- Equations that are singular, and numbers beyond the largest one: a FitError in words, never NumPy's own error.

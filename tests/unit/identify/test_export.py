@@ -72,7 +72,7 @@ def test_no_other_parameters_are_closer(fit):
 
 def test_an_exponential_curve_goes_over_to_modelica_exactly(make_map):
     friction = 30.0 + 15.0 * np.exp(-SPEED / 0.02) + 40.0 * SPEED
-    done = fit_friction(make_map(SPEED, friction, 0.01), stribeck_exponent=1.0).export("modelica")
+    done = fit_friction(make_map(SPEED, friction, 0.01), "stribeck exponential").export("modelica")
     assert done.worst_n < 1e-6
     values = {"F_Coulomb": 30.0, "F_Stribeck": 15.0, "fexp": 50.0, "F_prop": 40.0}
     for name, value in values.items():

@@ -27,7 +27,7 @@ def fits(make_map, friction_of):
     )
     yield fit_friction(data)
     yield fit_friction(data, pressure_dependence=True)
-    yield fit_friction(data, stribeck_exponent=None)
+    yield fit_friction(data, "stribeck free")
     yield fit_friction(data, law="coulomb")
     yield fit_friction(make_map([0.01, 0.02], [5.0, 6.0], 0.1))
 

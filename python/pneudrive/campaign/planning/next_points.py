@@ -19,7 +19,7 @@ HIGHEST_PA, LEVELS = 6e5, 4
 FORCE_SHARE = 0.5
 
 
-def limits_of(fit: FrictionFit, identity: Identity, envelope: Envelope, strokes: int = 1) -> Limits:
+def limits_of(fit: FrictionFit, identity: Identity, envelope: Envelope) -> Limits:
     """Return the feasible speeds of a rig and a grid of feasible pressures, for `pn.next_measurements`.
 
     Parameters
@@ -28,8 +28,6 @@ def limits_of(fit: FrictionFit, identity: Identity, envelope: Envelope, strokes:
         Its law determines which pressures have an effect.
     identity, envelope : Identity, Envelope
         Limits of the rig.
-    strokes : int
-        Number of strokes in each direction for one point.
     """
     low_m, high_m = envelope.position_m
     stroke, acceleration = high_m - low_m, envelope.acceleration_m_s2
@@ -37,7 +35,7 @@ def limits_of(fit: FrictionFit, identity: Identity, envelope: Envelope, strokes:
     fastest = min(envelope.speed_m_s, (0.5 * stroke * acceleration) ** 0.5)
     slowest = min(SLOWEST_M_S, fastest / 10.0)
     gauges, settling_s = _gauges(fit, identity, envelope), Pressures().settling_s  # by default
-    return Limits((slowest, fastest), gauges, stroke, acceleration, strokes, settling_s)
+    return Limits((slowest, fastest), gauges, stroke, acceleration, settling_s=settling_s)
 
 
 def _gauges(fit: FrictionFit, identity: Identity, envelope: Envelope) -> tuple[tuple[float, float], ...]:

@@ -13,7 +13,7 @@ import numpy as np
 
 from pneudrive import units
 from pneudrive.control.axis import supply_of
-from pneudrive.control.loop import MEANINGS, MOST_SEED, RTOL, provenance_of, run_axes, whole_number
+from pneudrive.control.loop import MEANINGS, MOST_SEED, provenance_of, run_axes, whole_number
 from pneudrive.control.mismatch import Mismatch, mismatched, read_mismatch
 from pneudrive.control.motion import POWERS, Reference
 from pneudrive.control.pose.path import PosePath, PoseScore, Tracked, pose_path
@@ -27,7 +27,6 @@ from pneudrive.platforms import platform as platform_of
 from pneudrive.platforms.kinematics import LEAST_SINGULAR_VALUE, pose_columns
 from pneudrive.progress import Flag, Progress, Watch
 from pneudrive.simulation.simulate import Run, positive
-from pneudrive.simulation.start import check_tolerance
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -289,7 +288,6 @@ def run_pose(
     payload: str | Sequence[str] | None = None,
     mismatch: Mismatch | str | Path | None = None,
     dynamics: str = "full",
-    rtol: float = RTOL,
     progress: Progress | None = None,
     cancel: Flag | None = None,
 ) -> xr.Dataset:
@@ -306,7 +304,7 @@ def run_pose(
         A name in `pneudrive.control.laws`; the default is ``"nmpc"``.
     reference : PosePath, mapping, str or path-like
         See `pneudrive.control.pose.pose_path`.
-    setup, duration, controller, rtol, progress, cancel : optional
+    setup, duration, controller, progress, cancel : optional
         See `pneudrive.control.run`.
     seed : int
         Seed of all noise, and of the draws of a mismatch with ranges.
@@ -342,7 +340,6 @@ def run_pose(
     >>> run.attrs["score"]["stops_hit"]
     0
     """
-    check_tolerance(rtol)
     seed = whole_number("seed", seed, 0, MOST_SEED)
     if dynamics not in ("full", "constant"):
         raise CommandError(f'dynamics = "{dynamics}"', rule='"full" or "constant"')
@@ -356,12 +353,12 @@ def run_pose(
     legs = _Legs(circuit, platform, path, needs, tunings, read, seconds, dynamics == "full")
     payloads = [payload] if payload is None or isinstance(payload, str) else list(payload)
     watch = Watch(progress, cancel)
-    runs = [legs.run(own, mismatch, seed, rtol, watch) for own in payloads]
+    runs = [legs.run(own, mismatch, seed, watch) for own in payloads]
     scores = [legs.score(columns, mass_kg, margins) for columns, mass_kg, _ in runs]
     spread = {str(own): one.coordinates for own, one in zip(payloads, scores, strict=True)} if len(runs) > 1 else {}
     score = replace(scores[0], payload_spread=spread)
     columns, _, events = runs[0]
-    shared = provenance_of(circuit, tunings[0], (read, setup_name), path.text, seed, rtol)
+    shared = provenance_of(circuit, tunings[0], (read, setup_name), path.text, seed)
     provenance = shared | {
         "gains": {one.belief.name: {gain.key: gain.value for gain in one.gains} for one in tunings},
         "dynamics": dynamics,
@@ -387,7 +384,7 @@ class _Legs:
     is_full: bool
 
     def run(
-        self, payload: str | None, mismatch: Mismatch | str | Path | None, seed: int, rtol: float, watch: Watch
+        self, payload: str | None, mismatch: Mismatch | str | Path | None, seed: int, watch: Watch
     ) -> tuple[dict[str, Array], float, list[Plain]]:
         """Return columns, consumed air, kg, and events of one run with a payload."""
         core_json = self._loaded(payload)
@@ -409,7 +406,7 @@ class _Legs:
             axes.append((tuning.core(), form, own_setup))
         outputs = [name for names in pose_columns(self.platform) for name in names]
         begun = self._start() | start
-        each, poses, mass_kg = run_axes(core_json, begun, axes, outputs, self.seconds, rtol, watch)
+        each, poses, mass_kg = run_axes(core_json, begun, axes, outputs, self.seconds, watch)
         columns = {"time_s": each[0]["time_s"]}
         columns |= {name: np.ascontiguousarray(poses[:, k]) for k, name in enumerate(outputs)}
         wanted = self.path.at(columns["time_s"])[0]

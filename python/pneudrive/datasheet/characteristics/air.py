@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pneudrive.constants import AIR_GAS_CONSTANT_J_KG_K
-from pneudrive.datasheet.characteristic import characteristic
+from pneudrive.datasheet.characteristic import Found, characteristic
 from pneudrive.datasheet.characteristics.response import cycle
 from pneudrive.datasheet.strokes import litres_anr
 from pneudrive.describe.system import compiled
@@ -22,7 +22,6 @@ from pneudrive.views import ShownValue, View, Viewed
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from pneudrive.datasheet.characteristic import Found
     from pneudrive.datasheet.plant import HeldDrive
     from pneudrive.describe import Circuit, Drive, Initial
     from pneudrive.simulation.command import Commands
@@ -36,30 +35,30 @@ NORMAL_DENSITY_KG_M3 = 1.2929  # dry air at 0 degC and 101325 Pa (normal litre, 
 _BOUNDARY = ("mass over the boundary [kg]", "enthalpy over the boundary [J]", "entropy over the boundary [J/K]")
 
 
-def full_half_s(plant: HeldDrive, command: float) -> float:
+def full_half_s(plant: HeldDrive) -> float:
     """Return the half of a cycle in which the chambers fill and empty, and take the temperature of the wall, s.
 
     Warn if the piston does not move from end to end.
     """
-    strokes = cycle(plant, command)
+    strokes = cycle(plant)
     if not strokes.arrived():
         warn(f"{plant.name}: {NO_STROKES}")
     return max(FULL_S, SLOW * strokes.half_s)
 
 
-def accounts_of(plant: HeldDrive, command: float, half_s: float) -> dict[str, float]:
+def accounts_of(plant: HeldDrive, half_s: float) -> dict[str, float]:
     """Return the energy accounts of one cycle by name, as the difference between REPEATS + 1 and REPEATS cycles."""
     many, few = (
-        cycle(plant, command, half_s, repeats=count, ledger=True, rtol=RTOL).attrs["ledger"]["accounts"]
+        cycle(plant, half_s, repeats=count, ledger=True, rtol=RTOL).attrs["ledger"]["accounts"]
         for count in (REPEATS + 1, REPEATS)
     )
     return {name: value - few[name] for name, value in many.items()}
 
 
 @lru_cache(maxsize=64)  # characteristics of one drive share runs
-def drawn_mass(plant: HeldDrive, command: float, half_s: float, repeats: int = REPEATS) -> float:
+def drawn_mass(plant: HeldDrive, half_s: float, repeats: int = REPEATS) -> float:
     """Return the mass that one cycle draws from the supply, integrated over the solver's steps, kg."""
-    plans = plant.plans([(k * half_s, command if k % 2 == 0 else -command) for k in range(2 * repeats + 2)])
+    plans = plant.plans([(k * half_s, 1.0 if k % 2 == 0 else -1.0) for k in range(2 * repeats + 2)])
     start = {f"{plant.piston}.position": "0 mm"}
     if f"{plant.piston}.b" in plant.nodes:
         start[f"{plant.piston}.b"] = f"{plant.before(1.0)[1]!r} Pa abs"
@@ -135,7 +134,7 @@ def losses(accounts: dict[str, float], ambient_k: float) -> dict[str, float]:
     slow=True,
     held=False,
 )
-def _air(plant: HeldDrive, command: float = 1.0, half_period: float | None = None) -> Found:
+def _air(plant: HeldDrive, half_period: float | None = None) -> Found:
     """Air per cycle.
 
     Mass drawn from the supply in one periodic cycle out and back, as volume at the standard reference atmosphere.
@@ -144,8 +143,6 @@ def _air(plant: HeldDrive, command: float = 1.0, half_period: float | None = Non
 
     Settings
     --------
-    command
-        size of the command
     half_period
         of the second cycle, s; default: that of the square response
 
@@ -164,13 +161,13 @@ def _air(plant: HeldDrive, command: float = 1.0, half_period: float | None = Non
     full_half_period : s
         half of the period in which the chambers are filled and vented
     """
-    full_half = full_half_s(plant, command)
-    full = drawn_mass(plant, command, full_half)
-    half = half_period or cycle(plant, command).half_s
+    full_half = full_half_s(plant)
+    full = drawn_mass(plant, full_half)
+    half = half_period or cycle(plant).half_s
     gas = plant.circuit.gas
     density = gas.anr_density_kg_m3
     normal = NORMAL_DENSITY_KG_M3 * (AIR_GAS_CONSTANT_J_KG_K / gas.gas_constant_j_kg_k)
-    litres = litres_anr(drawn_mass(plant, command, half), density)
+    litres = litres_anr(drawn_mass(plant, half), density)
     return litres_anr(full, density), full / normal * 1e3, litres, half, 30.0 * litres / half, full_half
 
 
@@ -183,18 +180,11 @@ def _air(plant: HeldDrive, command: float = 1.0, half_period: float | None = Non
     slow=True,
     held=False,
 )
-def _exergy(plant: HeldDrive, command: float = 1.0, half_period: float | None = None) -> Found:
+def _exergy(plant: HeldDrive) -> Found:
     """Exergy and its losses.
 
     Exergy of the air drawn in one periodic cycle, relative to ambient, and exergy lost in each component: ambient
-    temperature times the entropy that it produces.
-
-    Settings
-    --------
-    command
-        size of the command
-    half_period
-        s; default: long enough to fill and vent the chambers
+    temperature times the entropy that it produces. The period is long enough to fill and vent the chambers.
 
     Results
     -------
@@ -213,13 +203,13 @@ def _exergy(plant: HeldDrive, command: float = 1.0, half_period: float | None = 
     half_period : s
         half of the period of the cycle
     """
-    half_period = half_period or full_half_s(plant, command)
-    found = accounts_of(plant, command, half_period)
+    half_period = full_half_s(plant)
+    found = accounts_of(plant, half_period)
     t_0 = plant.ambient[1]
-    supply_k = plant.session(command, 0.5 * plant.stroke_m).read(plant.supply.replace("pressure_pa", "temperature_k"))
+    supply_k = plant.session(1.0, 0.5 * plant.stroke_m).read(plant.supply.replace("pressure_pa", "temperature_k"))
     (h, s), (h_0, s_0) = (_entering(plant, *gas) for gas in ((plant.supply_pa, supply_k), plant.ambient))
     # The flow exergy of the supplied gas against ambient is h - h_0 - T_0 (s - s_0).
-    drawn = drawn_mass(plant, command, half_period) * (h - h_0 - t_0 * (s - s_0))
+    drawn = drawn_mass(plant, half_period) * (h - h_0 - t_0 * (s - s_0))
     lost = losses(found, t_0)
     mass, enthalpy, entropy = (_sum(found, ending) for ending in _BOUNDARY)
     entered = enthalpy - t_0 * entropy - mass * (h_0 - t_0 * s_0)  # less what leaves

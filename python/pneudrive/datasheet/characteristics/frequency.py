@@ -10,7 +10,7 @@ import numpy as np
 
 from pneudrive import units
 from pneudrive.constants import ANR_DENSITY_KG_M3, ANR_TEMPERATURE_K
-from pneudrive.datasheet.characteristic import ResultValue, characteristic
+from pneudrive.datasheet.characteristic import Found, ResultValue, characteristic
 from pneudrive.datasheet.characteristics.response import one_stroke, short_columns, simulate_plant, start_of
 from pneudrive.datasheet.characteristics.steady import adiabatic_stiffness, full_force
 from pneudrive.datasheet.equilibrium import gas_at, linear_model, moving_gas, open_command, under_load
@@ -30,7 +30,6 @@ if TYPE_CHECKING:
     import xarray as xr
 
     from pneudrive.arrays import Array, Plain
-    from pneudrive.datasheet.characteristic import Found
     from pneudrive.describe.drive import Drive
     from pneudrive.simulation.session import Linear
 
@@ -62,29 +61,13 @@ def response(linear: Linear, output: str, frequencies: Array) -> Array:
     y="velocity_magnitude velocity_phase",
     needs_shares=True,
 )
-def _bode(
-    plant: HeldDrive,
-    command: float = 0.0,
-    position: float | None = None,
-    pressures: Any = None,  # noqa: ANN401
-    friction: str = "sliding",
-) -> Found:
+def _bode(plant: HeldDrive) -> Found:
     """Frequency response.
 
     Response of velocity, position and pressures to a small command about an operating point, without lag and dead time
-    of the valve. The default is mid stroke, pressures of slow steady motion, a valve that begins to open (u > 0), and
-    viscous friction. A valve with negative overlap is at its centre, where both edges of a chamber are open.
-
-    Settings
-    --------
-    command
-        command at the operating point; 0: the edge at which the valve opens
-    position
-        m; default: mid stroke
-    pressures
-        of both chambers; default: those of slow steady motion
-    friction
-        presliding, sliding or none
+    of the valve. The point is mid stroke, with pressures of slow steady motion, a valve that begins to open (u > 0),
+    and viscous friction. A valve with negative overlap is at its centre, where both edges of a chamber are open.
+    `pn.linearise` gives the model at other points.
 
     Results
     -------
@@ -105,9 +88,8 @@ def _bode(
     resonance : Hz
         frequency of the largest response
     """
-    x = 0.5 * plant.stroke_m if position is None else position
-    gas = moving_gas(plant, x) if pressures is None else gas_at(plant, pressures)
-    linear = linear_model(plant, open_command(plant, command), x, gas, 0.0, friction)
+    x = 0.5 * plant.stroke_m
+    linear = linear_model(plant, open_command(plant, 0.0), x, moving_gas(plant, x), "sliding")
     f = np.array(FREQUENCIES)
     output = f"{plant.piston}.velocity_m_s"
     velocity = response(linear, output, f)

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from pneudrive.datasheet.characteristic import ResultValue, characteristic
+from pneudrive.datasheet.characteristic import Found, ResultValue, characteristic
 from pneudrive.datasheet.equilibrium import gas_at, moving_gas, under_load
 from pneudrive.datasheet.strokes import STROKE_MEANING, StrokeNumbers, first_passage, stroke_numbers
 from pneudrive.describe.system import short_name
@@ -22,7 +22,6 @@ if TYPE_CHECKING:
     import xarray as xr
 
     from pneudrive.arrays import Array, Pair, Plain
-    from pneudrive.datasheet.characteristic import Found
     from pneudrive.datasheet.plant import HeldDrive
     from pneudrive.simulation.command import Commands
 
@@ -105,20 +104,19 @@ def start_of(plant: HeldDrive, position: float, pressures: Pair) -> dict[str, st
 @lru_cache(maxsize=16)  # characteristics of one drive share runs
 def cycle(
     plant: HeldDrive,
-    command: float = 1.0,
     half_s: float | None = None,
     repeats: int = REPEATS,
     **more: Any,  # noqa: ANN401
 ) -> StrokeRun:
     """Run out and back until the cycle is periodic; columns and strokes are those of the last cycle."""
-    expected = expected_time(plant, command)
+    expected = expected_time(plant, 1.0)
     times, half = 1.0, half_s or expected
     start = start_of(plant, 0.0, plant.before(1.0))
     while True:
-        plans = plant.plans([(k * half, command if k % 2 == 0 else -command) for k in range(2 * repeats)])
+        plans = plant.plans([(k * half, 1.0 if k % 2 == 0 else -1.0) for k in range(2 * repeats)])
         run = simulate_plant(plant, plans, 2 * repeats * half, SAMPLES / min(expected, half), initial=start, **more)
         begin = 2 * (repeats - 1) * half
-        found = _motion(plant, run, half, (begin, begin + half, begin + 2 * half), command)
+        found = _motion(plant, run, half, (begin, begin + half, begin + 2 * half), 1.0)
         if found.arrived() or half_s is not None or times >= LONGEST or half * SLOWER > LONGEST:
             return found
         times, half = times * SLOWER, half * SLOWER
@@ -205,17 +203,11 @@ def _step(plant: HeldDrive, command: float = 1.0, position: float | None = None,
     y="position",
     held=False,
 )
-def _square(plant: HeldDrive, command: float = 1.0, half_period: float | None = None) -> Found:
+def _square(plant: HeldDrive) -> Found:
     """Response to a square command.
 
-    Periodic strokes out and back under a square command. The results are defined as for a step.
-
-    Settings
-    --------
-    command
-        size of the command
-    half_period
-        half period, s; default: long enough to reach both ends
+    Periodic strokes out and back under a square command, whose period is long enough to reach both ends. The results
+    are defined as for a step.
 
     Results
     -------
@@ -224,7 +216,7 @@ def _square(plant: HeldDrive, command: float = 1.0, half_period: float | None = 
     half_period : s
         half of the period of the command
     """
-    motion = cycle(plant, command, half_period)
+    motion = cycle(plant)
     both = sum(stroke.stroke_time for stroke in motion.strokes)
     return trace(motion) | _numbers(motion, ("direction",)) | {"both_strokes": both, "half_period": motion.half_s}
 
@@ -307,22 +299,17 @@ ENTRY_S, ENTRY_RATE_HZ = 1.0, 5e3
     slow=True,
     held=False,
 )
-def _cushion(
-    plant: HeldDrive, end_speed: float = END_SPEED, pressure: float | None = None, speed: float = 1.0
-) -> Found:
+def _cushion(plant: HeldDrive, end_speed: float = END_SPEED) -> Found:
     """Capacity of the cushion.
 
     End speed and peak pressure of a piston that enters its cushion at a given speed, over mass, entry speed and
-    needle opening. The valve is fully open, and the pressures at entry are those of slow steady motion.
+    needle opening. The valve is fully open, and the pressures at entry are those of slow steady motion. The largest
+    admissible pressure is twice the supply (assumed).
 
     Settings
     --------
     end_speed
         largest admissible, m/s (assumed)
-    pressure
-        largest admissible pressure, absolute; default: twice the supply (assumed)
-    speed
-        at which the needle is varied, m/s
 
     Results
     -------
@@ -335,7 +322,7 @@ def _cushion(
     peak_pressure : Pa over mass, speed
         largest absolute pressure in the cushion
     end_speed_by_needle : m/s over needle
-        end speed from {speed:g} m/s with the described mass
+        end speed from 1 m/s with the described mass
     best_needle : 1
         opening with the lowest end speed; none if the piston never reaches the end
     """
@@ -343,10 +330,10 @@ def _cushion(
     side = next((side for side in "ba" if f"cushion_{side}_length" in table), "")
     if not side:
         raise CommandError(f"{plant.piston} has no cushion", remedy='Add cushion_b = { length = "17 mm", ... }.')
-    most = PRESSURE_SHARE * plant.supply_pa if pressure is None else gas_at(plant, pressure)[0, 0]
+    most = PRESSURE_SHARE * plant.supply_pa
     masses, speeds = [share * plant.mass for share in MASSES], list(SPEEDS)
     grid = np.array([[_end(_with(plant, mass=mass), side, v) for v in speeds] for mass in masses])
-    needles = np.array([_end(_with(plant, needle=(side, share)), side, speed) for share in NEEDLES])
+    needles = np.array([_end(_with(plant, needle=(side, share)), side, 1.0) for share in NEEDLES])
     best = np.argsort(needles[:, 0])[0]  # speeds of a piston that does not arrive are last
     over = ("mass", "speed")
     allowed = (grid[:, :, 0] <= end_speed) & (grid[:, :, 1] <= most)
@@ -408,17 +395,10 @@ REST_S, SWITCHING_RATE_HZ = 0.5, 1e5  # between the commands; samples
     y="outlet_pressure",
     held=False,
 )
-def _times(plant: HeldDrive, share: float = SHARE, volume: float = VOLUME_M3) -> Found:
+def _times(plant: HeldDrive) -> Found:
     """Times of the valve.
 
     Time from switching on, or off, until the pressure of 10 cm3 at the outlet has made 10 % of its total change.
-
-    Settings
-    --------
-    share
-        of the change
-    volume
-        at the outlet, m3
 
     Results
     -------
@@ -430,21 +410,21 @@ def _times(plant: HeldDrive, share: float = SHARE, volume: float = VOLUME_M3) ->
     table = plant.table(plant.valve)
     if "time_on" not in table:
         raise CommandError.of("datasheet.no_times", valve=plant.valve, kind_of_valve=table["kind"])
-    time, pressure = _run(plant, table, volume)
+    time, pressure = _run(plant, table)
     on, off = time < REST_S, time >= REST_S
     rise, fall = pressure[on], pressure[off]
-    up = first_passage(time[on], rise, rise[0] + share * (rise[-1] - rise[0]))
-    down = first_passage(time[off], -fall, -fall[0] + share * (fall[0] - fall[-1])) - REST_S
+    up = first_passage(time[on], rise, rise[0] + SHARE * (rise[-1] - rise[0]))
+    down = first_passage(time[off], -fall, -fall[0] + SHARE * (fall[0] - fall[-1])) - REST_S
     shown = np.unique(np.r_[np.linspace(0, time.size - 1, 800).astype(int)])
     return {
         "time": time[shown],
         "outlet_pressure": pressure[shown],
-        "time_on": ResultValue((), up, "s", f"from the command on to {100.0 * share:g} % of the rise at the outlet"),
-        "time_off": ResultValue((), down, "s", f"from the command off to {100.0 * share:g} % of the fall"),
+        "time_on": ResultValue((), up, "s", "from the command on to 10 % of the rise at the outlet"),
+        "time_off": ResultValue((), down, "s", "from the command off to 10 % of the fall"),
     }
 
 
-def _run(plant: HeldDrive, table: Plain, volume: float) -> tuple[Array, Array]:
+def _run(plant: HeldDrive, table: Plain) -> tuple[Array, Array]:
     """Command the valve on and off; return times and the pressure of a volume at its working port."""
     ports = [port["name"] for port in plant.circuit.components[plant.valve].entry["ports"]]
     outlet = "4" if "4" in ports else "2"
@@ -456,7 +436,7 @@ def _run(plant: HeldDrive, table: Plain, volume: float) -> tuple[Array, Array]:
             "components": {
                 "supply": {"kind": "reservoir", "pressure": f"{plant.supply_pa!r} Pa abs"},
                 "valve": table,
-                "volume": {"kind": "tank", "volume": f"{volume!r} m3"},
+                "volume": {"kind": "tank", "volume": f"{VOLUME_M3!r} m3"},
             },
             "connections": ["supply -> valve.1", f"valve.{outlet} -> volume"],
             "plugged": other,

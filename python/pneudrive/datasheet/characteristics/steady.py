@@ -7,15 +7,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pneudrive.datasheet.characteristic import ResultValue, characteristic
+from pneudrive.datasheet.characteristic import Found, ResultValue, characteristic
 from pneudrive.datasheet.equilibrium import SIDE, at_velocity, gas_at, linear_model, under_load
-from pneudrive.datasheet.plant import LEAST_VELOCITY, RTOL
+from pneudrive.datasheet.plant import LEAST_VELOCITY, RTOL, HeldDrive
 from pneudrive.errors import CommandError, SimulationError
 from pneudrive.numbers import plain
 
 if TYPE_CHECKING:
-    from pneudrive.datasheet.characteristic import Found
-    from pneudrive.datasheet.plant import HeldDrive
     from pneudrive.simulation.session import Linear
 
 
@@ -48,17 +46,13 @@ def full_force(plant: HeldDrive, direction: float, velocity: float = LEAST_VELOC
     x="command",
     y="velocity",
 )
-def _velocity(plant: HeldDrive, loads: Any = None) -> Found:  # noqa: ANN401 - a sequence of numbers
+def _velocity(plant: HeldDrive) -> Found:
     """Steady velocity against command and load.
 
-    Velocity at mid stroke at which pressures, temperatures and velocity are constant. The load acts against the motion.
+    Velocity at mid stroke at which pressures, temperatures and velocity are constant. The loads against the motion are
+    0, 25 and 50 % of the stall force.
     Velocity gain and dead zone come from a line through commands 0.05 and 0.1 without load, from the overlap on, or
     from 0 if the overlap is negative.
-
-    Settings
-    --------
-    loads
-        forces against the motion, N; default: 0, 25 and 50 % of the stall force
 
     Results
     -------
@@ -84,8 +78,7 @@ def _velocity(plant: HeldDrive, loads: Any = None) -> Found:  # noqa: ANN401 - a
         stall = max(min(full_force(plant, direction)[1] for direction in (1.0, -1.0)), 0.0)
     except SimulationError:  # a blocked piston has no steady state, as behind a quick exhaust valve
         stall = math.nan
-    usual = [share * stall for share in LOAD_SHARES] if stall == stall else [0.0]
-    against = np.array(usual if loads is None else list(loads), dtype=float)
+    against = np.array([share * stall for share in LOAD_SHARES] if stall == stall else [0.0])
     found = np.array([[_moving(plant, u, x, -math.copysign(1.0, u) * load) for load in against] for u in commands])
     values = {
         "command": commands,
@@ -181,15 +174,11 @@ def _blocked(plant: HeldDrive, command: float, position: float) -> float:
     y="pressure_difference",
     needs_shares=True,
 )
-def _pressure_gain(plant: HeldDrive, position: float | None = None) -> Found:
+def _pressure_gain(plant: HeldDrive) -> Found:
     """Pressure gain.
 
-    Pressure difference of the chambers over the command, with a blocked piston, and its slope at the centre.
-
-    Settings
-    --------
-    position
-        of the blocked piston, m; default: mid stroke
+    Pressure difference of the chambers over the command, with a piston blocked at mid stroke, and its slope at the
+    centre.
 
     Results
     -------
@@ -204,7 +193,7 @@ def _pressure_gain(plant: HeldDrive, position: float | None = None) -> Found:
     centre_pressure_b : Pa
         absolute pressure in chamber b at the centre
     """
-    x = 0.5 * plant.stroke_m if position is None else position
+    x = 0.5 * plant.stroke_m
     commands = np.array([*(-u for u in reversed(BLOCKED)), *BLOCKED])
     difference = np.array([_blocked(plant, u, x) for u in commands])
     try:

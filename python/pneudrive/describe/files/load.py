@@ -35,7 +35,7 @@ def load_described(source: str) -> Drive | Circuit:
     return kind.load(source)
 
 
-def described_in(text: str, path: Path, allow: Callable[[Plain], object] = lambda _: None) -> Drive | Circuit:
+def described_in(text: str, path: Path, allow: Callable[[Plain], object]) -> Drive | Circuit:
     """Read the text of a drive file or a circuit file that need not be saved.
 
     Parameters

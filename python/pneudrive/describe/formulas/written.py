@@ -172,9 +172,7 @@ def load(of: Callable[[Plain], Made], path: str | Path, guide: str) -> Made:
         return of(tables)
 
 
-def written_as(
-    given: object, slot: str, of: Callable[[Plain], Made], guide: str, folder: Path | None = None
-) -> Made | None:
+def written_as(given: object, slot: str, of: Callable[[Plain], Made], guide: str, folder: Path | None) -> Made | None:
     """Return formulas given as tables or as ``file:NAME.toml``; None for other values.
 
     Raises

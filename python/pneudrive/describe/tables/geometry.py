@@ -19,7 +19,7 @@ KINDS = ("rodless", "through-rod", "single-rod")
 MaybeArea = Annotated[float | None, Quantity("m^2", "cm2", POSITIVE)]
 
 
-def piston_areas(kind: str, bore_m: float, rod_diameter_m: float = 0.0) -> tuple[float, float]:
+def piston_areas(kind: str, bore_m: float, rod_diameter_m: float) -> tuple[float, float]:
     """Return the areas in m2 on which the pressures in chambers a and b act.
 
     Parameters

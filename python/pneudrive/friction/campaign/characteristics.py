@@ -26,7 +26,7 @@ from pneudrive.friction.campaign.stops.stop import find_stops
 from pneudrive.friction.friction_map import ALL_RECORDINGS, BOTH, LEVELS, TABLES, Condition, assemblies_of
 from pneudrive.friction.strokes import SAMPLE_CHOICES, SampleChoice, Settled
 from pneudrive.identify.identified import Dependences
-from pneudrive.identify.static.fit import LAWS, fit_groups
+from pneudrive.identify.static.fit import fit_groups
 from pneudrive.progress import Flag, Progress, Watch
 from pneudrive.signals.load import recordings_in
 
@@ -283,9 +283,7 @@ Part = tuple[str, dict[str, object], dict[str, Estimate]]
 """Key in [friction], its table, and the estimates in the table by name."""
 
 
-def dependences_of(
-    found: CampaignCharacteristics, viscous_n_s_m: float, levels: tuple[str, str, str] = ("", "", "")
-) -> Dependences:
+def dependences_of(found: CampaignCharacteristics, viscous_n_s_m: float, levels: tuple[str, str, str]) -> Dependences:
     """Return the friction modifiers other than speed and pressure, in the form of a drive file.
 
     Parameters
@@ -504,15 +502,12 @@ AVERAGED = (
 NO_POINTS = ("stick_slip", "speed_ripple", "force_swing", "saturated", "unpaired", "outlier", "negative_friction")
 
 
-def fit_campaign(
-    found: CampaignCharacteristics, laws: Sequence[str] = LAWS
-) -> tuple[dict[str, dict[str, FrictionFit]], list[str]]:
+def fit_campaign(found: CampaignCharacteristics) -> tuple[dict[str, dict[str, FrictionFit]], list[str]]:
     """Fit laws to the map of a campaign.
 
     Parameters
     ----------
     found : CampaignCharacteristics
-    laws : sequence of str
 
     Returns
     -------
@@ -524,7 +519,7 @@ def fit_campaign(
     with one_thread():
         table = found.friction_map
         names = [ALL if name == ALL_RECORDINGS else name for name in assemblies_of(table)]
-        fits, problems = fit_groups(table, names, laws, NO_POINTS)
+        fits, problems = fit_groups(table, names, NO_POINTS)
         for group, by_law in fits.items():
             part = table.isel(row=np.flatnonzero(np.array(names) == group))
             fits[group] = {law: with_dependences(fit, found, part) for law, fit in by_law.items()}

@@ -95,7 +95,7 @@ class CycleTable:
         return known_mean(np.abs(self[name]), axis=1)
 
 
-def reduce_cycle(motion: RecordedMotion, edges_m: Array, *, uses_window: bool = True) -> Row:
+def reduce_cycle(motion: RecordedMotion, edges_m: Array, *, uses_window: bool) -> Row:
     """Reduce the strokes of one speed to position bins.
 
     Parameters

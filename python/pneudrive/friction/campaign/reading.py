@@ -171,7 +171,7 @@ def _date(started: str) -> str:
 
 
 @many_objects()
-def read_campaign(campaign: Campaign, choice: SampleChoice, processes: int | None = None) -> CampaignData:
+def read_campaign(campaign: Campaign, choice: SampleChoice, processes: int | None) -> CampaignData:
     """Read all cycles of a campaign.
 
     Parameters

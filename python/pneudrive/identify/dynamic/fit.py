@@ -12,7 +12,7 @@ from pneudrive.constants import STANDARD_ATMOSPHERE_PA
 from pneudrive.describe import Circuit
 from pneudrive.describe.system import PISTON
 from pneudrive.errors import FitError
-from pneudrive.estimate.estimates import rms, robust_deviation, student
+from pneudrive.estimate.estimates import rms, student
 from pneudrive.estimate.profile import Transforms
 from pneudrive.files.inputs import origin
 from pneudrive.free.parameters import Parameter, chosen, family_of, numbers_of, with_shape
@@ -87,14 +87,14 @@ NOISE_ROUNDS = 4
 NOISE_CHANGE = 0.02
 #: Multiple of the sample-to-sample noise above which residuals count as a misfit (assumed).
 MISFIT = 2.0
-#: Factors on the segment length for repeated searches, and shortest segment, s.
-SHORTER_SEGMENTS, SHORTEST_SEGMENT_S = (0.5, 0.25), 0.02
+#: Factors on the segment length for repeated searches.
+SHORTER_SEGMENTS = (0.5, 0.25)
 #: Factor on the solver's tolerance in the last attempt, because solver errors may stop the search.
 LAST_RTOL = 1e-2
 #: Smallest accepted improvement of the mean log residual by a repeated search.
 GAIN = 0.02
-#: Huber's constant: 95 % efficient for normal errors [huber2009].
-HUBER_K = 1.345
+#: Length of the segments, s.
+SEGMENT_S = 0.4
 
 
 @overload
@@ -106,11 +106,7 @@ def identify(
     follow: None = None,
     sensors: Mapping[str, sensing.Sensor | Mapping[str, Any]] | None = None,
     channels: Sequence[str] | None = None,
-    segment: str | float | None = "0.4 s",
-    robust: bool = False,
     layout: str | Path | None = None,
-    rtol: float = RTOL,
-    threads: int = 2,
     progress: Callable[[search.Progress], None] | None = None,
     cancel: Flag | None = None,
 ) -> DriveFit: ...
@@ -133,11 +129,7 @@ def identify(
     follow: str | None = None,
     sensors: Mapping[str, sensing.Sensor | Mapping[str, Any]] | None = None,
     channels: Sequence[str] | None = None,
-    segment: str | float | None = "0.4 s",
-    robust: bool = False,
     layout: str | Path | None = None,
-    rtol: float = RTOL,
-    threads: int = 2,
     progress: Any = None,
     cancel: Flag | None = None,
 ) -> DriveFit | FollowFit:
@@ -168,15 +160,8 @@ def identify(
         ``{"command": {"delay": "free"}}`` (or a time) delays the recorded command.
     channels : sequence of str, optional
         Channels to compare with the model; default: position and pressures.
-    segment : str, float or None
-        Length of the segments, s; None is single shooting: one segment for each recording.
-    robust : bool
-        Whether to use Huber's loss, which reduces the weight of outliers.
     layout : path, optional
         Layout of foreign files.
-    rtol : float
-        Relative tolerance of the solver.
-    threads : int
     progress : callable, optional
         Called with each step (`Progress`).
     cancel : object with ``is_set()``, optional
@@ -209,7 +194,7 @@ def identify(
     needed = ("time_s", "command")
     records = read_drive_recordings(recordings, layout, needed, gaps=True, names=columns)
     present = [sensing.channels_in(record, channels) for record in records]
-    options = _options(segment, robust, rtol, threads)
+    options = search.SearchOptions(SEGMENT_S, RTOL, threads=2)
     numbers = numbers_of(drive)
     piston = PISTON if axis is None else axis[0]
     stroke_m = numbers[f"{piston}.stroke"].value
@@ -248,23 +233,22 @@ def _best_of_attempts(
     first result is then kept.
     """
     tried = [attempt(None)]
-    whole = options.segment_s
     for share in SHORTER_SEGMENTS:
-        if whole is None or options.interrupted or tried[-1].good or share * whole < SHORTEST_SEGMENT_S:
+        if options.interrupted or tried[-1].good:
             break
-        options.segment_s = share * whole
+        options.segment_s = share * SEGMENT_S
         try:
             tried.append(attempt(None))
         except FitError:  # the first search has a result
             break
         if tried[0].converged and tried[-1].score > tried[0].score - GAIN:
             break
-    options.segment_s = whole
+    options.segment_s = SEGMENT_S
     for lengths_s in (search.LADDER_S, search.SECOND_LADDER_S):
         best = min(tried, key=search.Attempt.rank)
         nearest = min(tried, key=lambda one: one.score)
         helped = not best.converged or nearest.score < best.score - GAIN
-        if whole is None or options.interrupted or best.good or not helped:
+        if options.interrupted or best.good or not helped:
             break
         options.lengths_s, options.last_attempt = lengths_s, lengths_s == search.SECOND_LADDER_S
         if options.last_attempt:
@@ -274,17 +258,6 @@ def _best_of_attempts(
         except FitError:
             break
     return min(tried, key=search.Attempt.rank)
-
-
-def _options(segment: str | float | None, robust: bool, rtol: float, threads: int) -> search.SearchOptions:
-    from pneudrive.units import parse
-
-    seconds = parse(segment, "s") if isinstance(segment, str) else segment
-    if seconds is not None and not (np.isfinite(seconds) and seconds > 0.0):
-        raise FitError(f"segment = {segment} is out of bounds", rule="a positive time, or None for single shooting")
-    if not 1e-12 <= rtol <= 1e-2:
-        raise FitError(f"rtol = {rtol} is out of bounds", rule="1e-12 <= rtol <= 0.01")
-    return search.SearchOptions(seconds, robust, rtol, max(1, int(threads)))
 
 
 def _resolvable(
@@ -346,8 +319,6 @@ def _problem(
     )
     transforms = transforms_of(parameters, free_sensors, drive)
     problem = shooting.FitProblem(parameters, free_sensors, transforms, experiments)
-    if options.robust:
-        problem.huber_k = HUBER_K
     return problem, shooting.Iterate(
         transforms.internal(np.r_[values, [sensing.START[s.kind] for s in free_sensors]]),
         [e.starts.state.copy() for e in experiments],
@@ -445,7 +416,7 @@ def _renew_noise(problem: shooting.FitProblem, at: search.Joined, rtol: float) -
             if channel.noise:
                 continue
             r = residual[experiment.weight[:, c] > 0.0, c]
-            size = robust_deviation(r) if np.isfinite(problem.huber_k) else rms(r)
+            size = rms(r)
             new = max(size * experiment.noise[c], _least_noise(channel, rtol))
             if abs(new / experiment.noise[c] - 1.0) > NOISE_CHANGE:
                 experiment.noise[c], changed = new, True
@@ -498,8 +469,6 @@ class Presliding(Fit, kind="presliding"):
 def identify_presliding(
     drive: Drive,
     loops: Recording | Mapping[str, Any] | Sequence[Recording | Mapping[str, Any]],
-    *,
-    resolution_m: float = 0.0,
 ) -> Presliding:
     """Identify the bristle stiffness from force-displacement loops, and the damping if the encoder resolves it.
 
@@ -510,8 +479,6 @@ def identify_presliding(
     loops
         Recordings of a rig with slow reversals, or mappings with ``time_s``, ``position_m`` and ``friction_n`` (the
         force that opposes motion in +x), shape (n,).
-    resolution_m : float
-        Step of the encoder.
 
     Returns
     -------
@@ -526,7 +493,7 @@ def identify_presliding(
         raise FitError(f"law {drive.friction.law} has no bristle stiffness", remedy="Choose lugre or elasto-plastic.")
     every = loops if isinstance(loops, (list, tuple)) else [loops]
     columns = [_columns(loop) for loop in every]
-    step = max([resolution_m, *(shooting.white_noise(position) for _, position, _ in columns)])
+    step = max(shooting.white_noise(position) for _, position, _ in columns)
     found = [reversal for loop in columns for reversal in _reversals(*loop, step)]
     most = max((_swing(reversal) for reversal in found), default=0.0)
     found = [reversal for reversal in found if _swing(reversal) >= WHOLE_SWING * most]

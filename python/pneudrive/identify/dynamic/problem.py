@@ -294,7 +294,6 @@ class FitProblem:
         for i, s in enumerate(sensors, start=self.drive_size):
             if np.isfinite(s.uncertainty) and s.uncertainty > 0.0:
                 self.prior[i] = (s.size / s.uncertainty) ** 2
-        self.huber_k = np.inf
         #: Mask of temporarily held coordinates.
         self.held = np.zeros(self.size, dtype=bool)
 
@@ -324,17 +323,6 @@ class FitProblem:
     def prior_cost(self, eta: Array) -> float:
         """Return the cost of the deviation from prior knowledge."""
         return float(self.prior @ eta**2)
-
-    def robust_weight(self, residual: Array) -> Array:
-        """Return the square roots of Huber's weights; 1 for plain least squares."""
-        if not np.isfinite(self.huber_k):
-            return np.ones_like(residual)
-        return np.sqrt(np.minimum(1.0, self.huber_k / np.maximum(np.abs(residual), 1e-300)))
-
-    def loss(self, residual: Array) -> float:
-        """Return the sum of squares, or twice Huber's rho [huber2009]."""
-        size, k = np.abs(residual), self.huber_k
-        return float(np.sum(np.where(size <= k, size**2, 2.0 * k * size - k**2 if np.isfinite(k) else 0.0)))
 
     def rms(self, residuals: list[Array]) -> dict[str, float]:
         """Return the root mean square of each channel's residuals, SI."""

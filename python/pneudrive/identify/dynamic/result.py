@@ -601,6 +601,5 @@ def _provenance(drive: Drive | Circuit, attempt: Attempt, options: SearchOptions
         "recordings": recording_tables(problem.records),
         "start": {p.name: p.value for p in problem.parameters},
         "segment_s": attempt.segment_s if attempt.segment_s is not None else "one",
-        "robust": options.robust,
         "rtol": options.rtol,
     }

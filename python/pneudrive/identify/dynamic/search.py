@@ -22,7 +22,7 @@ from pneudrive.estimate.profile import profile_interval
 from pneudrive.identify.dynamic.problem import FitProblem, Iterate, Shot
 from pneudrive.identify.dynamic.sensors import Delay
 from pneudrive.identify.identified import stated
-from pneudrive.progress import UNWATCHED, Watch
+from pneudrive.progress import Watch
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -87,7 +87,7 @@ class Progress:
 class Watcher:
     """Keeps the best point for interruptions, and reports each step."""
 
-    def __init__(self, tell: Callable[[Progress], None] | None = None, watch: Watch = UNWATCHED) -> None:
+    def __init__(self, tell: Callable[[Progress], None] | None, watch: Watch) -> None:
         self.tell, self.watch, self.count = tell, watch, 0
         self.point: Iterate | None = None
 
@@ -207,7 +207,7 @@ def judge(
         nothing = np.zeros((*shot.outputs.shape, problem.size))
         r = problem.measure(i, point.eta, slice(None), shot.outputs, nothing)[0]
         away = (believed[i][0] - point.states[i][0]) / experiment.starts.belief
-        cost += problem.loss(r) + float(away @ away)
+        cost += float(np.sum(r**2)) + float(away @ away)
         scaled = _gaps(problem, point, shot, i, reset=reset) / experiment.starts.size
         penalty += r.size / max(len(scaled), 1) * float(np.sum(scaled**2))
         gap = max(gap, float(np.abs(scaled).max(initial=0.0)))
@@ -232,8 +232,7 @@ def linearise(
             by_unknown, closing = _condense(problem, point, shot, i, reset=reset)
             outputs, jac = _outputs(problem, i, shot, point, by_unknown, closing)
             closed, jac = problem.measure(i, point.eta, slice(None), outputs, jac)
-            robust = problem.robust_weight(closed)
-            flat, rest = (jac * robust[:, :, None]).reshape(closed.size, -1), (closed * robust).ravel()
+            flat, rest = jac.reshape(closed.size, -1), closed.ravel()
             information, gradient = flat.T @ flat, flat.T @ rest
         if not (np.isfinite(information).all() and np.isfinite(gradient).all()):
             raise _overflow(problem, i, information)
@@ -622,10 +621,9 @@ class Attempt:
 
 @dataclass
 class SearchOptions:
-    """Checked options of `identify`."""
+    """Options of a search, and its state."""
 
     segment_s: float | None
-    robust: bool
     rtol: float
     threads: int
     notes: list[str] = field(default_factory=list)

@@ -228,7 +228,7 @@ class SensorParameter:
 
 
 def sensor_parameters(
-    channels: list[Channel], recordings: list[str], present: list[set[str]], *, delay: bool = False
+    channels: list[Channel], recordings: list[str], present: list[set[str]], *, delay: bool
 ) -> list[SensorParameter]:
     """Return the free parameters of the sensors: offsets for each recording with the channel; gain and lag once.
 

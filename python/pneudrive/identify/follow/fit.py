@@ -582,9 +582,7 @@ def described_circuit(circuit: FollowFit | Circuit | str | Path) -> tuple[Circui
     return (circuit, None) if isinstance(circuit, Circuit) else (Circuit.load(str(circuit)), None)
 
 
-def hold_values(
-    fit: FollowFit | Circuit, records: Sequence[DrivenRecording], watch: Watch | None = None
-) -> FollowSolution:
+def hold_values(fit: FollowFit | Circuit, records: Sequence[DrivenRecording], watch: Watch | None) -> FollowSolution:
     """Fit start and delay of further recordings, with all shared parameters held."""
     circuit = fit.circuit if isinstance(fit, FollowFit) else fit
     problem = FollowProblem(DrivenCircuit(circuit), records, [], watch=watch or Watch())

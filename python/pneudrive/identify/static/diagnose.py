@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pneudrive.errors import FitError
-from pneudrive.estimate.autocorrelation import distinct_levels, weak_coordinates
+from pneudrive.estimate.autocorrelation import HUBER, LINEAR, distinct_levels, weak_coordinates
 from pneudrive.estimate.estimates import changed, student
 from pneudrive.identify.base import Undetermined
 from pneudrive.identify.identified import stated
@@ -239,45 +239,45 @@ class Support:
     lost: list[Undetermined]
 
 
-def shrunk_to_the_data(model: FrictionModel, stated: Observations, loss: str) -> Support:
+def shrunk_to_the_data(model: FrictionModel, stated: Observations) -> Support:
     """Fit a law without unsupported parts, which would only widen the intervals of the other parameters."""
     lost: list[Undetermined] = []
     while True:
-        found, scatter = estimated(model, stated, loss)
-        intervals = interval_over_knees(found, student(found.dof), loss)
+        found, scatter = estimated(model, stated)
+        intervals = interval_over_knees(found, student(found.dof))
         smaller, statements = without_support(found, intervals)
         if smaller == model:
             return Support(found, scatter, intervals, lost)
         model, lost = smaller, lost + statements
 
 
-def estimated(model: FrictionModel, data: Observations, loss: str) -> tuple[RobustEstimate, float]:
+def estimated(model: FrictionModel, data: Observations) -> tuple[RobustEstimate, float]:
     """Return the estimate of a law, and the scatter of the values."""
     dof = len(data) - len(model.names) - model.chosen
-    found = estimate(model, data, loss=loss if dof > 0 else "linear", fixed_scale=dof == 0)
-    return with_scatter(found, loss)
+    found = estimate(model, data, HUBER if dof > 0 else LINEAR, fixed_scale=dof == 0)
+    return with_scatter(found)
 
 
 def _largest_gauge(data: Observations) -> float:
     return float(max(np.abs(data.gauge_a_pa).max(), np.abs(data.gauge_b_pa).max()))
 
 
-def with_knee(model: FrictionModel, data: Observations, loss: str) -> FrictionModel:
+def with_knee(model: FrictionModel, data: Observations) -> FrictionModel:
     """Choose the most likely of a few knees of a saturating dependence on pressure."""
     if model.pressure != "saturating" or not model.chambers:
         return model
     top, starts, sizes = _largest_gauge(data), [], {}
     for share in KNEES[::-1]:  # beginning nearest to a straight line, each starts from the estimate before
-        found = estimate(replace(model, knee_pa=share * top), data, loss=loss, starts=starts)
+        found = estimate(replace(model, knee_pa=share * top), data, starts=starts)
         starts, sizes[share] = [found.q], found.deviance
     for share in min(sizes, key=lambda one: sizes[one]) * FINER:
         if KNEES[0] <= share <= KNEES[-1]:
-            found = estimate(replace(model, knee_pa=share * top), data, loss=loss, starts=starts)
+            found = estimate(replace(model, knee_pa=share * top), data, starts=starts)
             sizes.setdefault(share, found.deviance)
     return replace(model, knee_pa=min(sizes, key=lambda one: sizes[one]) * top)
 
 
-def interval_over_knees(found: RobustEstimate, quantile: float, loss: str) -> Ends:
+def interval_over_knees(found: RobustEstimate, quantile: float) -> Ends:
     """Return profile intervals over all knees that the data allow. At a single knee, they would be far too narrow."""
     out, model = profile_intervals(found, quantile), found.model
     if model.knee_pa is None:

@@ -53,13 +53,9 @@ def fit_friction(
     *,
     pressure_dependence: bool = False,
     direction: int | None = None,
-    stribeck_exponent: float | None = 2.0,
-    stribeck_shape: str | None = None,
     any_shape: bool | None = None,
     pressure: str = "linear",
     viscous: bool = True,
-    robust: bool = True,
-    ambient_pressure_pa: float | None = None,
     exclude_flags: Collection[str] = sliding.NOT_SLIDING,
 ) -> FrictionFit:
     """Fit a sliding friction law to a friction map by weighted robust least squares.
@@ -69,31 +65,22 @@ def fit_friction(
     friction_map : xarray.Dataset
         As returned by :func:`pneudrive.characterise`: one dimension ``row``, SI units.
     law : str
-        ``coulomb`` (with a viscous part), ``stribeck``, or with a shape, such as ``stribeck lorentzian``.
+        ``coulomb`` (with a viscous part), ``stribeck`` (Gaussian), or with a shape: ``stribeck exponential``,
+        ``stribeck lorentzian`` or ``stribeck free`` (the exponent is fitted).
     pressure_dependence : bool
         Whether Coulomb and breakaway force depend on the gauge pressure of each chamber, see `pressure`.
     direction : int or None
         None: friction of paired directions. +1 or -1: only that direction, from the force balance; the zero of the
         force is then part of the Coulomb force.
-    stribeck_exponent : float or None
-        Fixed exponent (2 is Gauss, 1 is Tustin's exponential), or None to fit it.
-    stribeck_shape : str or None
-        ``gaussian``, ``exponential``, ``lorentzian`` or ``free`` (exponent is fitted); None: by
-        `stribeck_exponent`.
     any_shape : bool or None
-        Whether intervals of the forces cover all Stribeck shapes that fit equally well. None: True if `stribeck_shape`
-        is not given.
+        Whether intervals of the forces cover all Stribeck shapes that fit equally well. None: True if `law` names no
+        shape.
     pressure : str
         Form of `pressure_dependence`: ``linear`` in the gauge pressures; ``quadratic``; ``saturating``, with g/(1 +
         g/knee) instead of each gauge pressure g and the most likely of a few knees; or ``interaction``, with the
         product of both.
     viscous : bool
         Whether to fit a viscous part. False holds it at zero, for nearly equal speeds.
-    robust : bool
-        True: Huber's loss, which limits the effect of outliers; False: plain least squares.
-    ambient_pressure_pa : float or None
-        Reference of gauge pressures. None: ``friction_map.attrs["ambient_pressure_pa"]``. Needed only with
-        `pressure_dependence`.
     exclude_flags : collection of str
         Rows with any of these flags are left out; by default those of stick-slip.
 
@@ -116,44 +103,38 @@ def fit_friction(
     (`FrictionFit.systematic`). Methods: [huber2009], [bates1988], [smyth2004], [paule1982].
     """
     name, _, shape = law.partition(" ")
-    stribeck_shape = stribeck_shape or shape or None
     known = (
         (name, LAWS, "sliding law"),
         (pressure, sliding.PRESSURE_FORMS, "dependence on pressure"),
-        (stribeck_shape or "free", sliding.STRIBECK_SHAPES, "Stribeck shape"),
+        (shape or "free", sliding.STRIBECK_SHAPES, "Stribeck shape"),
     )
     for given, names, what in known:
         if given not in names:
             raise FitError(f"there is no {what} {given!r}", remedy=nearest(str(given), names))
-    if stribeck_exponent is not None and not 0.0 < stribeck_exponent < np.inf:
-        raise FitError("the Stribeck exponent must be positive", value=f"stribeck_exponent = {stribeck_exponent}")
     if direction not in (None, 1, -1):
         raise FitError("direction must be None, +1 or -1", value=f"direction = {direction!r}")
-    if name == "coulomb" and stribeck_shape is not None:
-        raise FitError.of("identify.no_curve", shape=stribeck_shape)
-    fixed = {None: stribeck_exponent, "gaussian": 2.0, "exponential": 1.0, "free": None, "lorentzian": 2.0}
+    if name == "coulomb" and shape:
+        raise FitError.of("identify.no_curve", shape=shape)
+    exponent = {"exponential": 1.0, "free": None}.get(shape, 2.0)
     data, notes, provenance = sliding.selected(
-        friction_map, direction, ambient_pressure_pa, exclude_flags, needs_ambient=pressure_dependence
+        friction_map, direction, exclude_flags, needs_ambient=pressure_dependence
     )
     notes += sliding.simulated(friction_map)
     form = pressure if pressure_dependence else None
-    lorentzian = stribeck_shape == "lorentzian"
-    is_open = stribeck_shape is None if any_shape is None else any_shape
-    wanted = sliding.FrictionModel(name, fixed[stribeck_shape], viscous=viscous, lorentzian=lorentzian)
-    options = {"robust": robust, "pressure_dependence": pressure_dependence} | provenance
-    loss = "huber" if robust else "linear"
-    return fit_values(wanted, data, pressure=form, loss=loss, any_shape=is_open, notes=notes, options=options)
+    wanted = sliding.FrictionModel(name, exponent, viscous=viscous, lorentzian=shape == "lorentzian")
+    options = {"pressure_dependence": pressure_dependence} | provenance
+    is_open = not shape if any_shape is None else any_shape
+    return fit_values(wanted, data, pressure=form, any_shape=is_open, notes=notes, options=options)
 
 
 def fit_values(
     wanted: sliding.FrictionModel,
     data: sliding.Observations,
     *,
-    pressure: str | None = None,
-    loss: str = "huber",
+    pressure: str | None,
     any_shape: bool = False,
     notes: Sequence[str] = (),
-    options: Mapping[str, object] | None = None,
+    options: Mapping[str, object],
 ) -> FrictionFit:
     """Fit a law to selected values; see :func:`fit_friction`, which selects them.
 
@@ -164,8 +145,6 @@ def fit_values(
     data : Observations
     pressure : str or None
         Dependence on pressure, one of ``PRESSURE_FORMS``; None: no dependence.
-    loss : str
-        ``linear`` or ``huber``.
     any_shape : bool
         Whether intervals of the forces cover all Stribeck shapes that fit equally well.
     notes, options
@@ -173,12 +152,12 @@ def fit_values(
     """
     said = [*notes, *_confounding(data, pressure is not None)]
     model, lost = selection.choose_model(wanted, data, pressure=pressure)
-    support = selection.shrunk_to_the_data(selection.with_knee(model, data, loss), data, loss)
+    support = selection.shrunk_to_the_data(selection.with_knee(model, data), data)
     lost += support.lost + selection.diagnose(support.found, support.intervals)
     said += _remarks(support)
     support = replace(support, intervals=selection.interval_over_shapes(support)) if any_shape else support
-    provenance = {"version": __version__, "map_sha256": sliding.fingerprint(data), "loss": loss, **_ranges(data)}
-    provenance |= options or {}
+    provenance = {"version": __version__, "map_sha256": sliding.fingerprint(data), **_ranges(data)}
+    provenance |= options
     fit = assembled(wanted.law, support, lost, said, provenance)
     return replace(fit, notes=(*fit.notes, *fit.correlated()))
 
@@ -198,16 +177,6 @@ def _remarks(support: selection.Support) -> list[str]:
     if np.isfinite(found.rival):
         said.append(sentence("notes", "rival", velocity=1e3 * found.rival))
     return said
-
-
-def fit_directions(friction_map: xr.Dataset, law: str = "stribeck", **options: object) -> dict[int, FrictionFit]:
-    """Fit each direction separately: {+1: fit, -1: fit}; options as for :func:`fit_friction`.
-
-    Friction of lip seals differs by 10 to 40 % between directions. An error of the force zero or of the area has the
-    same effect: it increases one Coulomb force and decreases the other. Only a fit to pairs of both directions avoids
-    this error.
-    """
-    return {d: fit_friction(friction_map, law, direction=d, **options) for d in (1, -1)}  # type: ignore[arg-type]
 
 
 def _confounding(data: sliding.Observations, pressure_dependence: bool) -> list[str]:
@@ -277,11 +246,6 @@ def fit_any_law(
     friction_map: xr.Dataset,
     friction: Friction,
     free: Sequence[str] | None = None,
-    *,
-    direction: int | None = None,
-    ambient_pressure_pa: float | None = None,
-    exclude_flags: Collection[str] = sliding.NOT_SLIDING,
-    seed: int = 1,
 ) -> LawFit:
     """Fit the steady sliding of any law to a friction map.
 
@@ -293,22 +257,18 @@ def fit_any_law(
         Built-in or custom law with guesses of its parameters. Its modifiers (pressure, direction) are kept.
     free : sequence of str, optional
         Parameters to fit. Default: all parameters with an effect on steady sliding.
-    direction, ambient_pressure_pa, exclude_flags
-        As for :func:`fit_friction`.
-    seed : int
-        Random seed of further start values, within a factor of five of the guesses.
 
     Returns
     -------
     LawFit
     """
-    data, _, provenance = sliding.selected(friction_map, direction, ambient_pressure_pa, exclude_flags)
+    data, _, provenance = sliding.selected(friction_map)
     known = tuple(friction.parameters)
     unknown = [n for n in free or () if n not in known]
     if unknown:
         raise FitError.of("identify.no_parameter", law=friction.law, name=unknown[0], known=", ".join(known))
     seen = _seen(_with_sizes(sliding.AnyLaw(friction, known), data), data)
-    model = _with_sizes(sliding.AnyLaw(friction, tuple(free) if free else seen, seed=seed), data)
+    model = _with_sizes(sliding.AnyLaw(friction, tuple(free) if free else seen), data)
     if not model.names:
         raise FitError("none of the free parameters has an effect on steady sliding", value=", ".join(free or known))
     if len(data) <= len(model.names):
@@ -331,8 +291,7 @@ def fit_any_law(
         unseen=tuple(n for n in known if n not in seen),
         notes=tuple(sliding.simulated(friction_map)),
         statistics=found.statistics(),
-        provenance={"version": __version__, "map_sha256": sliding.fingerprint(data), "loss": "huber", "seed": seed}
-        | provenance,
+        provenance={"version": __version__, "map_sha256": sliding.fingerprint(data)} | provenance,
         observations=data,
         profiler=partial(_profile, found),
     )
@@ -385,17 +344,13 @@ def _seen(model: sliding.AnyLaw, data: sliding.Observations) -> tuple[str, ...]:
     return tuple(n for n, s in zip(model.names, size, strict=True) if s > NO_EFFECT * np.abs(value).max())
 
 
-def fit_characterisation(
-    characterisation: Characterisation, laws: Sequence[str] = LAWS
-) -> tuple[dict[str, dict[str, FrictionFit]], list[str]]:
+def fit_characterisation(characterisation: Characterisation) -> tuple[dict[str, dict[str, FrictionFit]], list[str]]:
     """Fit laws to the friction map of a characterisation.
 
     Parameters
     ----------
     characterisation : Characterisation
         As returned by ``characterise_recordings``.
-    laws : sequence of str
-        Laws to fit.
 
     Returns
     -------
@@ -406,7 +361,7 @@ def fit_characterisation(
     """
     names = assemblies_of(characterisation.friction_map)
     names = names if len(set(names)) > 1 else [ALL_RECORDINGS] * len(names)
-    return fit_groups(characterisation.friction_map, names, laws)
+    return fit_groups(characterisation.friction_map, names)
 
 
 def fit_file(group: str) -> str:
@@ -421,14 +376,14 @@ def fit_file(group: str) -> str:
 
 
 def fit_groups(
-    table: xr.Dataset, names: Sequence[str], laws: Sequence[str], exclude_flags: Sequence[str] = sliding.NOT_SLIDING
+    table: xr.Dataset, names: Sequence[str], exclude_flags: Sequence[str] = sliding.NOT_SLIDING
 ) -> tuple[dict[str, dict[str, FrictionFit]], list[str]]:
-    """Fit laws to each group of rows of a map. Return group -> law -> fit, and failed fits."""
+    """Fit each law to each group of rows of a map. Return group -> law -> fit, and failed fits."""
     fits: dict[str, dict[str, FrictionFit]] = {}
     problems: list[str] = []
     for group in dict.fromkeys(names):
         part = table.isel(row=np.flatnonzero(np.array(names) == group))
-        for law in laws:
+        for law in LAWS:
             label = f"{group}, {law}"
             try:
                 found = fit_map(part, law, exclude_flags)
@@ -439,7 +394,7 @@ def fit_groups(
     return fits, problems
 
 
-def fit_map(table: xr.Dataset, law: str, exclude_flags: Sequence[str] = sliding.NOT_SLIDING) -> FrictionFit:
+def fit_map(table: xr.Dataset, law: str, exclude_flags: Sequence[str]) -> FrictionFit:
     """Fit a law to a friction map. Friction may depend on pressure if the map has several pressures."""
     spread = max(float(np.ptp(table[f"pressure_{side}_pa"].to_numpy())) for side in ("a", "b"))
     return fit_friction(table, law, pressure_dependence=spread > MINIMUM_RANGE_PA, exclude_flags=exclude_flags)

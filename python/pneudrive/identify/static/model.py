@@ -409,8 +409,6 @@ class AnyLaw(StaticLaw):
         Free parameters of the law.
     start : tuple of float
         Start values, SI; the default is the values of `friction`.
-    seed : int
-        Seed of the further starts, within a factor of five of the given values.
     held : dict
         Further held parameter -> value, SI, instead of that of `friction`.
     """
@@ -418,7 +416,6 @@ class AnyLaw(StaticLaw):
     friction: Friction
     names: tuple[str, ...]
     start: tuple[float, ...] = field(default=(), compare=False)
-    seed: int = field(default=1, compare=False)
     held: dict[str, float] = field(default_factory=dict, compare=False)
     stribeck: bool = field(default=False, init=False)  # not linear in its forces
     chosen: int = field(default=0, init=False)
@@ -488,7 +485,7 @@ class AnyLaw(StaticLaw):
     def starting_points(self, data: Observations) -> list[Array]:
         """Return start points: the given values and points near them."""
         given, (lower, upper) = self.internal(self.given), self.bounds(data)
-        noise = np.random.default_rng(self.seed).uniform(-1.0, 1.0, (STARTS, given.size)) * np.log(FACTOR)
+        noise = np.random.default_rng(1).uniform(-1.0, 1.0, (STARTS, given.size)) * np.log(FACTOR)
         steps = np.where(self.positive, np.vstack([np.zeros(given.size), noise]), 0.0)
         return list(np.clip(given + steps, lower, upper))
 
@@ -658,14 +655,13 @@ def _standard_errors(column: dict[str, NDArray], pairs: Ints, friction: Array, s
 
 def selected(
     friction_map: xr.Dataset,
-    direction: int | None,
-    ambient_pressure_pa: float | None,
-    exclude_flags: Collection[str],
+    direction: int | None = None,
+    exclude_flags: Collection[str] = NOT_SLIDING,
     *,
     needs_ambient: bool = True,
 ) -> tuple[Observations, list[str], Plain]:
     """Return the values of a map for a fit, notes, and their provenance; see `observations`."""
-    ambient = ambient_of(friction_map, ambient_pressure_pa, needs_ambient)
+    ambient = ambient_of(friction_map, needs_ambient)
     data, notes = observations(
         friction_map, direction=direction, ambient_pressure_pa=ambient, exclude_flags=exclude_flags
     )
@@ -702,9 +698,9 @@ def fingerprint(data: Observations) -> str:
     return hashlib.sha256(np.ascontiguousarray(np.stack(columns), dtype="<f8").tobytes()).hexdigest()
 
 
-def ambient_of(friction_map: xr.Dataset, given: float | None, needed: bool) -> float:
+def ambient_of(friction_map: xr.Dataset, needed: bool) -> float:
     """Return the ambient pressure as reference of gauge pressures, Pa; 0 if it is unknown and not needed."""
-    value = given if given is not None else friction_map.attrs.get("ambient_pressure_pa")
+    value = friction_map.attrs.get("ambient_pressure_pa")
     if value is None:
         if needed:
             raise FitError.of("identify.no_ambient")

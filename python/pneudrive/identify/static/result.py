@@ -21,8 +21,6 @@ from pneudrive.repr_tables import Shown
 from pneudrive.views import Finding
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
     import xarray as xr
     from numpy.typing import ArrayLike
 
@@ -547,10 +545,8 @@ def _values(fit: SlidingFit, friction_map: xr.Dataset) -> Observations:
     return data
 
 
-def profiles(
-    fit: FrictionFit, friction_map: xr.Dataset, probabilities: Sequence[float] = PROBABILITIES
-) -> dict[str, Array]:
-    """Return intervals by profile likelihood for several probabilities.
+def profiles(fit: FrictionFit, friction_map: xr.Dataset) -> dict[str, Array]:
+    """Return intervals by profile likelihood for the probabilities `PROBABILITIES`.
 
     The intervals show how well the data determine each value.
 
@@ -559,8 +555,6 @@ def profiles(
     fit : FrictionFit
     friction_map : xarray.Dataset
         The fitted map.
-    probabilities : sequence of float
-        Probability of the intervals, shape (n,). At 0.95 they are the intervals of the fit.
 
     Returns
     -------
@@ -572,11 +566,11 @@ def profiles(
     FitError
         The map differs from that of the fit, or the fit has a loss of earlier versions.
     """
-    loss = str(fit.provenance["loss"])
-    if loss not in ("huber", "linear"):  # older fits
-        raise FitError(f"the fit has another loss, {loss}", rule="huber or linear", remedy="Fit again.")
-    found, _ = estimated(fit.model, _values(fit, friction_map), loss)
-    each = [interval_over_knees(found, student(found.dof, share), loss) for share in probabilities]
+    loss = fit.provenance.get("loss", "huber")
+    if loss != "huber":  # older fits
+        raise FitError(f"the fit has another loss, {loss}", rule="huber", remedy="Fit again.")
+    found, _ = estimated(fit.model, _values(fit, friction_map))
+    each = [interval_over_knees(found, student(found.dof, share)) for share in PROBABILITIES]
     return {name: np.array([one[name] for one in each]) for name in fit.free}
 
 
@@ -598,26 +592,22 @@ class Ellipse(NamedTuple):
     points: Array
 
 
-def ellipses(fit: Fit, count: int = 6, points: int = 73) -> list[Ellipse]:
-    """Return the ellipses of the pairs of determined values with the largest correlations.
+def ellipses(fit: Fit) -> list[Ellipse]:
+    """Return the ellipses of the six pairs of determined values with the largest correlations.
 
     Parameters
     ----------
     fit : Fit
         Fit of any kind, also from a file.
-    count : int
-        Largest number of pairs.
-    points : int
-        Points of an outline.
     """
-    turn = np.linspace(0.0, 2.0 * np.pi, points)
+    turn = np.linspace(0.0, 2.0 * np.pi, 73)
     circle = np.stack([np.cos(turn), np.sin(turn)])
     known = [k for k, name in enumerate(fit.free) if name in fit.standard_errors]
     pairs = [(i, j) for i in known for j in known if i < j]
     pairs.sort(key=lambda pair: -abs(fit.correlation[pair]))
     values = fit.free_values()
     out = []
-    for i, j in pairs[:count]:
+    for i, j in pairs[:6]:
         names = fit.free[i], fit.free[j]
         part = fit.covariance[np.ix_([i, j], [i, j])]
         if not np.all(np.diag(part) > 0.0):

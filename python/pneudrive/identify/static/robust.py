@@ -127,7 +127,7 @@ class RobustEstimate:
     def pseudo_fit(self, model: StaticLaw, starts: Sequence[Array] = ()) -> RobustEstimate:
         """Return the plain least squares estimate of another law from the pseudo-values, with their variance."""
         pseudo = replace(self.data, friction_n=self.pseudo)
-        other = estimate(model, pseudo, loss="linear", starts=starts)
+        other = estimate(model, pseudo, LINEAR, starts=starts)
         return replace(other, data=self.data, pseudo=self.pseudo, variance=self.variance)
 
     def statistics(self, scatter_n: float = 0.0) -> dict[str, float]:
@@ -157,8 +157,8 @@ class RobustEstimate:
 def estimate(
     model: StaticLaw,
     data: Observations,
+    kind: Loss = HUBER,
     *,
-    loss: str = "huber",
     fixed_scale: bool = False,
     starts: Sequence[Array] = (),
 ) -> RobustEstimate:
@@ -168,8 +168,8 @@ def estimate(
     ----------
     model : StaticLaw
     data : Observations
-    loss : str
-        ``linear`` (plain weighted least squares) or ``huber``.
+    kind : Loss
+        Huber's loss, or ``LINEAR`` for plain weighted least squares.
     fixed_scale : bool
         Whether to treat the stated standard errors as exact (required if there are not more rows than parameters).
     starts : sequence of ndarray, shape (p,)
@@ -179,7 +179,6 @@ def estimate(
     -------
     RobustEstimate
     """
-    kind = LINEAR if loss == "linear" else HUBER
     dof = _freedom(model, data)
     floor = SCALE_FLOOR * float(np.max(np.abs(data.friction_n)) / np.median(data.stderr_n))
     starts = starts or model.starting_points(data)
@@ -305,7 +304,7 @@ LEAST_DOF = 3
 CLEARLY = 6.6
 
 
-def with_scatter(found: RobustEstimate, loss: str) -> tuple[RobustEstimate, float]:
+def with_scatter(found: RobustEstimate) -> tuple[RobustEstimate, float]:
     """Add a scatter to the standard errors if the residuals are too large, and the scatter explains them better.
 
     The alternative is a common factor on the standard errors, without scatter. It is chosen only if it is clearly more
@@ -315,8 +314,6 @@ def with_scatter(found: RobustEstimate, loss: str) -> tuple[RobustEstimate, floa
     ----------
     found : RobustEstimate
         Estimate without scatter.
-    loss : str
-        As for the estimate.
 
     Returns
     -------
@@ -333,7 +330,7 @@ def with_scatter(found: RobustEstimate, loss: str) -> tuple[RobustEstimate, floa
 
     def widened(scatter: float, starts: Sequence[Array] = ()) -> RobustEstimate:
         wider = replace(data, stderr_n=np.hypot(data.stderr_n, scatter))
-        return estimate(found.model, wider, loss=loss, starts=starts)
+        return estimate(found.model, wider, starts=starts)
 
     def excess(log_scatter: float) -> float:
         return float(np.log(widened(float(np.exp(log_scatter)), [found.q]).scale))

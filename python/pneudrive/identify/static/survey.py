@@ -29,12 +29,12 @@ from pneudrive.estimate.autocorrelation import integrated_wiener
 from pneudrive.identify.identified import sentence
 from pneudrive.identify.static.diagnose import SAME_PRESSURE_PA
 from pneudrive.identify.static.fit import fit_values
-from pneudrive.identify.static.model import NOT_SLIDING, FrictionModel, Observations, at_conditions, selected
+from pneudrive.identify.static.model import FrictionModel, Observations, at_conditions, selected
 from pneudrive.identify.static.result import FrictionFit, Prediction
 from pneudrive.repr_tables import Shown
 
 if TYPE_CHECKING:
-    from collections.abc import Collection, Mapping, Sequence
+    from collections.abc import Mapping, Sequence
 
     import xarray as xr
     from numpy.typing import ArrayLike, NDArray
@@ -220,7 +220,6 @@ def survey_values(
     groups: Mapping[str, Observations],
     runs: Mapping[str, Sequence[str]] | None = None,
     options: Mapping[str, Mapping[str, object]] | None = None,
-    law: str | None = None,
 ) -> Survey:
     """Survey several seals; see the docstring of this module.
 
@@ -232,8 +231,6 @@ def survey_values(
         Seal -> name of the run (mounting) of each value; the default is one run for each seal.
     options : mapping, optional
         Seal -> entries for the provenance of its fit: direction, recordings.
-    law : str or None
-        None: ``stribeck`` for a seal whose speeds span a factor of three or more, otherwise constant friction.
 
     Raises
     ------
@@ -244,7 +241,7 @@ def survey_values(
     unused: dict[str, str] = {}
     for name, data in groups.items():
         run = tuple(runs[name]) if runs else ("",) * len(data)
-        one = _surveyed(name, data, run, law, (options or {}).get(name, {}))
+        one = _surveyed(name, data, run, (options or {}).get(name, {}))
         if isinstance(one, str):
             unused[name] = one
             continue
@@ -292,12 +289,10 @@ def _posterior(logs: dict[str, Array]) -> tuple[dict[str, Array], Array]:
     return weights, joint.sum(axis=-1)
 
 
-def _surveyed(
-    name: str, data: Observations, runs: tuple[str, ...], law: str | None, options: Mapping[str, object]
-) -> Surveyed | str:
+def _surveyed(name: str, data: Observations, runs: tuple[str, ...], options: Mapping[str, object]) -> Surveyed | str:
     """Fit one seal, or return the reason why it is left out."""
     wide = float(data.speed_m_s.max() / data.speed_m_s.min()) >= SPEED_SPAN
-    wanted = FrictionModel(law or ("stribeck" if wide else "coulomb"), viscous=wide)
+    wanted = FrictionModel("stribeck" if wide else "coulomb", viscous=wide)
     fit = fit_values(wanted, data, pressure="linear", options={"direction": "both", **options})
     theta = fit.coordinates
     value, jac = fit.model.value_and_jacobian(theta, data)
@@ -366,11 +361,6 @@ def survey(
     friction_map: xr.Dataset,
     seals: str | Sequence[str],
     runs: str | Sequence[str] | None = None,
-    *,
-    law: str | None = None,
-    direction: int | None = None,
-    ambient_pressure_pa: float | None = None,
-    exclude_flags: Collection[str] = NOT_SLIDING,
 ) -> Survey:
     """Fit each seal of a friction map.
 
@@ -383,8 +373,6 @@ def survey(
     seals, runs : str or sequence of str
         Label of each row, or the name of a column of labels. Rows with equal seal and run were measured without
         remounting the seal.
-    law, direction, ambient_pressure_pa, exclude_flags
-        As for :func:`fit_friction`; `law` None is ``stribeck`` if a seal's speeds span a factor of three.
 
     Returns
     -------
@@ -392,8 +380,7 @@ def survey(
         Its ``predict`` returns the friction of a further recording, in the same run or another; ``seals[name].fit`` is
         the fit of one seal.
     """
-    options = {"direction": direction, "ambient_pressure_pa": ambient_pressure_pa, "exclude_flags": exclude_flags}
-    return survey_values(*grouped(friction_map, seals, runs, options), law)
+    return survey_values(*grouped(friction_map, seals, runs, {}))
 
 
 def pressure_levels(data: Observations) -> Ints:

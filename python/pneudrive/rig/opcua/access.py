@@ -167,13 +167,7 @@ class Protection:
     users: dict[str, str] = field(default_factory=dict)
 
     @classmethod
-    def of(
-        cls,
-        certificate: Path | None,
-        key: Path | None,
-        trusted: list[Path] | None,
-        user_file: Path | None,
-    ) -> Protection:
+    def of(cls, certificate: Path | None, trusted: list[Path] | None, user_file: Path | None) -> Protection:
         """Read the files named by the options of a command.
 
         Raises
@@ -181,12 +175,11 @@ class Protection:
         CommandError, RigError
             The options do not fit together, or a file cannot be read.
         """
-        if certificate is None and (key or trusted or user_file):
-            what = "--key, --trust and --user-file need --certificate"
-            raise CommandError(what, remedy="pneudrive rig certificate")
+        if certificate is None and (trusted or user_file):
+            raise CommandError("--trust and --user-file need --certificate", remedy="pneudrive rig certificate")
         if certificate is None:
             return cls()
-        key = certificate.with_suffix(".key") if key is None else key
+        key = certificate.with_suffix(".key")
         if not trusted:
             raise CommandError("--certificate needs --trust", rule="--trust gives the certificates of admitted clients")
         secret(key)

@@ -13,7 +13,7 @@ from pneudrive.campaign.storage.control import write_whole
 from pneudrive.errors import CampaignError
 from pneudrive.files.content import read_json
 from pneudrive.report.page import texts_of
-from pneudrive.rig.interface import Move
+from pneudrive.rig.interface import Move, Step
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -21,7 +21,6 @@ if TYPE_CHECKING:
     from pneudrive.arrays import Array, Keyed, Plain
     from pneudrive.campaign.storage.folder import Campaign
     from pneudrive.rig import Envelope, Identity
-    from pneudrive.rig.interface import Step
     from pneudrive.rig.machine import Machine, Past
     from pneudrive.rig.motion import Motion
 
@@ -36,6 +35,8 @@ EXPERIMENTS = {
 }
 #: File in the folder of a campaign: key of a cycle -> speed and true friction of its strokes.
 TRUE_STROKES = "true-strokes.json"
+#: Seed of the simulated sensors.
+SEED = 0
 #: Relative deviation up to which the commanded speed counts as reached.
 AT_SPEED = 1e-3
 
@@ -59,15 +60,13 @@ class Experiment:
         return list(read_json(self.campaign.path / TRUE_STROKES, CampaignError).values())
 
 
-def run_experiments(into: str | Path, seed: int = 0) -> dict[str, Experiment]:
+def run_experiments(into: str | Path) -> dict[str, Experiment]:
     """Run the campaigns, each in its own process.
 
     Parameters
     ----------
     into : path-like
         Folder for the campaign folders; finished cycles are not run again.
-    seed : int
-        Seed of the rigs.
 
     Returns
     -------
@@ -81,7 +80,7 @@ def run_experiments(into: str | Path, seed: int = 0) -> dict[str, Experiment]:
     """
     from pneudrive.batching import in_processes
 
-    jobs = [(protocol, rig, str(Path(into) / protocol), seed) for protocol, rig in EXPERIMENTS.values()]
+    jobs = [(protocol, rig, str(Path(into) / protocol), SEED) for protocol, rig in EXPERIMENTS.values()]
     return dict(zip(EXPERIMENTS, in_processes(run_experiment, jobs), strict=True))
 
 

@@ -17,15 +17,13 @@ if TYPE_CHECKING:
     from pneudrive.studies.bracha.figure import Experiment, PaperFigure
 
 
-def paper_figures(runs: Mapping[str, Experiment], seed: int = 0) -> dict[int, PaperFigure]:
+def paper_figures(runs: Mapping[str, Experiment]) -> dict[int, PaperFigure]:
     """Return all figures of the paper.
 
     Parameters
     ----------
     runs : mapping of Experiment
         Result of `run_experiments`.
-    seed : int
-        Seed of the sensors on the drive of figure 1.
 
     Returns
     -------
@@ -33,7 +31,7 @@ def paper_figures(runs: Mapping[str, Experiment], seed: int = 0) -> dict[int, Pa
         Figures by their number in the paper.
     """
     figures = [
-        figure_1(seed),
+        figure_1(),
         figure_2(),
         figure_3(),
         figure_4(runs["speed"]),

@@ -15,7 +15,7 @@ from pneudrive.report.fit import Addition
 from pneudrive.report.page import Paragraph, Topic, plural, sentence
 from pneudrive.report.strokes import DrawnMotion, in_time, phase_plane, recovered, recovered_section
 from pneudrive.rig import SimulatedRig, shipped_rigs, sweep
-from pneudrive.studies.bracha.figure import EXPERIMENTS, TEXTS, readable, run_experiments
+from pneudrive.studies.bracha.figure import EXPERIMENTS, SEED, TEXTS, readable, run_experiments
 from pneudrive.studies.bracha.figures import DRAWINGS, paper_figures
 from pneudrive.studies.bracha.general import (
     AS_PRINTED,
@@ -65,8 +65,6 @@ class Reproduction:
         Comparison of the printed equations with the energy balance.
     claims : tuple of Claim
         All checkable sentences of the paper, with verdicts.
-    seed : int
-        Seed of the simulated sensors.
     """
 
     rig: SimulatedRig
@@ -76,7 +74,6 @@ class Reproduction:
     fits: Fits
     chambers: ChamberComparison
     claims: tuple[Claim, ...]
-    seed: int
 
     def addition(self, found: Characterisation | None) -> Addition:
         """Return the study's addition to the report of `found`; None: a complete report of the study."""
@@ -94,22 +91,20 @@ class Reproduction:
             verdict=tuple(lines),
             sections=tuple(part for part in parts if part is not None),
             validity=Topic(PAGE, "provenance").say("validity"),
-            settings=(("solver of the simulations", solver), ("seed of the simulated sensors", str(self.seed))),
+            settings=(("solver of the simulations", solver), ("seed of the simulated sensors", str(SEED))),
             sources=tuple(values(self.rig.description, self.rigs)),
             cited=("bracha", *(key for run in self.chambers.runs.values() for key in run.attrs["citations"])),
             laws=("lugre", "stribeck"),
         )
 
 
-def reproduce(into: str | Path, seed: int = 0) -> Reproduction:
+def reproduce(into: str | Path) -> Reproduction:
     """Run the source paper's experiments on simulated rigs and a drive, and make its figures 1 to 9.
 
     Parameters
     ----------
     into : path-like
         Folder for the campaigns; finished cycles are not run again.
-    seed : int
-        Seed of all random values of the rigs.
 
     Returns
     -------
@@ -120,17 +115,17 @@ def reproduce(into: str | Path, seed: int = 0) -> Reproduction:
     CampaignError
         If the folder cannot be used.
     """
-    runs = run_experiments(into, seed)
+    runs = run_experiments(into)
     rig = SimulatedRig.default()
-    recordings = sweep(rig, np.geomspace(*RECOVERY_SPEEDS_M_S), RECOVERY_GAUGES_PA, count=RECOVERY_CYCLES, seed=seed)
+    recordings = sweep(rig, np.geomspace(*RECOVERY_SPEEDS_M_S), RECOVERY_GAUGES_PA, count=RECOVERY_CYCLES, seed=SEED)
     found = characterise_recordings(recordings)
     fits, _ = fit_characterisation(found)
     names = dict.fromkeys(name for _, name in EXPERIMENTS.values())
     rigs = tuple(SimulatedRig.load(shipped_rigs()[name]).description for name in names)
-    figures, chamber_laws = paper_figures(runs, seed), compare_chamber_laws()
+    figures, chamber_laws = paper_figures(runs), compare_chamber_laws()
     claims = tuple(claim for figure in figures.values() for claim in figure.claims)
     claims += general_claims(chamber_laws, figures)
-    return Reproduction(rig, figures, rigs, found, fits, chamber_laws, claims, seed)
+    return Reproduction(rig, figures, rigs, found, fits, chamber_laws, claims)
 
 
 # --- Additions of the study to a report: verdict, sections, provenance.

@@ -60,23 +60,22 @@ def slow_drive(law: str = "lugre") -> pn.Drive:
     return drive.replace({"friction": {"law": law, **table}})
 
 
-def creep(law: str, opening: float | None = None) -> xr.Dataset:
-    """Simulate the slow drive through the section that the figures show.
+def creep(law: str) -> xr.Dataset:
+    """Simulate the slow drive through the section that the figures show, at the paper's mean speed.
 
     Parameters
     ----------
     law : str
         ``lugre`` or ``stribeck``.
-    opening : float, optional
-        Valve command; None: the command that gives the paper's mean speed.
 
     Returns
     -------
     xarray.Dataset
         Trajectory after the transient of the start; time from zero.
     """
-    u = OPENING[law] if opening is None else opening
-    run = pn.simulate(slow_drive(law), [(0.0, u)], SKIPPED_S + SHOWN_S, initial=START, sample_rate=SAMPLE_RATE)
+    run = pn.simulate(
+        slow_drive(law), [(0.0, OPENING[law])], SKIPPED_S + SHOWN_S, initial=START, sample_rate=SAMPLE_RATE
+    )
     shown = run.isel(time=slice(int(np.searchsorted(run.time.values, SKIPPED_S)), None))
     return shown.assign_coords(time=("time", shown.time.values - shown.time.values[0], shown.time.attrs))
 

@@ -123,7 +123,7 @@ class RunRequest(PageRequest):
         """
         return with_changes(described_at(workspace, self.path, self.text), self.changes)
 
-    def run(self, workspace: Workspace, cancel: Flag | None = None) -> Run:
+    def run(self, workspace: Workspace, cancel: Flag | None) -> Run:
         """Simulate.
 
         Raises
@@ -135,7 +135,7 @@ class RunRequest(PageRequest):
         """
         return self.run_of(self.described(workspace), workspace, cancel)
 
-    def run_of(self, described: Described, workspace: Workspace, cancel: Flag | None = None) -> Run:
+    def run_of(self, described: Described, workspace: Workspace, cancel: Flag | None) -> Run:
         """Simulate the result of `described`. Errors are those of `run`."""
         check_samples(positive(self.duration, "s", "duration") * positive(self.rate, "1/s", "sample_rate"))
         watch = Watch(cancel=cancel or RunLimit())

@@ -80,7 +80,7 @@ def test_a_law_is_fitted_to_the_map(found):
 def test_an_effect_of_temperature_is_in_the_fit(measured, quick):
     found = measured(quick(temperature_share_k=0.02, sentinel_every=4))
     assert found.drift.per_kelvin.differs
-    fits, _ = fit_campaign(found, ("stribeck",))
+    fits, _ = fit_campaign(found)
     (by_law,) = fits.values()
     assert by_law["stribeck"].dependences.tables["temperature"]["reference"].endswith(" K")
 

@@ -515,10 +515,10 @@ class StopDesign(Shown):
         lines += [f"  {name:<18} {value:.3g}" for name, value in self.half_widths.items()]
         return "\n".join(lines)
 
-    def protocol(self, name: str = "Next stops") -> str:
+    def protocol(self) -> str:
         """Return a protocol for ``pneudrive campaign plan``; every stop has the largest number of repeats."""
         listed = ", ".join(f'"{t:g} s"' for t in self.durations_s)
-        lines = ["schema = 1", f'name = "{name}"', f'about = "optimal stops for the {self.form} dwell law"']
+        lines = ["schema = 1", 'name = "Next stops"', f'about = "optimal stops for the {self.form} dwell law"']
         lines += [f"repeats = {max(self.repeats)}", "", "[stop]", f"durations = [{listed}]"]
         return "\n".join([*lines, "", "[order]", 'kind = "randomised"', ""])
 

@@ -204,7 +204,7 @@ def _trace(recording: Recording, friction: Array, phases: course.Phases) -> Row:
 
 
 def find_stops(
-    campaign: Campaign, processes: int | None = None, files: Sequence[CycleFile] | None = None
+    campaign: Campaign, processes: int | None, files: Sequence[CycleFile] | None = None
 ) -> tuple[pl.DataFrame, tuple[Skipped, ...]]:
     """Read all stops of a campaign.
 
