@@ -57,6 +57,7 @@ trials: setup  ## long random trials from SEED=1, COUNT=10000 drives, circuits, 
 	$(PY) tests/oracle/random_drives.py --count $$(( $(COUNT) / 100 )) --seed $(SEED)
 	$(PY) tests/oracle/random_drives.py --remembers --count $$(( $(COUNT) / 200 )) --seed $(SEED)
 	$(PY) tests/oracle/fit_coverage.py --count $$(( $(COUNT) / 10 )) --seed $(SEED)
+	$(PY) tests/oracle/circuit_coverage.py --count $$(( $(COUNT) / 200 )) --seed $(SEED)
 	$(PY) tests/oracle/chain_coverage.py --count $$(( $(COUNT) / 100 )) --seed $(SEED)
 	$(PY) tests/oracle/campaign_coverage.py --count $$(( $(COUNT) / 50 )) --seed $(SEED)
 	$(PY) tests/oracle/hidden_truths.py --count $$(( $(COUNT) / 100 )) --first $(SEED)

@@ -166,10 +166,11 @@ def test_size_a_drive(server: Server, open_tab: Open, monkeypatch: pytest.Monkey
     expect(page.locator(".answer-card h2").first).to_contain_text("Take Parker Origa OSP-P")
     expect(page.locator(".answer-card").first).to_have_attribute("data-state", "good")
     page.click("text=Copy as command or Python")
-    names: dict = {}
-    monkeypatch.chdir(server.folder)
-    exec(page.inner_text("[data-copy=python]"), names)
-    found = names["found"]
+    asked: list = []
+    monkeypatch.setattr(pn, "size", lambda *given, **options: asked.append((given, options)))
+    exec(page.inner_text("[data-copy=python]"), {})
+    assert asked == [(("lift.toml",), {"most": 160, "draws": 8, "draws_best": 32})]
+    found = pn.load(server.folder / "results/lift")
     best = found.best
     assert best is not None
     columns = [one.get_attribute("data-column-of") for one in page.locator("[data-column-of]").all()]
