@@ -16,7 +16,7 @@ use crate::course::{Course, Fade};
 use crate::follower::{Answer, Follower};
 use crate::law::AnyLaw;
 use crate::reference::{Reference, Wanted};
-use crate::thresholds::{CLOCK_WITHIN, MODEL_TRUSTED, REFERENCE_JUMP};
+use crate::thresholds::{CLOCK_WITHIN, MODEL_TRUSTED, REFERENCE_JUMP, STOP_BLIND};
 use crate::types::{Edges, Moment, Sample, State};
 use brake::Braking;
 pub use event::{Event, EventKind, Log};
@@ -270,7 +270,8 @@ impl Supervisor {
     fn begin_stop(&mut self, own: &Follower, sample: &Sample) {
         if let Some(state) = own.state() {
             let at = Moment { time: sample.time, period: own.period };
-            self.mode = Mode::stop(at, &own.model, &state, self.followed, self.rules.stop_deceleration);
+            let part = if self.position.is_lost() { STOP_BLIND } else { 1.0 };
+            self.mode = Mode::stop(at, &own.model, &state, self.followed, self.rules.stop_deceleration, part);
         }
     }
 

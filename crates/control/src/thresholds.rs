@@ -133,6 +133,7 @@ thresholds! {
     REFERENCE_JUMP: f64 = 1e-3, "m", "jump of a reference that starts a stop ramp", "assumed";
     STOP_NEAR: f64 = 2e-3, "m", "error up to which a stop ramp begins on the reference", "assumed";
     STOP_APART: f64 = 2e-3, "m", "distance from an end stop at which a stop ramp ends", "assumed";
+    STOP_BLIND: f64 = 0.5, "1", "part of the distance to an end stop within which a drive without a position sensor stops", "mass and friction of the model may be wrong; assumed";
     BLOCK_SLOW: f64 = 0.02, "m/s", "speed above which a drive with a lost sensor is stopped by a ramp before its valve is shut", "assumed";
     MODEL_TRUSTED: f64 = 0.08, "s", "time for which the position of the model is accurate without readings", "assumed";
 
@@ -156,7 +157,7 @@ thresholds! {
     GUARD_PRESSURE: [f64; 2] = [1e4, 2.0], "Pa; 1", "pressures that exported code accepts: least pressure, and greatest relative to the supply", "assumed";
     SUPPLY_FALLEN: f64 = 1e5, "Pa", "fall of the supply pressure that is reported", "assumed";
     FLOW_FORGOTTEN: f64 = 0.03, "s", "time in which a change of a pressure by flow is forgotten", "a fallen supply is reported before it matters; assumed";
-    FLOW_SEEN: f64 = 0.25e5, "Pa", "change of both pressures by flow, by the model, above which the measured flows are compared with it", "assumed";
+    FLOW_SEEN: f64 = 0.4e5, "Pa", "change of both pressures by flow, by the model, above which the measured flows are compared with it", "assumed";
     FLOW_DIFFERS_FOR: f64 = 0.01, "s", "time after which flows that differ from the model are reported", "assumed";
     FLOW_LEAST: f64 = 0.5, "1", "relative flow of both chambers below which the valve does not react", "assumed";
     STARVED_FLOW: [f64; 2] = [0.1, 1.3], "1", "flow of a starved chamber, relative to a fallen supply: into the chamber, back into the supply", "a chamber fills at a tenth of the flow if the supply pressure sags; assumed";

@@ -40,13 +40,14 @@ impl Mode {
     }
 
     /// Returns a stop ramp with a deceleration, m/s2. It begins at the wanted position, or at the actual position if the
-    /// two differ.
+    /// two differ, and ends within a part of the distance to the end stop.
     pub fn stop(
         at: Moment,
         model: &Model,
         state: &State,
         followed: Option<Wanted>,
         deceleration: f64,
+        part: f64,
     ) -> Self {
         let Moment { time, period } = at;
         let seen = [state.position, state.velocity, model.acceleration(state)];
@@ -57,7 +58,7 @@ impl Mode {
             if (x - state.position).abs() < STOP_NEAR { [x, v, acceleration + period * jerk] } else { seen }
         });
         let ahead = if from[1] > 0.0 { model.stroke - from[0] } else { from[0] };
-        let (fade, at) = Fade::stop(time, from, deceleration, ahead - STOP_APART);
+        let (fade, at) = Fade::stop(time, from, deceleration, part * ahead - STOP_APART);
         Mode::Stops { fade, at, stood: false, shuts: false }
     }
 
