@@ -70,7 +70,7 @@ def main() -> None:
     """Print the fractions."""
     given = options(__doc__, 43)
     converged, inside = zip(*map(trial, range(given.seed, given.seed + given.count)), strict=True)
-    sys.exit(not (is_within("values inside", sum(inside, []), 0.93, 0.97) and all(converged)))
+    sys.exit(not (is_within("values inside", np.concatenate(inside), 0.93, 0.97) and all(converged)))
 
 
 if __name__ == "__main__":
