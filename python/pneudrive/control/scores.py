@@ -285,7 +285,7 @@ def air_of(
 
     Examples
     --------
-    >>> found = air_of(1.185e-3, (7e5, 293.15), (1e5, 293.15))
+    >>> found = air_of(1.185e-3, (7e5, 293.15), (1e5, 293.15), (1.4, 287.05))
     >>> round(1e3 * found["anr_m3"], 6), round(found["exergy_j"], 1)
     (1.0, 194.0)
     """
