@@ -36,7 +36,7 @@ def files(tmp_path_factory) -> Path:
 
 @pytest.fixture(scope="module")
 def served(files):
-    protection = Protection.of(files / "server.pem", None, [files / "client.pem"], files / "users")
+    protection = Protection.of(files / "server.pem", [files / "client.pem"], files / "users")
     with RigServer(load_rig("default", seed=3), load_map(), port=0, protection=protection) as server:
         yield server
 
@@ -82,7 +82,7 @@ def test_a_server_of_others_may_admit_the_certificate_of_a_user(files):
         server = Server()
         await server.init()
         server.set_endpoint("opc.tcp://127.0.0.1:0")
-        await protect(server, Protection.of(files / "server.pem", None, [files / "client.pem"], None))
+        await protect(server, Protection.of(files / "server.pem", [files / "client.pem"], None))
         server.iserver.set_user_manager(Admit())
         server.set_identity_tokens([ua.X509IdentityToken])
         await server.start()
@@ -169,9 +169,9 @@ def test_a_server_is_not_open_to_the_network_by_mistake(files, capsys):
     assert run(["rig", "serve", "--bind", "0.0.0.0"]) == 2
     assert "anyone who reaches this address could move the axis" in capsys.readouterr().err
     with pytest.raises(CommandError, match="need --certificate"):
-        Protection.of(None, None, None, files / "users")
+        Protection.of(None, None, files / "users")
     with pytest.raises(CommandError, match="needs --trust"):
-        Protection.of(files / "server.pem", None, None, None)
+        Protection.of(files / "server.pem", None, None)
 
 
 @pytest.mark.parametrize("url", ["opc.tcp://127.0.0.1:4840,", "opc.tcp://127.0.0.1:99999"])
