@@ -333,7 +333,7 @@ def number_of(given: str | float, si_unit: str, what: str) -> float:
         rule = f"a text with its unit, or a number in {si_unit}"
         raise CommandError(f"{what} = {given} is of the type {type(given).__name__}", rule=rule) from None
     if not math.isfinite(value):
-        raise CommandError(f"{what} = {given} is not finite")
+        raise CommandError(f"{what} = {given} is out of bounds", rule="finite")
     return value
 
 

@@ -113,7 +113,7 @@ def warm_up() -> None:
 
     asked = {"path": "catalogue:reference", "command": "1", "duration": "10 ms"}
     with suppress(PneudriveError):
-        RunRequest.of(asked).run(Workspace.at(Path(__file__).parent))
+        RunRequest.of(asked).run(Workspace.at(Path(__file__).parent), None)
     ANSWERED.wait(MOST_WAIT_S)
     for name in BEHIND:
         import_module(name)
