@@ -13,7 +13,7 @@ import numpy as np
 
 from pneudrive.errors import CommandError, RigError, SimulationError, nearest
 from pneudrive.repr_tables import Shown
-from pneudrive.rig.description import DEFAULT, RIGID, RigDescription, read_description
+from pneudrive.rig.description import DEFAULT, RIGID, AnalogSensor, RigDescription, read_description
 from pneudrive.rig.interface import CHANNELS, SHARED, WORDS, Envelope, Hold, Identity, Move, RigState, Samples, Step
 from pneudrive.rig.machine import (
     CREEP_M_S,
@@ -32,7 +32,6 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Sequence
 
     from pneudrive.arrays import Array, Plain
-    from pneudrive.rig.description import AnalogSensor
     from pneudrive.rig.interface import Sampling
 
     Gauges = float | tuple[float, float]  # pressures of both chambers, or of a and b

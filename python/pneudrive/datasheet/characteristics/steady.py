@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from concurrent.futures import ThreadPoolExecutor
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -459,11 +460,14 @@ def _minimum(plant: HeldDrive) -> Found:
     breakaway_force : N over direction
         steady friction at the onset of sliding, both chambers at ambient pressure
     """
-    if plant.supply_pa <= plant.ambient[0]:
+    ambient = plant.ambient[0]
+    if plant.supply_pa <= ambient:
         raise CommandError(f"{plant.name}: the supply is not above ambient pressure")
-    rows = []
-    for direction in (1.0, -1.0):
+
+    def of(direction: float) -> tuple[float, float]:
         x = 0.0 if direction > 0.0 else plant.stroke_m
-        breakaway = abs(plant.sliding(direction * LEAST_VELOCITY, (plant.ambient[0], plant.ambient[0]), x))
-        rows.append((least_pressure(plant, direction) - plant.ambient[0], breakaway))
-    return tuple(np.array(rows).T)
+        breakaway = abs(plant.sliding(direction * LEAST_VELOCITY, (ambient, ambient), x))
+        return least_pressure(plant, direction) - ambient, breakaway
+
+    with ThreadPoolExecutor(2) as pool:  # both directions are simulated at the same time
+        return tuple(zip(*pool.map(of, (1.0, -1.0)), strict=True))

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pneudrive.characterise import characterise_recordings
+from pneudrive.characterise import Characterisation, characterise_recordings
 from pneudrive.figures import MEASURED, MODEL, Figure, Line, Panel, thin
 from pneudrive.identify.static.fit import fit_characterisation
 from pneudrive.report.fit import Addition
@@ -30,7 +30,6 @@ from pneudrive.views import ShownFigure
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 
-    from pneudrive.characterise import Characterisation
     from pneudrive.report.fit import Fits
     from pneudrive.report.page import Block, Section
     from pneudrive.rig.description import RigDescription
