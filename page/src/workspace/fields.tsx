@@ -166,7 +166,7 @@ interface PickProps {
   class?: string;
 }
 
-/** A menu that acts: what is chosen is not kept. */
+/** A menu of actions. It does not keep the chosen one. */
 export const Pick = ({ label, hint, options, put, disabled, class: look }: PickProps) => (
   <label class={look}>
     {label}{" "}

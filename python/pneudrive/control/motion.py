@@ -281,7 +281,7 @@ class Reference(Shown):
             each += [np.linspace(begin, begin + lasts, every + 1) for begin, lasts, *_ in self.pieces]
             times = np.concatenate([np.zeros(1), *each])
         position, velocity, *_ = self.at(times).T
-        shares = np.abs(velocity) / np.where(velocity > 0.0, *np.maximum(speeds_m_s, LEAST_M_S))
+        shares = speed_shares(velocity, speeds_m_s)
         at = int(np.argmax(shares))
         return Reach(*map(float, (position.min(), position.max(), abs(velocity[at]), shares[at], times[at])))
 
@@ -311,6 +311,11 @@ class Reference(Shown):
         if self.points_missed_m is not None:
             rows.append(("points missed by", f"{1e6 * self.points_missed_m:.3g} um at most"))
         return Card(self.text, rows=rows)
+
+
+def speed_shares(velocity_m_s: Array, speeds_m_s: Pair) -> Array:
+    """Return velocities as fractions of the speeds of a drive in +x and in -x, m/s, each in its direction."""
+    return np.abs(velocity_m_s) / np.where(velocity_m_s > 0.0, *np.maximum(speeds_m_s, LEAST_M_S))
 
 
 def rounded_up(factor: float) -> float:

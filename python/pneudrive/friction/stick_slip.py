@@ -202,6 +202,7 @@ STUCK_SHARE = 0.2  # below this share of the mean speed the piston counts as stu
 SLIP_SHARE = 1.2  # above it a slip has begun; the gap between the two suppresses noise
 MINIMUM_PERIODS = 3
 FEWEST_SAMPLES = 20  # of a section
+TRIMMED = 0.1  # share of the travel of a stroke that is left out at each end
 # Glitches of a position sensor look like short rests followed by jumps, but most of the travel is between them.
 SLIPPED_SHARE = 0.5  # least share of the travel in slips
 RESTED_SHARE = 0.05  # least share of the time stuck
@@ -263,7 +264,7 @@ def find_stick_slip(time_s: Array, position_m: Array) -> list[StickSlip]:
 def middle_of(stroke: motion.Stroke, position_m: Array) -> slice | None:
     """Return the samples of a stroke without a tenth of its travel at each end. None if too few remain."""
     share = (position_m[stroke.samples] - stroke.from_m) / (stroke.to_m - stroke.from_m)
-    inside = np.flatnonzero((share >= 0.1) & (share <= 0.9))
+    inside = np.flatnonzero((share >= TRIMMED) & (share <= 1 - TRIMMED))
     if inside.size < FEWEST_SAMPLES:
         return None
     return slice(stroke.start + int(inside[0]), stroke.start + int(inside[-1]) + 1)

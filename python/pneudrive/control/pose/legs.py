@@ -15,7 +15,7 @@ from pneudrive import units
 from pneudrive.control.axis import supply_of
 from pneudrive.control.loop import MEANINGS, MOST_SEED, provenance_of, run_axes, whole_number
 from pneudrive.control.mismatch import Mismatch, mismatched, read_mismatch
-from pneudrive.control.motion import POWERS, Reference
+from pneudrive.control.motion import POWERS, Reference, speed_shares
 from pneudrive.control.pose.path import PosePath, PoseScore, Tracked, pose_path
 from pneudrive.control.scores import LAST_S, air_of
 from pneudrive.control.setup import Setup, read_setup, told
@@ -137,7 +137,7 @@ def check_path(
         force, (low, high) = needs.legs.forces_n[:, i] + friction, _forces(platform, i, tuning)
         remedy = "Make the path slower, or take a larger cylinder or a higher pressure."
         _within(name, "force", "N", force, (low, high), times, remedy)
-        most["speed"] = max(most["speed"], float(np.maximum(v / out, -v / back).max()))
+        most["speed"] = max(most["speed"], float(speed_shares(v, (out, back)).max()))
         most["force"] = max(most["force"], float((force / high).max()), float((force / low).max()))
     return {"singular_value": float(needs.singular_values[row]), **most}
 

@@ -592,22 +592,25 @@ class Ellipse(NamedTuple):
     points: Array
 
 
+MOST_PAIRS, OUTLINE = 6, 73  # ellipses, and points of the outline of one
+
+
 def ellipses(fit: Fit) -> list[Ellipse]:
-    """Return the ellipses of the six pairs of determined values with the largest correlations.
+    """Return the ellipses of the `MOST_PAIRS` pairs of determined values with the largest correlations.
 
     Parameters
     ----------
     fit : Fit
         Fit of any kind, also from a file.
     """
-    turn = np.linspace(0.0, 2.0 * np.pi, 73)
+    turn = np.linspace(0.0, 2.0 * np.pi, OUTLINE)
     circle = np.stack([np.cos(turn), np.sin(turn)])
     known = [k for k, name in enumerate(fit.free) if name in fit.standard_errors]
     pairs = [(i, j) for i in known for j in known if i < j]
     pairs.sort(key=lambda pair: -abs(fit.correlation[pair]))
     values = fit.free_values()
     out = []
-    for i, j in pairs[:6]:
+    for i, j in pairs[:MOST_PAIRS]:
         names = fit.free[i], fit.free[j]
         part = fit.covariance[np.ix_([i, j], [i, j])]
         if not np.all(np.diag(part) > 0.0):
