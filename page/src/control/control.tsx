@@ -363,7 +363,11 @@ function Compare() {
       field("name", "Into results/", "name"),
     ],
     body: ({ laws, along, other, spread, count, name }: Record<string, unknown>) => ({
-      ...{ drive: drive.value, setup: setup.value, laws, count, name },
+      drive: drive.value,
+      setup: setup.value,
+      laws,
+      count,
+      name,
       references: [...((along as string[] | undefined) ?? []), ...(String(other ?? "").trim() ? [other] : [])],
       ...(spread ? { spread } : { mismatch: mismatch.value }),
     }),

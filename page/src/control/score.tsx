@@ -242,7 +242,11 @@ function Along({ found, reference, now }: { found: MeasuredCard; reference: stri
         <div class="plots">
           <Plot
             title="Tracks"
-            {...{ unit: "mm", size: MM, height: 110, bare: true, ...zooming(zoom) }}
+            unit="mm"
+            size={MM}
+            height={110}
+            bare
+            {...zooming(zoom)}
             curves={[...tracks("position_m"), ...references]}
           />
           <Plot title="Errors" {...now.head.error} height={110} {...zooming(zoom)} curves={tracks("error_m")} />

@@ -262,8 +262,12 @@ export function Circuit(props: CircuitProps) {
           );
         const { onChoose } = props;
         const button = onChoose && {
-          ...{ "data-key": name, role: "button" as const, tabindex: 0, class: "component" },
-          ...{ "aria-pressed": props.chosen === name, ...pressed(() => onChoose(name)) },
+          "data-key": name,
+          role: "button" as const,
+          tabindex: 0,
+          class: "component",
+          "aria-pressed": props.chosen === name,
+          ...pressed(() => onChoose(name)),
         };
         return (
           <g key={name} {...button}>

@@ -60,13 +60,19 @@ function groupOver<Key extends "speed" | "gauge">(key: Key, size: number, part: 
   const runs = [...new Set(points.map((point) => point.recording))];
   const runOf = (recording: string) => (key === "speed" ? runs.indexOf(recording) : 0);
   const drawn = curve && {
-    ...{ x: curve[key].map((at) => size * at), y: curve.friction, low: curve.low, high: curve.high },
+    x: curve[key].map((at) => size * at),
+    y: curve.friction,
+    low: curve.low,
+    high: curve.high,
     measured: curve.measured.map((at) => size * (at ?? Number.NaN)),
   };
   return {
     label: label.replace(`${assembly}: `, ""),
     points: points.map((point) => ({
-      ...{ x: size * point[key], y: point.friction, spread: point.spread, run: runOf(point.recording) },
+      x: size * point[key],
+      y: point.friction,
+      spread: point.spread,
+      run: runOf(point.recording),
     })),
     ...(drawn && { curve: drawn }),
   };
@@ -277,7 +283,10 @@ function MapFigure({ path, fit, found, now }: { path: string; fit: string; found
     : pointsFigure({
         name: "Friction over speed",
         caption: `${BARS}${hints} ${found.fit}`,
-        ...{ x: "speed, mm/s", y: "friction, N", panels: panelsOf("speed", MM, groups), isFromZero: true },
+        x: "speed, mm/s",
+        y: "friction, N",
+        panels: panelsOf("speed", MM, groups),
+        isFromZero: true,
         isLog: isLog.value ?? isWide(groups.map((group) => groupOver("speed", MM, group))),
       });
   return (

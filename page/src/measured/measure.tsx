@@ -251,7 +251,7 @@ export function Measuring(props: MeasuredProps & { version: string; columns: str
         {now && cursor(1)}
         {now && <span class="note">A click in a plot moves the nearer cursor there.</span>}
       </p>
-      {now && <MeasuredTable {...{ path, wanted, span, isTimed }} />}
+      {now && <MeasuredTable path={path} wanted={wanted} span={span} isTimed={isTimed} />}
     </section>
   );
 }

@@ -211,7 +211,11 @@ export default function RecordingView() {
               <measure.FaultsLine faults={moved.value.faults} span={span.value} whole={found.span!} onShow={look} />
               <measure.BesideRecording path={path} strokes={moved.value.strokes} onShow={look} />
               <measure.Measuring
-                {...{ path, version: found.key!, columns: shown.value, span: span.value, isTimed: found.time! }}
+                path={path}
+                version={found.key!}
+                columns={shown.value}
+                span={span.value}
+                isTimed={found.time!}
               />
             </aside>
           </div>
@@ -326,7 +330,10 @@ function Spectrum({ found, path }: { found: Opened; path: string }) {
               <Plot
                 key={column}
                 title={`Spectrum of ${label}`}
-                {...{ unit: `${unit || "1"}/√Hz`, xUnit: "Hz", size: 1, log: true }}
+                unit={`${unit || "1"}/√Hz`}
+                xUnit="Hz"
+                size={1}
+                log
                 curves={[{ label, x: drawn.get(`hz/${column}`)!, y: drawn.get(`density/${column}`)! }]}
               />
             ))}

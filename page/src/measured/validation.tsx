@@ -310,7 +310,10 @@ function ChannelPlot(props: {
       title={isOff ? `residual of ${label}` : label}
       curves={curves}
       height={isOff ? HEIGHTS.off : column === "position_m" ? HEIGHTS.first : HEIGHTS.other}
-      {...{ unit, size, bare, range: span.value }}
+      unit={unit}
+      size={size}
+      bare={bare}
+      range={span.value}
       onZoom={(low, high) => (span.value = [low, high])}
       onReset={from <= of.span[0] && to >= of.span[1] ? undefined : () => (span.value = of.span)}
     />
@@ -374,7 +377,9 @@ function Suspect({ now }: { now: Validation }) {
           shown={isChanged ? value : digits(value, 4)}
           ends={[less || one.low!, more || one.high!]}
           kind={isChanged ? "changed" : one.kind}
-          {...{ value, unit: one.unit, put }}
+          value={value}
+          unit={one.unit}
+          put={put}
         />
       )}
       {key.value && <Refit now={now} />}

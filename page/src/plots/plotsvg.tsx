@@ -19,7 +19,12 @@ function linesOf({ u, legend }: Saved): Line[] {
       ([x, y]) => x >= min! && x <= max! && y !== undefined && (y !== null || isGap),
     );
     return {
-      ...{ x: rows.map(([x]) => x), y: rows.map(([, y]) => y ?? null), label, width: 1.1, steps: false, kind: "line" },
+      x: rows.map(([x]) => x),
+      y: rows.map(([, y]) => y ?? null),
+      label,
+      width: 1.1,
+      steps: false,
+      kind: "line",
       look: [`look-${(index % 8) + 1}`, [0, look(index).dash.map((length) => length / DASH)], ""],
     };
   });
@@ -40,7 +45,15 @@ export function saveSvg(plot: Saved): void {
   const ends = plot.legend.length > 1 ? Math.max(...plot.legend.map(({ label }) => label.length)) : 0;
   render(
     <PanelDrawing
-      {...{ panel, x, y, ends, width: u.width, height: u.height + 60, isBare: false, longest: 8, name: "saved" }}
+      panel={panel}
+      x={x}
+      y={y}
+      ends={ends}
+      width={u.width}
+      height={u.height + 60}
+      isBare={false}
+      longest={8}
+      name="saved"
       hasEnds={ends > 0}
       scales={[scaleOf(x, "x", marks), scaleOf(y, "y", marks)]}
     />,

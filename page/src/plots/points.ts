@@ -71,8 +71,17 @@ function marksOf({ label, points, curve }: Group, look: Look): Mark[] {
     const own = points.filter((point) => (point.run ?? 0) === run);
     const end = (sign: number) => own.map(({ y, spread }) => (spread === null ? null : y + sign * spread));
     marks.push({
-      ...{ x: own.map((point) => point.x), y: own.map((point) => point.y), label, look, low: end(-1), high: end(1) },
-      ...{ size: points.length > 60 ? 2.2 : 4, filled: run === runs[0], joined: false, names: [], kind: "markers" },
+      x: own.map((point) => point.x),
+      y: own.map((point) => point.y),
+      label,
+      look,
+      low: end(-1),
+      high: end(1),
+      size: points.length > 60 ? 2.2 : 4,
+      filled: run === runs[0],
+      joined: false,
+      names: [],
+      kind: "markers",
     });
   }
   return marks;
@@ -106,9 +115,24 @@ export function pointsFigure(about: {
     name,
     caption,
     figure: {
-      ...{ panels: drawn, x: axis(x, isLog ? "log" : "linear"), y: axis(y, "linear", low), columns: 3, title: "" },
-      ...{ row_in: row, rest_in: 0, width_in: 7, share_x: share, share_y: share, heights: [], widths: [], entries: 4 },
-      ...{ legend: "above", text_scale: 1, has_margins: true, tall: null, tall_first: false },
+      panels: drawn,
+      x: axis(x, isLog ? "log" : "linear"),
+      y: axis(y, "linear", low),
+      columns: 3,
+      title: "",
+      row_in: row,
+      rest_in: 0,
+      width_in: 7,
+      share_x: share,
+      share_y: share,
+      heights: [],
+      widths: [],
+      entries: 4,
+      legend: "above",
+      text_scale: 1,
+      has_margins: true,
+      tall: null,
+      tall_first: false,
     },
   };
 }
@@ -139,7 +163,13 @@ export function stripFigure(name: string, x: string, rows: StripRow[], limit = I
       titles: some.map(({ value, of }) => `${of}: ${digits(value)} ${unit}${isOver ? ", over the goal" : ""}`),
       names: namesOf(some, isOver),
       look: [isOver ? "red" : `look-${(row % 8) + 1}`, "-", "|"],
-      ...{ label: "", low: null, high: null, size: 6, filled: true, joined: false, kind: "markers" },
+      label: "",
+      low: null,
+      high: null,
+      size: 6,
+      filled: true,
+      joined: false,
+      kind: "markers",
     });
     const kept = known.filter(({ value }) => value <= limit);
     return [...(kept.length ? [marksOf(kept, false)] : []), ...(over.length ? [marksOf(over, true)] : [])];

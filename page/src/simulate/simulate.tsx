@@ -76,7 +76,10 @@ export function request(pixels = 1000): Record<string, unknown> | null {
   return {
     path: now.path,
     text: now.sha256 || now.text !== now.saved ? now.text : null, // what is shown, whatever stands on disk by now
-    ...{ changes: changes.value, duration: duration.value, initial: initial.value, pixels },
+    changes: changes.value,
+    duration: duration.value,
+    initial: initial.value,
+    pixels,
     command: isCircuit ? lines : command.value,
     ...beside.besides(fields.value, pinned.value, numbers.value),
     ...(isCircuit && { motion: true }),
@@ -281,7 +284,9 @@ function Commands() {
             <StepsPane
               key={name}
               name={name ? `Command of ${name}` : "Command"}
-              {...{ steps, span, low: valid.value?.valves?.[name] ?? -1 }}
+              steps={steps}
+              span={span}
+              low={valid.value?.valves?.[name] ?? -1}
               put={(next) => putSteps((others, line) => (line === k ? next : others))}
             />
           ),
@@ -472,7 +477,12 @@ function PanelPlot({ panel, height, isLast }: { panel: Panel; height: number; is
   return (
     <Plot
       {...panel}
-      {...{ height, curves, bands, events, bare: !isLast, ...zooming(zoom) }}
+      height={height}
+      curves={curves}
+      bands={bands}
+      events={events}
+      bare={!isLast}
+      {...zooming(zoom)}
       cursors={[timeAt.value]}
       onHover={pointAt}
     />
@@ -515,7 +525,10 @@ function Slider({ field }: { field: Field }) {
       name={field.key}
       title={field.origin}
       ends={[field.low!, field.high!]}
-      {...{ value, unit, kind, put }}>
+      value={value}
+      unit={unit}
+      kind={kind}
+      put={put}>
       <Button
         class="icon"
         title="Remove this slider"

@@ -68,7 +68,16 @@ export const field = (
   kind: string,
   { choices = [], ...about }: Partial<Omit<Field, "choices">> & { choices?: Option[] } = {},
 ): Field => ({
-  ...{ key, label, kind, option: "", start: "", most: 0, hint: "", suffix: "", only: [], ...about },
+  key,
+  label,
+  kind,
+  option: "",
+  start: "",
+  most: 0,
+  hint: "",
+  suffix: "",
+  only: [],
+  ...about,
   choices: choices.map((one): [string, string] => (Array.isArray(one) ? one : [one, one])),
 });
 
