@@ -157,17 +157,28 @@ def gas_under_load(plant: HeldDrive, command: float, position: float, load: floa
         return search.settle(search.toward * START_M_S)
 
 
+#: Core's form of a drive -> speeds: each change of a gain on the page needs those of the same drive, which take 0.1 s.
+_SPEEDS: dict[str, Pair] = {}
+MOST_KEPT = 64
+
+
 def full_speeds(drive: Drive | Circuit, otherwise: float) -> Pair:
     """Return the speeds of steady motion in +x and in -x at full opening and mid-stroke, m/s.
 
     The search begins in motion, so static friction has no effect. `otherwise` replaces speeds that are not found.
     """
+    key = drive.core_json()
+    if key in _SPEEDS:
+        return _SPEEDS[key]
     try:
         plant = HeldDrive(drive).static
         searches = [_SteadySearch(plant, way, 0.5 * plant.stroke_m, free=True) for way in (1.0, -1.0)]
         out, back = (abs(search.settle(search.toward * START_M_S)[1]) for search in searches)
     except (CommandError, SimulationError):
-        return otherwise, otherwise
+        out = back = otherwise
+    if len(_SPEEDS) >= MOST_KEPT:
+        _SPEEDS.clear()
+    _SPEEDS[key] = out, back
     return out, back
 
 
