@@ -139,12 +139,11 @@ def positions_of(kind: str, table: Keyed) -> dict[float, float]:
     """Return the commands to try for a valve, each with the command of the proportional valve that replaces it."""
     if kind == LOCK:
         return {0.0: 0.0}  # open
-    if kind.startswith("valve/proportional"):
-        return {1.0: 1.0, -1.0: -1.0}
+    both = {1.0: 1.0, -1.0: -1.0}
+    if kind.startswith(("valve/proportional", "valve/impulse")):
+        return both
     if kind == "valve/switching-5/3":
-        return {1.0: 1.0, -1.0: -1.0} | ({0.0: 0.0} if table.get("centre", "closed") == "closed" else {})
-    if kind == "valve/impulse-5/2":
-        return {1.0: 1.0, -1.0: -1.0}
+        return both | ({0.0: 0.0} if table.get("centre", "closed") == "closed" else {})
     on, off = (1.0, 0.0) if kind == "valve/switching-2/2" else (1.0, -1.0)
     return {0.0: on, 1.0: off} if table.get("normally") == "open" else {0.0: off, 1.0: on}
 

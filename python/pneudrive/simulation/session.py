@@ -361,10 +361,10 @@ class Session:
             found = self._core.linearise(names)
         except (TypeError, ValueError, RuntimeError) as error:
             self._refuse(error, names, inputs)
-        states = tuple(name for name, _ in self._core.states)
+        states, columns = tuple(name for name, _ in self._core.states), self._core.columns
         return Linear(
             *(found["a"], found["b"], found["c"], found["d"]),
-            *(states, names, tuple(self._core.columns[place] for place in found["columns"])),
+            *(states, names, tuple(columns[place] for place in found["columns"])),
             *(found["state"], found["rates"], found["outputs"]),
         )
 

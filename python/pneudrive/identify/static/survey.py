@@ -39,7 +39,7 @@ if TYPE_CHECKING:
     import xarray as xr
     from numpy.typing import ArrayLike, NDArray
 
-    from pneudrive.arrays import Array, Interval, Ints
+    from pneudrive.arrays import Array, Interval, Ints, Keyed
 
 #: Grid of the roughness gamma. At 1.5, a straight line misses the middle of the range by 22 % of the friction.
 ROUGHNESS = np.linspace(0.0, 1.5, 11)
@@ -376,17 +376,7 @@ def survey(friction_map: xr.Dataset, seals: str | Sequence[str], runs: str | Seq
         Its ``predict`` returns the friction of a further recording, in the same run or another; ``seals[name].fit`` is
         the fit of one seal.
     """
-    seal_of, run_of = row_labels(friction_map, seals), row_labels(friction_map, "" if runs is None else runs)
-    groups: dict[str, Observations] = {}
-    of_run: dict[str, list[str]] = {}
-    origins: dict[str, dict[str, object]] = {}
-    for seal in dict.fromkeys(seal_of.tolist()):
-        rows = np.flatnonzero(seal_of == seal)
-        part = friction_map.isel(row=rows)
-        groups[seal], _, provenance = selected(part)
-        of_run[seal] = of_values(part, run_of[rows], groups[seal])
-        origins[seal] = {key: provenance[key] for key in ("direction", "ambient_pressure_pa", "recordings")}
-    return survey_values(groups, of_run, origins)
+    return survey_values(*grouped(friction_map, seals, runs, {}))
 
 
 def pressure_levels(data: Observations) -> Ints:
@@ -400,6 +390,23 @@ def pressure_levels(data: Observations) -> Ints:
             levels.append((float(a), float(b)))
         out[i] = near[0] if near else len(levels) - 1
     return out
+
+
+def grouped(
+    friction_map: xr.Dataset, seals: str | Sequence[str], runs: str | Sequence[str] | None, options: Keyed
+) -> tuple[dict[str, Observations], dict[str, list[str]], dict[str, dict[str, object]]]:
+    """Return values, runs and provenance of each seal. `options` are arguments of `selected`."""
+    seal_of, run_of = row_labels(friction_map, seals), row_labels(friction_map, "" if runs is None else runs)
+    groups: dict[str, Observations] = {}
+    of_run: dict[str, list[str]] = {}
+    origins: dict[str, dict[str, object]] = {}
+    for seal in dict.fromkeys(seal_of.tolist()):
+        rows = np.flatnonzero(seal_of == seal)
+        part = friction_map.isel(row=rows)
+        groups[seal], _, provenance = selected(part, **options)
+        of_run[seal] = of_values(part, run_of[rows], groups[seal])
+        origins[seal] = {key: provenance[key] for key in ("direction", "ambient_pressure_pa", "recordings")}
+    return groups, of_run, origins
 
 
 def of_values(friction_map: xr.Dataset, labels: NDArray[np.str_], data: Observations) -> list[str]:
