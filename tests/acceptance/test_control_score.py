@@ -463,7 +463,6 @@ def test_what_a_verdict_advises_is_feasible(capsys):
     slower = found.reference.stretched(found.factor)
     assert 1.7 < found.factor < 1.8
     assert pn.control.feasibility(tuning, pn.control.reference(slower.text)).is_feasible
-    assert found.slowed.valve_share <= 0.85
     assert run(["control", "reference", "order 9; 100 mm; 1 s: 250 mm in 0.05 s", "--drive", str(upright)]) == 2
     said = capsys.readouterr()
     assert re.search(r"slowed by a factor of 4\.\d+,", said.out)

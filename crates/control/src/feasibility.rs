@@ -3,7 +3,7 @@
 use crate::model::Model;
 use crate::reference::{Reference, Wanted};
 use crate::thresholds::*;
-use crate::types::{Plant, State};
+use crate::types::State;
 
 /// Largest demands of a reference on a drive.
 #[derive(Clone, Copy, Debug, Default)]
@@ -16,18 +16,14 @@ pub struct Demand {
     pub exceeded: f64,
     /// Fraction of the force that the supply can produce in this direction.
     pub force: f64,
-    /// Fraction of the steady speed at full opening.
-    pub speed: f64,
-    /// Rate of the spool's position, 1/s.
-    pub spool_rate: f64,
     /// Least and largest pressure in the chambers, Pa absolute.
     pub pressures: [f64; 2],
 }
 
 impl Demand {
-    /// Returns the largest of the fractions that have a limit.
+    /// Returns the larger of the fractions that have a limit.
     pub fn most(&self) -> f64 {
-        self.opening.max(self.force).max(self.speed)
+        self.opening.max(self.force)
     }
 }
 
@@ -83,7 +79,6 @@ fn followed(model: &Model, state: &mut State, wanted: &Wanted, step: f64) -> f64
 /// required force. If `stop` returns true, the demands up to then are returned.
 pub fn demand(
     model: &Model,
-    plant: &Plant,
     reference: &Reference,
     duration: f64,
     factor: f64,
@@ -101,7 +96,6 @@ pub fn demand(
     };
     let mut found = Demand { pressures: [f64::INFINITY, f64::NEG_INFINITY], ..Demand::default() };
     let mut force = followed(model, &mut state, &first, step);
-    let mut before = None;
     for k in 0..(factor * duration / step).ceil() as u64 {
         let t = step * k as f64;
         if k % LOOKS == 0 && stop(t) {
@@ -116,15 +110,11 @@ pub fn demand(
             (found.opening, found.opening_time) = (share, t);
         }
         found.exceeded += if share > 1.0 { step } else { 0.0 };
-        let given = way * share.min(1.0);
-        found.spool_rate = found.spool_rate.max((given - before.unwrap_or(given)).abs() / step);
-        before = Some(given);
         let high = if force > 0.0 { highest[0] } else { highest[1] };
         found.force = found.force.max(force.abs() / high);
-        found.speed = found.speed.max(now.velocity.abs() / plant.speed);
         let [a, b] = now.pressures;
         found.pressures = [found.pressures[0].min(a).min(b), found.pressures[1].max(a).max(b)];
-        let open = model.opened_by(given);
+        let open = model.opened_by(way * share.min(1.0));
         [state.pressures, state.temperatures] = model.flow(&now, open, step, now.velocity);
         force = next;
     }
@@ -132,29 +122,25 @@ pub fn demand(
 }
 
 /// Returns the least factor in time, at least 1, by which a reference must be slowed to use at most a fraction of
-/// each limit. A bisection determines it. The demands at this factor are returned, too; `None` if slowing does not
-/// help. After `stop` has returned true, it must continue to do so.
+/// each limit. A bisection determines it. `None` if slowing does not help. After `stop` has returned true, it must
+/// continue to do so.
 pub fn least_factor(
     model: &Model,
-    plant: &Plant,
     reference: &Reference,
     duration: f64,
     share: f64,
     stop: &mut dyn FnMut(f64) -> bool,
-) -> Option<(f64, Demand)> {
-    let mut fits = |factor| {
-        let found = demand(model, plant, reference, duration, factor, stop);
-        Some((factor, found)).filter(|(_, demand)| demand.most() <= share)
-    };
-    if let Some(found) = fits(1.0) {
-        return Some(found);
+) -> Option<f64> {
+    let mut fits = |factor| demand(model, reference, duration, factor, stop).most() <= share;
+    if fits(1.0) {
+        return Some(1.0);
     }
     let (mut low, mut high) = (1.0, 2.0);
     let mut found = fits(high);
-    if found.is_none() && least_force(model, reference, duration) > share {
+    if !found && least_force(model, reference, duration) > share {
         return None;
     }
-    while found.is_none() {
+    while !found {
         (low, high) = (high, 2.0 * high);
         if high > FEASIBLE_SLOWEST {
             return None;
@@ -163,10 +149,11 @@ pub fn least_factor(
     }
     while high / low > 1.0 + FEASIBLE_FOUND {
         let middle = (low * high).sqrt();
-        match fits(middle) {
-            Some(better) => (found, high) = (Some(better), middle),
-            None => low = middle,
+        if fits(middle) {
+            high = middle;
+        } else {
+            low = middle;
         }
     }
-    found
+    Some(high)
 }

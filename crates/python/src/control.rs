@@ -4,7 +4,7 @@ use crate::convert::{Table, Teller, detached, parse, to_python, watched};
 use crate::network::PyCircuit;
 use circuit::{Error, Look};
 use control::export::{Language, RESULTS, STATUS, program};
-use control::{AnyLaw, Demand, EventKind, GAINS, Gain, LAWS, Own, OwnLaw, Reference, SIGNALS, Seen};
+use control::{AnyLaw, EventKind, GAINS, Gain, LAWS, Own, OwnLaw, Reference, SIGNALS, Seen};
 use numpy::{PyArray1, PyArrayMethods, PyReadonlyArray1};
 use ode::Options;
 use pyo3::exceptions::PyValueError;
@@ -127,11 +127,8 @@ pub fn reference_at<'py>(
     PyArray1::from_iter(py, rows).reshape([times.len(), 4])
 }
 
-/// A time factor, and the load of the reference at this factor.
-type Slowed<'py> = Option<(f64, Bound<'py, PyDict>)>;
-
-/// Load of a reference on a drive. It has the least time factor at which the load stays within a fraction of
-/// each limit, or none if slowing does not help. It also has the load ratios with and without this factor.
+/// Load of a reference on a drive, and the least time factor at which the load stays within a fraction of each limit;
+/// none if slowing does not help.
 #[pyfunction]
 pub fn control_feasibility<'py>(
     py: Python<'py>,
@@ -139,36 +136,29 @@ pub fn control_feasibility<'py>(
     motion: &str,
     duration: f64,
     share: f64,
-) -> PyResult<(Bound<'py, PyDict>, Slowed<'py>)> {
+) -> PyResult<(Bound<'py, PyDict>, Option<f64>)> {
     let spec: Controller = parse(spec)?;
     let reference = parse::<ReferenceForm>(motion)?.0;
     let (own, _) = controller(&spec, 0.0).map_err(to_python)?;
-    let (model, plant) = (&own.model, &own.plant);
-    let (is, found) = detached(py, |stop| {
+    let (is, factor) = detached(py, |stop| {
         let mut stopped = None;
         let mut ask = |t| {
             stopped = stopped.or_else(|| stop(t).then_some(t));
             stopped.is_some()
         };
-        let is = control::demand(model, plant, &reference, duration, 1.0, &mut ask);
-        let found = control::least_factor(model, plant, &reference, duration, share, &mut ask);
-        stopped.map_or(Ok((is, found)), |t| Err(Error::Interrupted { t }))
+        let is = control::demand(&own.model, &reference, duration, 1.0, &mut ask);
+        let factor = control::least_factor(&own.model, &reference, duration, share, &mut ask);
+        stopped.map_or(Ok((is, factor)), |t| Err(Error::Interrupted { t }))
     })?;
-    let told = |demand: &Demand| {
-        [
-            ("valve_share", demand.opening),
-            ("valve_at_s", demand.opening_time),
-            ("valve_exceeded_s", demand.exceeded),
-            ("force_share", demand.force),
-            ("speed_share", demand.speed),
-            ("spool_rate_per_s", demand.spool_rate),
-            ("lowest_pressure_pa", demand.pressures[0]),
-            ("highest_pressure_pa", demand.pressures[1]),
-        ]
-        .into_py_dict(py)
-    };
-    let found = found.map(|(factor, demand)| Ok::<_, PyErr>((factor, told(&demand)?))).transpose()?;
-    Ok((told(&is)?, found))
+    let shares = [
+        ("valve_share", is.opening),
+        ("valve_at_s", is.opening_time),
+        ("valve_exceeded_s", is.exceeded),
+        ("force_share", is.force),
+        ("lowest_pressure_pa", is.pressures[0]),
+        ("highest_pressure_pa", is.pressures[1]),
+    ];
+    Ok((shares.into_py_dict(py)?, factor))
 }
 
 /// Returns key, unit and meaning of each number that a custom controller can receive.

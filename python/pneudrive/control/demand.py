@@ -45,8 +45,6 @@ class Demand(NamedTuple):
         Largest pressure force as a fraction of the force with one chamber at supply and one at ambient pressure.
     speed_share : float
         Largest speed as a fraction of the steady speed at full opening in its direction.
-    spool_rate_per_s : float
-        Largest change of the opening per second.
     lowest_pressure_pa, highest_pressure_pa : float
         Pressures in the chambers, absolute.
     """
@@ -56,7 +54,6 @@ class Demand(NamedTuple):
     valve_exceeded_s: float
     force_share: float
     speed_share: float
-    spool_rate_per_s: float
     lowest_pressure_pa: float
     highest_pressure_pa: float
 
@@ -73,8 +70,6 @@ class Feasibility(Viewed):
     factor : float or None
         Smallest stretching of the time axis at which the reference needs at most 85 % of valve, force and speed. 1:
         feasible as given. None: no factor helps, for instance because the reference leaves the stroke.
-    slowed : Demand or None
-        Demand of the slowed reference.
     stroke_m : float
     speeds_m_s : pair of float
         Steady speeds of the drive at full opening in +x and in -x.
@@ -85,7 +80,6 @@ class Feasibility(Viewed):
     reference: Reference
     demand: Demand
     factor: float | None
-    slowed: Demand | None
     stroke_m: float
     speeds_m_s: tuple[float, float]
     left_out: tuple[str, ...] = ()
@@ -162,10 +156,10 @@ def _asked(tuning: Tuning, reference: Reference) -> tuple[Demand, float | None]:
         _PERIODS / reference.frequency_hz if reference.is_sine else reference.duration_s - reference.rest_s + _SEEN_S
     )
     form = json.dumps(tuning.core())
-    demand, slowed = _core.control_feasibility(form, json.dumps(reference.core()), seen_s, SHARE)
+    demand, factor = _core.control_feasibility(form, json.dumps(reference.core()), seen_s, SHARE)
     share = reference.reach(tuning.speeds_m_s).share
-    factor = None if slowed is None or share > NEVER else max(slowed[0], share / SHARE)
-    return Demand(**demand | {"speed_share": share}), factor
+    slowed = None if factor is None or share > NEVER else max(factor, share / SHARE)
+    return Demand(**demand, speed_share=share), slowed
 
 
 def feasibility(tuning: Tuning, reference: Reference) -> Feasibility:
@@ -193,15 +187,14 @@ def feasibility(tuning: Tuning, reference: Reference) -> Feasibility:
     demand, factor = _asked(tuning, reference)
     if beyond_stroke(reference, tuning.plant.stroke_m) is not None:
         factor = None
-    slowed = None if factor is None else demand
     for _ in range(_TRIES):  # after slowing and rounding, its peaks are between other steps
         if factor is None or factor == 1.0:
             break
-        slowed, more = _asked(tuning, reference.stretched(factor))
+        _, more = _asked(tuning, reference.stretched(factor))
         if more is None or more == 1.0:
             break
         factor *= more
-    return Feasibility(reference, demand, factor, slowed, *tuning.reach, tuple(tuning.plant.left_out))
+    return Feasibility(reference, demand, factor, *tuning.reach, tuple(tuning.plant.left_out))
 
 
 # --- Choice of a controller: each is tried on the drive as described and with half of its mass.
