@@ -16,7 +16,7 @@ use crate::course::{Course, Fade};
 use crate::follower::{Answer, Follower};
 use crate::law::AnyLaw;
 use crate::reference::{Reference, Wanted};
-use crate::thresholds::{CLOCK_WITHIN, MODEL_TRUSTED, REFERENCE_JUMP, STOP_BLIND};
+use crate::thresholds::{CLOCK_WITHIN, MODEL_TRUSTED, REFERENCE_JUMP};
 use crate::types::{Edges, Moment, Sample, State};
 use brake::Braking;
 pub use event::{Event, EventKind, Log};
@@ -117,6 +117,10 @@ impl Supervisor {
         self.check_inputs(own, &sample, &state);
         if let Some(reaction) = Reaction::first(reactions) {
             self.react(own, &sample, reaction);
+        }
+        // Without readings, the model can be trusted only for a short time. Then the enclosed air stops the drive.
+        if self.lost_for >= MODEL_TRUSTED && self.mode.ends_shut() {
+            self.mode = Mode::Shut;
         }
         let course = self.mode.course(sample.time, &state, reference, &mut self.log);
         let mut answer = self.ask(own, &sample, &course);
@@ -270,8 +274,7 @@ impl Supervisor {
     fn begin_stop(&mut self, own: &Follower, sample: &Sample) {
         if let Some(state) = own.state() {
             let at = Moment { time: sample.time, period: own.period };
-            let part = if self.position.is_lost() { STOP_BLIND } else { 1.0 };
-            self.mode = Mode::stop(at, &own.model, &state, self.followed, self.rules.stop_deceleration, part);
+            self.mode = Mode::stop(at, &own.model, &state, self.followed, self.rules.stop_deceleration);
         }
     }
 
@@ -336,7 +339,6 @@ impl Supervisor {
         if command.is_nan() {
             return command;
         }
-        // Without readings, the model can be trusted only for a short time.
         self.lost_for = if self.position.is_lost() { self.lost_for + own.period } else { 0.0 };
         let is_known = self.lost_for < MODEL_TRUSTED;
         let brake = self.braking.needed(own, command, &self.gas).filter(|_| is_known);

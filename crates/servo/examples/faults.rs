@@ -1,4 +1,5 @@
-//! Random runs with faults: `cargo run --release -p pneudrive-servo --example faults [RUNS [SEED]]`.
+//! Random runs with faults: `cargo run --release -p pneudrive-servo --example faults [RUNS [SEED [healthy]]]`. The last
+//! word leaves the faults out.
 
 #[path = "../tests/study/mod.rs"]
 mod study;
@@ -6,10 +7,11 @@ mod study;
 use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::sync::mpsc::channel;
-use study::{Class, HARD, Outcome, is_lost_alone, outcome};
+use study::{Class, HARD, Outcome, healthy, is_lost_alone, outcome};
 
 fn main() {
-    let mut arguments = std::env::args().skip(1).map(|own| own.parse::<u64>().expect("a number"));
+    let is_healthy = std::env::args().nth(3).is_some_and(|word| word == "healthy");
+    let mut arguments = std::env::args().skip(1).map_while(|own| own.parse::<u64>().ok());
     let runs = arguments.next().unwrap_or(10_000) as u32;
     let seed = arguments.next().unwrap_or(1);
     let next = AtomicU32::new(0);
@@ -23,7 +25,11 @@ fn main() {
                     if member >= runs {
                         break;
                     }
-                    let found = (member, outcome(seed, member), is_lost_alone(seed, member));
+                    let found = if is_healthy {
+                        (member, healthy(seed, member), false)
+                    } else {
+                        (member, outcome(seed, member), is_lost_alone(seed, member))
+                    };
                     if sender.send(found).is_err() {
                         break;
                     }

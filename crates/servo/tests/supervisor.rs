@@ -9,7 +9,7 @@ use control::{
 use servo::specification::{Fault, FaultKind, SensorChannel, Setup};
 use servo::{COLUMNS, Encoder};
 use study::axis::{self, Loop, axis};
-use study::{Class, is_lost_alone, outcome};
+use study::{Class, healthy, is_lost_alone, outcome};
 
 const STROKE: f64 = 0.5;
 
@@ -473,11 +473,14 @@ fn a_command_that_turns_the_drive_is_braked_before_it_turned() {
 
 /// A reading that rested for 0.1 s, whose sensor was given up when it was right again and from what the valve had been
 /// learned, hits at 0.41 m/s; braking with the valve shut, where that is too weak and only a sensor is lost, at 0.29 m/s;
-/// a pressure by the model that follows the missing force in 0.1 s, at 0.82 m/s. A lost position misleads the model: unless
-/// flows that differ from it shut the valve, three runs hit at 1.2 to 3.1 m/s.
+/// a pressure by the model that follows the missing force in 0.1 s, at 0.82 m/s. An offset that is accepted some samples
+/// after it was noticed misleads the speed of the model: four runs hit at 1.2 to 3.1 m/s. A ramp by the model alone that
+/// lasts 0.2 s hits at 1.3 m/s, one of 0.08 s at 0.71 m/s.
 #[test]
 fn a_lost_sensor_spoils_neither_the_model_nor_the_brake() {
-    for (seed, member) in [(1, 3758), (1, 6336), (23, 1217), (1, 376), (2, 287), (2, 1069)] {
+    for (seed, member) in
+        [(1, 3758), (1, 6336), (23, 1217), (1, 376), (2, 287), (2, 1069), (11, 3207), (11, 3397), (11, 5964)]
+    {
         let own = outcome(seed, member);
         assert_eq!(own.class, Class::Safe, "{member}: {} m/s: {}", own.speed, own.told);
     }
@@ -493,6 +496,8 @@ fn random_runs_with_faults_do_not_hit_the_end_stops() {
     assert!(hits.is_empty(), "{:?}", hits.iter().map(words).collect::<Vec<_>>());
     assert!(outcomes.iter().filter(|own| own.class == Class::Safe).count() >= 36);
     assert!(outcomes.iter().all(|own| own.early == 0), "an alarm before the fault");
+    let told = (0..20).map(|member| healthy(1, member)).find(|own| own.early > 0 || own.class != Class::Safe);
+    assert!(told.is_none(), "without a fault: {told:?}");
     let alone = (0..20).filter(|&member| is_lost_alone(1, member)).count();
     assert!(alone > 0, "without a supervisor they do");
 }

@@ -34,20 +34,24 @@ impl Mode {
         matches!(self, Mode::Shut | Mode::Off)
     }
 
+    /// The drive stops, and its valve is shut at rest.
+    pub fn ends_shut(&self) -> bool {
+        matches!(self, Mode::Stops { shuts: true, .. })
+    }
+
     /// The drive follows its reference, or returns to it.
     pub fn moves(&self) -> bool {
         matches!(self, Mode::Follows | Mode::Returns(_))
     }
 
     /// Returns a stop ramp with a deceleration, m/s2. It begins at the wanted position, or at the actual position if the
-    /// two differ, and ends within a part of the distance to the end stop.
+    /// two differ, and ends before the end stop.
     pub fn stop(
         at: Moment,
         model: &Model,
         state: &State,
         followed: Option<Wanted>,
         deceleration: f64,
-        part: f64,
     ) -> Self {
         let Moment { time, period } = at;
         let seen = [state.position, state.velocity, model.acceleration(state)];
@@ -58,7 +62,7 @@ impl Mode {
             if (x - state.position).abs() < STOP_NEAR { [x, v, acceleration + period * jerk] } else { seen }
         });
         let ahead = if from[1] > 0.0 { model.stroke - from[0] } else { from[0] };
-        let (fade, at) = Fade::stop(time, from, deceleration, part * ahead - STOP_APART);
+        let (fade, at) = Fade::stop(time, from, deceleration, ahead - STOP_APART);
         Mode::Stops { fade, at, stood: false, shuts: false }
     }
 

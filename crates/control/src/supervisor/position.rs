@@ -86,7 +86,7 @@ impl Position {
         self.count(read, believed, level);
         let mut miss = reading - foreseen.position;
         let apart = (POSITION_SPEED * period).max(POSITION_JUMP * jitter) * fastest;
-        let jumps = miss.abs() > POSITION_JUMP * grain + apart * f64::from(1 + self.bad);
+        let jumps = miss.abs() > POSITION_JUMP * grain + apart;
         let gone = self.dead_reckoned(read, believed);
         miss = gone.map_or(miss, |gone| -gone);
         // A reading may be as late as the next one. The jitter of its time counts as far as it exceeds the

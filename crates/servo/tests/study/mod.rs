@@ -249,7 +249,17 @@ impl Run {
 
 /// A run of a seed.
 pub fn outcome(seed: u64, member: u32) -> Outcome {
-    let run = run_of(seed, member);
+    judged(&run_of(seed, member))
+}
+
+/// The same run without its faults. All its events are early.
+pub fn healthy(seed: u64, member: u32) -> Outcome {
+    let mut run = run_of(seed, member);
+    run.setup.faults.clear();
+    judged(&run)
+}
+
+fn judged(run: &Run) -> Outcome {
     let faults = &run.setup.faults;
     let words = faults.iter().map(|own| match own.channel {
         Some(channel) => format!("{:?} {channel:?}", own.kind),
@@ -285,8 +295,8 @@ pub fn outcome(seed: u64, member: u32) -> Outcome {
     } else if faults.iter().any(loses) {
         Class::Excused
     } else {
-        let best = run.fastest_hit(Some(first), true).map_or(0.0, |found| found.0);
-        if best > HARD { Class::Unavoidable } else { Class::Hit }
+        let best = run.fastest_hit(first.is_finite().then_some(first), true).map_or(0.0, |found| found.0);
+        if best > HARD && !faults.is_empty() { Class::Unavoidable } else { Class::Hit }
     };
     Outcome { fault, law: run.law, class, speed, told, early }
 }
