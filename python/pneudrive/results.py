@@ -32,7 +32,7 @@ from pneudrive.files.tables import open_table
 from pneudrive.friction.campaign.characteristics import campaign_friction
 from pneudrive.friction.friction_map import groups_of, read_map
 from pneudrive.identify.base import Fit, whole_interval
-from pneudrive.identify.files import common, curve_differences, read_fit
+from pneudrive.identify.files import common, read_fit
 from pneudrive.identify.static.fit import fit_file
 from pneudrive.identify.static.result import FrictionFit
 from pneudrive.identify.volume import Regulator
@@ -60,7 +60,9 @@ MOST_PANELS, POINTS = 4, 61  # curves in a figure; places of a fitted curve
 COMPARED = (Look("black"), Look("orange", "--", "s"))  # looks of both results
 ONE_SIDED = " The differences contain the zero of the force sensor. Their intervals contain what the maps show of it."
 SHOWN_PLACES = 5  # of a curve in a table
+JOINT = 1.5  # factor from a band of 95 % at one place to that of about 17 places together (Bonferroni)
 SAME_PA = 1.0  # rounding of a pressure
+SAME_LEVEL = 0.05  # ratio of the difference of speeds of one level to the speed
 NARROW = 3.0  # ratio of speeds below which friction fits are compared over the pressure
 _NUMBER = re.compile(r"([-+]?\d[\d.]*(?:e[-+]?\d+)?)(?: (.+))?")
 
@@ -258,6 +260,10 @@ def _fit_pairs(before: FrictionFit, after: FrictionFit) -> Iterator[CurvePair]:
         yield _law_pair("friction", before, after, over, axes, (speed, a if side else over, over if side else b))
         return
     speeds = np.geomspace(low, high, POINTS) if low < high else np.array([low])
+    if not all("stribeck_velocity" in fit.determined for fit in (before, after) if fit.model.stribeck):
+        # Between the measured speeds, laws of this shape differ without a contradiction of the data.
+        old, new = (fit.provenance.get("speed_levels_m_s", ()) for fit in (before, after))
+        speeds = np.array([v for v in old if any(abs(v - w) < SAME_LEVEL * v for w in new)])
     for pair in dict.fromkeys(zip(*gauges, strict=True)):
         label = f"a {pair[0] / 1e5:z.2f}, b {pair[1] / 1e5:z.2f} bar gauge"
         yield _law_pair(label, before, after, speeds, ("speed", "m/s"), (speeds, *pair))
@@ -266,13 +272,16 @@ def _fit_pairs(before: FrictionFit, after: FrictionFit) -> Iterator[CurvePair]:
 def _law_pair(
     label: str, before: FrictionFit, after: FrictionFit, x: Array, axes: tuple[str, str], at: tuple[Any, Any, Any]
 ) -> CurvePair:
-    """Return two laws at speeds and gauge pressures with their bands, and their difference."""
+    """Return two laws at speeds and gauge pressures with their bands, and their difference.
+
+    The fits count as independent. The band of the difference does not contain common errors of the sensors.
+    """
     laws = [fit.predict(*at) for fit in (before, after)]
     names = axes[0], "friction", axes[1], "N"
     first, second = (_curve(label, x, law.friction_n, names, (law.lower_n, law.upper_n)) for law in laws)
-    low_n, high_n = np.array([(e.low, e.high) for e in curve_differences(before, after, *at)]).T
+    half_n = JOINT * np.hypot(*(law.upper_n - law.friction_n for law in laws))
     zero_n = sum(2.0 * fit.systematic.get("coulomb", 0.0) for fit in (before, after) if _is_one_sided(fit))
-    return CurvePair(first, second, x, laws[1].friction_n - laws[0].friction_n, (high_n - low_n) / 2.0 + zero_n)
+    return CurvePair(first, second, x, laws[1].friction_n - laws[0].friction_n, half_n + zero_n)
 
 
 def _is_one_sided(fit: FrictionFit) -> bool:
@@ -589,4 +598,4 @@ def _curve_pair(first: ShownCurve, second: ShownCurve) -> CurvePair:
     x = x[(x >= max(curve.x.min() for curve in both)) & (x <= min(curve.x.max() for curve in both))]
     before, after = (np.interp(x, curve.x, curve.y) for curve in both)
     bands = [np.interp(x, curve.x, (curve.band[1] - curve.band[0]) / 2.0) for curve in both if curve.band is not None]
-    return CurvePair(first, second, x, after - before, np.hypot(*bands) if len(bands) == 2 else None)
+    return CurvePair(first, second, x, after - before, JOINT * np.hypot(*bands) if len(bands) == 2 else None)

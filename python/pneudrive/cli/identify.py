@@ -222,7 +222,6 @@ def _fit_laws(curves: xr.Dataset, names: list[str], pressure: str, hold_out: str
     result = pn.fit_friction(
         curves,
         chosen,
-        any_shape=True,
         pressure_dependence=form != "none",
         pressure=form if form != "none" else "linear",
         viscous=comparison is None or comparison.recommended.viscous,

@@ -292,8 +292,10 @@ class MapGroup(NamedTuple):
         for (way,), own in sorted(points.partition_by("direction", as_dict=True).items(), reverse=True):
             x, y, reach = (own[name].to_numpy() for name in ("speed", "friction", "reach"))
             label = f"{self.assembly}: {self.label}" + {1: ", +x", -1: ", -x"}.get(way, "")
+            # Curves of two maps with equal set pressures have equal keys, for set pressures in steps of 0.05 bar.
+            key = f"{self.assembly}: {np.floor(self.gauges / SAME_PA + 0.25)}, {way}"
             axes = ("speed", "friction", "m/s", "N", (y - reach, y + reach))
-            curves.append(ShownCurve(label, label, x, y, *axes, np.ones(x.size, dtype=bool), self.assembly))
+            curves.append(ShownCurve(key, label, x, y, *axes, np.ones(x.size, dtype=bool), self.assembly))
         return curves
 
 

@@ -254,7 +254,7 @@ def _compared(name: str, form: str | None, data: Observations, folds: Ints, sele
     wide = float(data.speed_m_s.max() / data.speed_m_s.min()) >= SPEED_SPAN
     try:
         wanted = replace(CANDIDATES[name], viscous=wide)
-        fit = fit_values(wanted, data, pressure=form, any_shape=True, options=selected)
+        fit = fit_values(wanted, data, pressure=form, options=selected)
     except FitError as problem:
         return f"{name} is not compared: {problem.what}"
     error, inside = np.empty(len(data)), np.empty(len(data), dtype=bool)

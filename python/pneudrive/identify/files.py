@@ -1,4 +1,4 @@
-"""Reading of fits of any kind and of sources of an export, and differences between the curves of two fits."""
+"""Reading of fits of any kind and of sources of an export, and their common range."""
 
 from __future__ import annotations
 
@@ -8,7 +8,6 @@ from pneudrive.describe.drive import Drive
 from pneudrive.describe.files import toml
 from pneudrive.describe.files.load import OF_A_CIRCUIT
 from pneudrive.errors import DescriptionError, FitError, nearest
-from pneudrive.estimate.estimates import Estimate
 from pneudrive.identify.dynamic.fit import Presliding
 from pneudrive.identify.dynamic.result import DriveFit
 from pneudrive.identify.follow.fit import FollowFit
@@ -19,7 +18,7 @@ from pneudrive.identify.volume import RegulatorFit, VolumeFit
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from pneudrive.arrays import Array, Interval
+    from pneudrive.arrays import Interval
 
 AnyFit = FrictionFit | LawFit | DriveFit | VolumeFit | Presliding | FollowFit | RegulatorFit
 KINDS: dict[str, type[AnyFit]] = {kind.KIND: kind for kind in get_args(AnyFit)}
@@ -57,30 +56,6 @@ def read_source(path: str | Path) -> AnyFit | Drive:
     return Drive.load(path) if is_drive else read_fit(path)
 
 
-def curve_differences(
-    before: FrictionFit, after: FrictionFit, speed_m_s: Array, gauge_a_pa: float, gauge_b_pa: float
-) -> list[Estimate]:
-    """Return the difference between the laws of two fits, with 95 % intervals, N.
-
-    The two fits are assumed to be independent. The intervals do not contain common errors of the sensors.
-
-    Parameters
-    ----------
-    before, after : FrictionFit
-        The difference is `after` minus `before`.
-    speed_m_s : ndarray, shape (n,)
-    gauge_a_pa, gauge_b_pa : float
-        Gauge pressures of the chambers.
-    """
-    sides = []
-    for fit in (before, after):
-        said = fit.predict(speed_m_s, gauge_a_pa, gauge_b_pa)
-        freedom = fit.statistics["degrees_of_freedom"]
-        pairs = zip(said.friction_n.tolist(), said.stderr_n.tolist(), strict=True)
-        sides.append([Estimate.of(value, stderr, freedom) for value, stderr in pairs])
-    return [new - old for old, new in zip(*sides, strict=True)]
-
-
 def common(before: FrictionFit, after: FrictionFit, name: str) -> Interval:
     """Return the range of a condition that both fits have measured.
 
@@ -92,5 +67,5 @@ def common(before: FrictionFit, after: FrictionFit, name: str) -> Interval:
     name : str
         ``"speed_m_s"``, ``"gauge_a_pa"`` or ``"gauge_b_pa"``.
     """
-    (low, high), (other_low, other_high) = (fit.provenance[name] for fit in (before, after))
-    return max(low, other_low), min(high, other_high)
+    lows, highs = zip(*(fit.provenance[name] for fit in (before, after)), strict=True)
+    return max(lows), min(highs)

@@ -24,7 +24,7 @@ from pneudrive.simulation.trajectory import meaning
 from pneudrive.units import readable
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping, Sequence
+    from collections.abc import Mapping, Sequence
 
     from pneudrive.arrays import Array, Interval, Keyed, Plain
     from pneudrive.describe.drive import Drive
@@ -114,8 +114,10 @@ def comparison_figure(every: Mapping[str, FittedData]) -> Figure:
 
 #: Number of digits of interval bounds, which are rounded outwards, and of a value without an interval.
 DIGITS = 5
-#: Largest rounding error of a value, as a fraction of its interval.
+#: Largest rounding error of a value, as a fraction of its interval; values with a wide interval keep two digits.
 ROUNDED_SHARE = 1e-2
+#: Distance from a bound below which a value is at the bound, as a fraction of its interval.
+AT_BOUND = 1e-6
 #: Digits of the lower limit of a model error.
 MODEL_DIGITS = 2
 #: Decimal places of a correlation.
@@ -227,8 +229,7 @@ def apply_identified(
     known |= {name: _chamber(drive, name) for name in found.values if name.endswith((".a", ".b"))}
     own = {name: p.mark for name, p in numbers_of(drive).items() if name.startswith(("tubing.", "flow_control."))}
     known |= own
-    off_bounds = dict(_off_bounds(found, known))
-    found = replace(found, values={**found.values, **off_bounds})
+    found = _off_bounds(found, known)
     for name, value in found.values.items():
         table, _, last = name.rpartition(".")
         if name not in known:
@@ -260,8 +261,7 @@ def apply_identified(
 def _circuit_with(found: Identified, circuit: Circuit) -> Circuit:
     """Return a circuit with identified values, each with its origin."""
     known = {name: number.mark for name, number in circuit_numbers(circuit).items()}
-    off_bounds = dict(_off_bounds(found, known))
-    found = replace(found, values={**found.values, **off_bounds})
+    found = _off_bounds(found, known)
     changes: dict[str, object] = {}
     for name, value in found.values.items():
         if name not in known:
@@ -273,15 +273,14 @@ def _circuit_with(found: Identified, circuit: Circuit) -> Circuit:
     return circuit.replace(changes).read_from(found.file)
 
 
-def _off_bounds(
-    found: Identified, known: Mapping[str, Quantity | StatedPressure | None]
-) -> Iterator[tuple[str, float]]:
+def _off_bounds(found: Identified, known: Mapping[str, Quantity | StatedPressure | None]) -> Identified:
     """Replace values at a bound that a drive does not accept, such as a force of 0 N, by the smallest written value."""
+    values = dict(found.values)
     for name, (low, high) in found.intervals.items():
-        mark = known.get(name)
-        if isinstance(mark, Quantity) and mark.bounds.above is not None and low < high < math.inf:
-            digit = 10.0 ** math.floor(math.log10(ROUNDED_SHARE * (high - low)))
-            yield name, max(found.values[name], mark.bounds.above + digit)
+        above = mark.bounds.above if isinstance(mark := known.get(name), Quantity) else None
+        if above is not None and low < high < math.inf and values[name] - above < AT_BOUND * (high - low):
+            values[name] = above + 10.0 ** math.floor(math.log10(ROUNDED_SHARE * (high - low)))
+    return replace(found, values=values)
 
 
 def _said(found: Identified, name: str, mark: Quantity | StatedPressure | None) -> dict[str, str]:
@@ -372,7 +371,8 @@ def _rounded(
     shown = (value - offset) / factor
     places = digits - 1 - math.floor(math.log10(abs(shown))) if shown else 0
     if interval is not None and 0.0 < interval[1] - interval[0] < math.inf:
-        places = math.ceil(-math.log10(ROUNDED_SHARE * (interval[1] - interval[0]) / factor))
+        needed = math.ceil(-math.log10(ROUNDED_SHARE * (interval[1] - interval[0]) / factor))
+        places = max(needed, places - digits + 2)
     number = f"{round(shown, places):.{max(places, 0)}f}"
     again = float(number) * factor + offset
     if interval is not None and not interval[0] <= again <= interval[1]:

@@ -198,7 +198,7 @@ def _python(kind: str, values: Keyed) -> Plain:
         case "fit":
             if (form := values["pressure"]) != "none":
                 found = {"pressure_dependence": True, "pressure": form}
-            return {"options": repr(values["law"]) + keywords(**found, any_shape=True)}
+            return {"options": repr(values["law"]) + keywords(**found)}
         case "size":
             found = {name: values[name] for name in ("most", "draws")}
             found["draws_best"] = DRAWS_BEST_OF * values["draws"]

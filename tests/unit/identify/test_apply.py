@@ -11,6 +11,7 @@ import pytest
 from pneudrive.describe import Drive
 from pneudrive.errors import FitError, PneudriveWarning
 from pneudrive.identify import FrictionFit, fit_friction
+from pneudrive.identify.identified import Identified, apply_identified
 
 SPEED = np.geomspace(1e-3, 0.45, 20)
 
@@ -72,13 +73,10 @@ def test_fit_read_from_a_file_applies_as_well(drive, good, tmp_path):
 
 
 @pytest.mark.filterwarnings("ignore::pneudrive.errors.PneudriveWarning")
-def test_what_is_not_determined_stays(drive, make_map, friction_of):
-    speed = np.full(5, 0.01)
-    noise = 0.1 * np.random.default_rng(32).standard_normal(5)
-    changed = fit_friction(make_map(speed, friction_of(speed) + noise, 0.1)).apply(drive)
-    assert changed.friction.parameters["coulomb"] == pytest.approx(friction_of([0.01])[0], abs=0.2)
-    for name in ("stribeck_velocity", "viscous"):
-        assert changed.friction.parameters[name] == drive.friction.parameters[name]
+@pytest.mark.parametrize(("value", "ends"), [(5.0, (0.1, 2000.0)), (0.004, (0.0, 3.0)), (1.4, (-1e3, 600.0))])
+def test_a_wide_interval_does_not_change_the_value(drive, value, ends):
+    found = Identified({"friction.coulomb": value}, {"friction.coulomb": ends})
+    assert apply_identified(found, drive).friction.parameters["coulomb"] == value
 
 
 @pytest.mark.parametrize("level", [20.0, 60.0])
@@ -92,6 +90,8 @@ def test_a_level_that_is_not_determined_goes_no_further_than_the_limit_that_the_
     assert after.friction.parameters["coulomb"] == pytest.approx(level, abs=0.05)
     assert after.friction.parameters["breakaway"] == pytest.approx(max(45.0, level), abs=0.05)
     assert "friction.breakaway" not in after.provenance
+    for name in ("stribeck_velocity", "viscous"):
+        assert after.friction.parameters[name] == drive.friction.parameters[name]
 
 
 def test_half_of_a_sum_of_slopes_has_no_interval_anywhere(drive, make_map, friction_of, tmp_path):
@@ -103,6 +103,7 @@ def test_half_of_a_sum_of_slopes_has_no_interval_anywhere(drive, make_map, frict
     data = make_map(speed, friction, 0.05, gauge_a=gauge, gauge_b=gauge, systematic=0.1)
     fit = fit_friction(data, pressure_dependence=True)
     assert fit.intervals["coulomb_ab"][0] < 1.7e-5 < fit.intervals["coulomb_ab"][1]
+    assert "only their joint effect is known" in fit.undetermined[0].reason
     fit.to_toml(tmp_path / "fit.toml")
     for found in (fit, FrictionFit.from_toml(tmp_path / "fit.toml")):
         assert {"coulomb_a", "coulomb_b", "breakaway_a", "breakaway_b"}.isdisjoint(found.intervals)

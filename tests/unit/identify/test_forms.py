@@ -110,19 +110,10 @@ def test_derivatives_of_a_loss_and_its_form_for_scipy_agree(loss):
     assert start.cost == pytest.approx(loss.rho(u).sum())
 
 
-def test_far_outliers_move_no_robust_estimate(make_map, truth, friction_of):
-    noise = 0.3 * np.random.default_rng(2).standard_normal(20)
-    friction = friction_of(SPEED) + noise
-    clean = fit_friction(make_map(SPEED, friction, 0.3))
-    friction[[5, 13]] += 30.0
-    fit = fit_friction(make_map(SPEED, friction, 0.3))
-    assert fit.parameters["coulomb"] == pytest.approx(clean.parameters["coulomb"], rel=0.03)
-    assert fit.statistics["outlying"] == 2
-
-
 @pytest.mark.parametrize(
     ("options", "said"),
     [
+        ({"law": "stribek"}, "no sliding law 'stribek'.*Did you mean 'stribeck'"),
         ({"law": "stribeck gauss"}, "no Stribeck shape 'gauss'.*Did you mean 'gaussian'"),
         ({"law": "coulomb gaussian"}, "has no Stribeck curve"),
         ({"pressure": "cubic"}, "no dependence on pressure 'cubic'.*Known: interaction, linear"),

@@ -137,11 +137,6 @@ def test_maps_that_cannot_be_fitted(data, change, message):
         fit_friction(change(data))
 
 
-def test_unknown_law_names_the_nearest(data):
-    with pytest.raises(FitError, match=r"(?s)no sliding law 'stribek'.*Did you mean 'stribeck'"):
-        fit_friction(data, law="stribek")
-
-
 def test_pressure_dependence_needs_the_ambient_pressure(data):
     data = data.drop_attrs()
     with pytest.raises(FitError, match="has no ambient pressure"):

@@ -298,11 +298,10 @@ class Exported(Shown):
         low, high = 1e3 * curve.speed_m_s[[0, -1]]
         said = f"parameters of pneudrive: law {curve.law}, Stribeck curve {curve.shape}"
         if self.converted_n is not curve.friction_n:
-            error = np.abs(self.converted_n - curve.friction_n)
-            worst, share = int(error.argmax()), 100.0 * float((error / np.abs(curve.friction_n)).max())
+            worst = 1e3 * curve.speed_m_s[np.abs(self.converted_n - curve.friction_n).argmax()]
             said = (
-                f"greatest deviation from pneudrive's curve (law {curve.law}, {curve.shape}): {error[worst]:.3g} N at "
-                f"{1e3 * curve.speed_m_s[worst]:.4g} mm/s, {share:.3g} % of friction at most"
+                f"greatest deviation from pneudrive's curve (law {curve.law}, {curve.shape}): {self.worst_n:.3g} N at "
+                f"{worst:.4g} mm/s, {self.worst_percent:.3g} % of friction at most"
             )
         where = f"holds from {low:.4g} to {high:.4g} mm/s; outside it is extrapolated"
         return [where, said, *(f"lost: {text}" for text in self.lost)]

@@ -277,6 +277,11 @@ def with_knee(model: FrictionModel, data: Observations) -> FrictionModel:
     return replace(model, knee_pa=min(sizes, key=lambda one: sizes[one]) * top)
 
 
+def _joined(first: Interval, second: Interval) -> Interval:
+    """Return the interval that contains two intervals."""
+    return min(first[0], second[0]), max(first[1], second[1])
+
+
 def interval_over_knees(found: RobustEstimate, quantile: float) -> Ends:
     """Return profile intervals over all knees that the data allow. At a single knee, they would be far too narrow."""
     out, model = profile_intervals(found, quantile), found.model
@@ -291,7 +296,7 @@ def interval_over_knees(found: RobustEstimate, quantile: float) -> Ends:
             more = profile_intervals(near, quantile, least)
             if not more:
                 break
-            out = {n: (min(low, more[n][0]), max(high, more[n][1])) for n, (low, high) in out.items()}
+            out = {name: _joined(ends, more[name]) for name, ends in out.items()}
     return out
 
 
@@ -309,7 +314,7 @@ def interval_over_shapes(support: Support) -> Ends:
             near = found.pseudo_fit(replace(model, exponent=exponent, lorentzian=lorentzian))
             more = profile_intervals(near, student(found.dof), found.pseudo_cost)
             for name in (n for n in more if not n.startswith("stribeck_")):
-                out[name] = (min(out[name][0], more[name][0]), max(out[name][1], more[name][1]))
+                out[name] = _joined(out[name], more[name])
     return out
 
 

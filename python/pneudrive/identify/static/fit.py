@@ -18,7 +18,7 @@ import numpy as np
 from pneudrive import __version__
 from pneudrive.arrays import by_name
 from pneudrive.errors import FitError, nearest
-from pneudrive.estimate.autocorrelation import weak_coordinates
+from pneudrive.estimate.autocorrelation import distinct_levels, weak_coordinates
 from pneudrive.estimate.estimates import changed, student
 from pneudrive.estimate.profile import intervals, profile_interval
 from pneudrive.friction.friction_map import ALL_RECORDINGS, assemblies_of
@@ -53,7 +53,6 @@ def fit_friction(
     *,
     pressure_dependence: bool = False,
     direction: int | None = None,
-    any_shape: bool | None = None,
     pressure: str = "linear",
     viscous: bool = True,
     exclude_flags: Collection[str] = sliding.NOT_SLIDING,
@@ -72,9 +71,6 @@ def fit_friction(
     direction : int or None
         None: friction of paired directions. +1 or -1: only that direction, from the force balance; the zero of the
         force is then part of the Coulomb force.
-    any_shape : bool or None
-        Whether intervals of the forces cover all Stribeck shapes that fit equally well. None: True if `law` names no
-        shape.
     pressure : str
         Form of `pressure_dependence`: ``linear`` in the gauge pressures; ``quadratic``; ``saturating``, with g/(1 +
         g/knee) instead of each gauge pressure g and the most likely of a few knees; or ``interaction``, with the
@@ -99,8 +95,9 @@ def fit_friction(
     Rows are weighted by their statistical standard error. A common scale of these errors is estimated from the
     residuals, so that intervals stay valid if the stated errors are too small by a factor. Intervals use Student's t.
     The intervals of Stribeck velocity and breakaway force use the profile likelihood, because they are far from
-    symmetric. Systematic uncertainty, shared by all rows, is given separately for each parameter
-    (`FrictionFit.systematic`). Methods: [huber2009], [bates1988], [smyth2004], [paule1982].
+    symmetric. Intervals of forces cover all Stribeck shapes that fit equally well. Systematic uncertainty, shared by
+    all rows, is given separately for each parameter (`FrictionFit.systematic`). Methods: [huber2009], [bates1988],
+    [smyth2004], [paule1982].
     """
     name, _, shape = law.partition(" ")
     known = (
@@ -123,8 +120,7 @@ def fit_friction(
     form = pressure if pressure_dependence else None
     wanted = sliding.FrictionModel(name, exponent, viscous=viscous, lorentzian=shape == "lorentzian")
     options = {"pressure_dependence": pressure_dependence} | provenance
-    is_open = not shape if any_shape is None else any_shape
-    return fit_values(wanted, data, pressure=form, any_shape=is_open, notes=notes, options=options)
+    return fit_values(wanted, data, pressure=form, notes=notes, options=options)
 
 
 def fit_values(
@@ -132,7 +128,6 @@ def fit_values(
     data: sliding.Observations,
     *,
     pressure: str | None,
-    any_shape: bool = False,
     notes: Sequence[str] = (),
     options: Mapping[str, object],
 ) -> FrictionFit:
@@ -145,27 +140,26 @@ def fit_values(
     data : Observations
     pressure : str or None
         Dependence on pressure, one of ``PRESSURE_FORMS``; None: no dependence.
-    any_shape : bool
-        Whether intervals of the forces cover all Stribeck shapes that fit equally well.
     notes, options
         Added to the result and to its provenance.
     """
     said = [*notes, *_confounding(data, pressure is not None)]
     model, lost = selection.choose_model(wanted, data, pressure=pressure)
     support = selection.shrunk_to_the_data(selection.with_knee(model, data), data)
+    support = replace(support, intervals=selection.interval_over_shapes(support))
     lost += support.lost + selection.diagnose(support.found, support.intervals)
     said += _remarks(support)
-    support = replace(support, intervals=selection.interval_over_shapes(support)) if any_shape else support
     provenance = {"version": __version__, "map_sha256": sliding.fingerprint(data), **_ranges(data)}
     provenance |= options
     fit = assembled(wanted.law, support, lost, said, provenance)
     return replace(fit, notes=(*fit.notes, *fit.correlated()))
 
 
-def _ranges(data: sliding.Observations) -> dict[str, object]:
-    """Return the lowest and highest speed and gauge pressures. Outside these ranges, the fit is an extrapolation."""
+def _ranges(data: sliding.Observations) -> dict[str, list[float]]:
+    """Return the lowest and highest speed and gauge pressures, and the speeds. Outside, the fit is an extrapolation."""
     columns = {"speed_m_s": data.speed_m_s, "gauge_a_pa": data.gauge_a_pa, "gauge_b_pa": data.gauge_b_pa}
-    return {name: [float(values.min()), float(values.max())] for name, values in columns.items() if values.size}
+    levels = {"speed_levels_m_s": [low for low, _ in distinct_levels(data.speed_m_s)]}
+    return {n: [float(values.min()), float(values.max())] for n, values in columns.items() if values.size} | levels
 
 
 def _remarks(support: selection.Support) -> list[str]:

@@ -333,7 +333,7 @@ class FrictionModel(StaticLaw):
         """Return start coordinates, best first.
 
         At each Stribeck velocity of a logarithmic grid, non-negative forces and excess follow from a linear problem.
-        The best local minima of the grid are kept.
+        The best local minima of the grid are kept; those with an excess beyond its bound come last.
         """
         if not self.stribeck:
             return [self._linear_start(data, self.linear_columns(data, np.zeros(1), None)[0], 0.0, None)[1]]
@@ -345,6 +345,7 @@ class FrictionModel(StaticLaw):
             grid = np.linspace(lower[2] + 0.1, upper[2] - 0.1, count)
             columns = self.linear_columns(data, grid, log_n)
             scored = [self._linear_start(data, own, lv, log_n) for own, lv in zip(columns, grid, strict=True)]
+            scored = [(cost if q[1] <= upper[1] else np.inf, q) for cost, q in scored]  # clipped, it is another curve
             costs = np.array([s[0] for s in scored])
             padded = np.r_[np.inf, costs, np.inf]
             minima = np.flatnonzero((costs <= padded[:-2]) & (costs <= padded[2:]))

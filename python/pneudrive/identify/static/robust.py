@@ -24,7 +24,7 @@ import numpy as np
 from pneudrive.arrays import by_name
 from pneudrive.estimate.autocorrelation import HUBER, LINEAR, Loss, covariance_of, shift_of
 from pneudrive.estimate.estimates import rms, robust_deviation
-from pneudrive.identify.static.model import EXPONENT_BOUNDS, FrictionModel, Observations, StaticLaw
+from pneudrive.identify.static.model import EXPONENT_BOUNDS, Observations, StaticLaw
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -373,13 +373,10 @@ def profile_intervals(found: RobustEstimate, quantile: float, least: float | Non
         non-negative parameter.
     """
     model, data = found.model, found.data
-    y = found.pseudo / data.stderr_n
-    allowed = found.variance * quantile**2
-    best = float(np.sum((y - model.value(found.q, data) / data.stderr_n) ** 2))
-    if least is not None:
-        if best > least + allowed:
-            return {}
-        best = least
+    best = found.pseudo_cost if least is None else least
+    most = best + found.variance * quantile**2
+    if found.pseudo_cost > most:
+        return {}
     velocities, exponents = _grid(found, quantile)
     linear = [n for n in model.names if not n.startswith("stribeck_")]
     slack = np.empty((velocities.size, exponents.size))
@@ -387,16 +384,15 @@ def profile_intervals(found: RobustEstimate, quantile: float, least: float | Non
     high = dict.fromkeys(model.names, -np.inf)
     for j, log_exponent in enumerate(exponents):
         parts = np.array_split(velocities, -(-velocities.size * len(data) // MOST_AT_ONCE))
-        parts_of_grid = [_forces(model, data, y, linear, part, log_exponent) for part in parts]
-        cost, value, spread = (np.concatenate(part) for part in zip(*parts_of_grid, strict=True))
-        slack[:, j] = best + allowed - cost
+        parts_of_grid = [_forces(found, linear, part, log_exponent, most) for part in parts]
+        cost, lowest, highest = (np.concatenate(part) for part in zip(*parts_of_grid, strict=True))
+        slack[:, j] = most - cost
         inside = slack[:, j] >= 0.0
         if not inside.any():
             continue
-        reach = np.sqrt(slack[inside, j, None] * spread[inside])
         for k, name in enumerate(linear):
-            low[name] = min(low[name], float(np.min(value[inside, k] - reach[:, k])))
-            high[name] = max(high[name], float(np.max(value[inside, k] + reach[:, k])))
+            low[name] = min(low[name], float(np.min(lowest[inside, k])))
+            high[name] = max(high[name], float(np.max(highest[inside, k])))
     if model.stribeck:
         low["stribeck_velocity"], high["stribeck_velocity"] = _crossings(velocities, slack.max(axis=1))
         if model.exponent is None:
@@ -444,26 +440,39 @@ def _grid(found: RobustEstimate, quantile: float) -> tuple[Array, Array]:
 
 
 def _forces(
-    model: FrictionModel, data: Observations, y: Array, linear: list[str], log_velocities: Array, log_exponent: float
+    found: RobustEstimate, linear: list[str], log_velocities: Array, log_exponent: float, most: float
 ) -> tuple[Array, Array, Array]:
-    """Return cost (g,), forces (g, p) and their unit variances (g, p) of the linear problem at each velocity.
+    """Return the least cost (g,) of the linear problem at each velocity, and the ends (g, p) of the forces.
 
-    A negative excess is held at zero.
+    Between their ends, forces have a cost of at most `most`. A negative excess is held at zero. Above zero, the excess
+    and its slopes then keep their ends.
     """
-    columns = model.linear_columns(data, log_velocities, log_exponent) / data.stderr_n[:, None]
+    data = found.data
+    y = found.pseudo / data.stderr_n
+    columns = found.model.linear_columns(data, log_velocities, log_exponent) / data.stderr_n[:, None]
     cost, value, spread = _least_squares(columns, y)
-    if not model.stribeck:
-        return cost, value, spread
+    low, high = _ends(cost, value, spread, most)
+    if not found.model.stribeck:
+        return cost, low, high
     c, s = linear.index("coulomb"), linear.index("breakaway")
     below = value[:, s] < value[:, c]
     if below.any():
         merged = columns[below]
         merged[..., c] += merged[..., s]
-        keep = np.delete(np.arange(len(linear)), s)
-        rows = np.flatnonzero(below)[:, None]
-        cost[below], value[rows, keep], spread[rows, keep] = _least_squares(merged[..., keep], y)
-        value[below, s], spread[below, s] = value[below, c], spread[below, c]
-    return cost, value, spread
+        cost[below], value, spread = _least_squares(np.delete(merged, s, axis=2), y)
+        lowest, highest = (np.insert(e, s, e[:, c], axis=1) for e in _ends(cost[below], value, spread, most))
+        of_excess = np.char.startswith(linear, "breakaway")
+        high[below] = np.where(of_excess, np.maximum(high[below], highest), highest)
+        low[below] = np.where(of_excess, np.minimum(low[below], lowest), lowest)
+        low[below, s] = lowest[:, s]
+    return cost, low, high
+
+
+def _ends(cost: Array, value: Array, spread: Array, most: float) -> tuple[Array, Array]:
+    """Return the ends of values, between which the cost is at most `most`."""
+    slack = np.maximum(most - cost, 1e-300)  # above zero, so that an unknown spread stays infinite
+    reach = np.sqrt(slack[:, None] * spread)
+    return value - reach, value + reach
 
 
 def _least_squares(columns: Array, y: Array) -> tuple[Array, Array, Array]:
@@ -482,19 +491,25 @@ def _least_squares(columns: Array, y: Array) -> tuple[Array, Array, Array]:
 
 
 def _close(found: RobustEstimate, low: dict[str, float], high: dict[str, float]) -> dict[str, Interval]:
-    """Set open ends to infinity, or to zero for the lower end of a non-negative parameter."""
+    """Set open ends to infinity, or to zero for the lower end of a non-negative parameter.
+
+    The breakaway force may reach beyond the bounds of the search, or the Stribeck velocity may reach its lower bound.
+    Then any smaller Stribeck velocity fits as well, with a larger breakaway force.
+    """
     model, estimate = found.model, found.natural
-    lower, upper = model.bounds(found.data)
+    lower, upper = np.exp(model.bounds(found.data))
+    is_open = model.stribeck and (high["breakaway"] > upper[1] or low["stribeck_velocity"] <= lower[2] * 1.001)
     out = {}
     for name in model.names:
         lo, hi = min(low[name], estimate[name]), max(high[name], estimate[name])
         if name == "stribeck_velocity":
-            lo = 0.0 if lo <= np.exp(lower[2]) * 1.001 else lo
-            hi = np.inf if hi >= np.exp(upper[2]) * 0.999 else hi
+            lo = 0.0 if is_open else lo
+            hi = np.inf if hi >= upper[2] * 0.999 else hi
         elif name == "stribeck_exponent":
             lo = 0.0 if lo <= EXPONENT_BOUNDS[0] * 1.001 else lo
             hi = np.inf if hi >= EXPONENT_BOUNDS[1] * 0.999 else hi
         elif name in {"coulomb", "breakaway", "viscous"}:
             lo = max(lo, 0.0)
+        hi = np.inf if is_open and name.startswith("breakaway") else hi
         out[name] = (float(lo), float(hi))
     return out
