@@ -18,6 +18,7 @@ from pneudrive.errors import DescriptionError, PneudriveWarning, warn
 from pneudrive.report.page import Items, Report, Section
 from pneudrive.report.sizing import sizing_sheet
 from pneudrive.sizing import checks
+from pneudrive.sizing.choices import choices
 from pneudrive.sizing.result import SizingResult
 from pneudrive.sizing.search import size
 from pneudrive.sizing.task import SizingTask
@@ -153,6 +154,10 @@ def test_what_no_sheet_states_is_open_and_candidates_are_counted_once():
     assert [check.name for check in found.open_checks] == ["side load", "energy at the end", "life", "mass"]
     assert [size[0] for size in unusual_sizes(SizingTask(**SLOPE | {"stroke": "1 um"}), USUAL)] == ["stroke"]
     assert f"{len(found.ranked)} meet the task" in found.extent
+    for time, is_kept in (("1 s", True), ("0.1 s", None)):  # the sheet of OSP-P carries its load up to 0.5 m/s
+        task = SizingTask(**SLOPE | {"guide": "none", "time": time, "exclude": ["smc-cp*"]})
+        kept = {one.name: next(checks.mechanical_checks(one, task)).is_kept for one in choices(task)["cylinder"]}
+        assert kept["parker-osp-p25"] is is_kept
     short = size(TRANSFER | {"guide": "ball"}, **DRAWS, most=1)
     assert not any("`most`" in note for note in short.notes)
     assert short.complete or "--max-candidates 2" in short.notes[0]

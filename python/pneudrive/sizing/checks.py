@@ -279,16 +279,22 @@ def _check(name: str, value: float, limit: float | None, unit: str, rule: str, *
     return MachineCheck(name, value, limit, unit, is_kept, rule, remedies)
 
 
-def mechanical_checks(cylinder: PartChoice, task: SizingTask) -> Iterator[MachineCheck]:
+def mechanical_checks(cylinder: PartChoice, task: SizingTask, end_speed: float = 0.0) -> Iterator[MachineCheck]:
     """Yield the checks that depend only on the cylinder: side load against its data sheet, and buckling of its rod.
 
-    Without a guide, the cylinder carries the weight of the load across its axis. The largest force on the rod results
-    from the highest supply pressure on the whole piston.
+    Without a guide, the cylinder carries the weight of the load across its axis. A sheet may limit the speed at which
+    it may do so: compare `end_speed`, m/s, and the mean speed of the task. The largest force on the rod results from
+    the highest supply pressure on the whole piston.
     """
     if task.guide == "none" and task.across_n:
         carried = 'guide = "ball" or "plain", if the machine carries the load'
         limit = cylinder.printed_si("max_load", "N")
+        most = cylinder.printed_si("max_load_speed", "m/s") or math.inf
+        speed = max(end_speed, task.stroke_m / min(task.outward_s, task.back_s))
         rule = "maker's sheet of the cylinder"
+        if limit is not None and task.across_n <= limit and speed > most:
+            rule = f"the {three(limit)} N of the sheet hold up to {three(most)} m/s, not at {three(speed)}"
+            limit = None
         yield _check("side load", task.across_n, limit, "N", rule, carried, f"printed.max_load {CATALOGUE}")
     gauge = task.supply_pa + task.supply.spread_pa - task.ambient.pressure_pa
     if gauge > USUAL_SUPPLY_PA:
@@ -306,10 +312,11 @@ def machine_checks(choice: DriveChoice, task: SizingTask, drive: SizedDrive | No
 
     Without a simulation (`drive`), checks of energy and pressure do not fail.
     """
-    cylinder, most_energy, peak = choice.cylinder, 0.0, 0.0
+    cylinder, figures = choice.cylinder, (0.0, 0.0, 0.0)
     if drive is not None:
-        most_energy, peak = drive.energy, drive.peak_pressure
-    found = list(mechanical_checks(cylinder, task))
+        figures = drive.energy, drive.peak_pressure, drive.end_speed
+    most_energy, peak, end_speed = figures
+    found = list(mechanical_checks(cylinder, task, end_speed))
     limit, origin = energy_limit(task, choice)
     absorber = f"impact_energy, from the data sheet of cylinder or shock absorber: {three(most_energy)} J or more"
     found.append(_check("energy at the end", most_energy, limit, "J", origin, absorber))

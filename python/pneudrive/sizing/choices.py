@@ -260,6 +260,7 @@ def _cylinder(entry: Entry, task: SizingTask) -> PartChoice:
     reason = "not on the sheet: 15 mm of the bore at each end, port and fitting included"
     cushion = _cushion(entry, bore, length)
     share = 0.6 if cushion else 1.0
+    over: Plain = {"incline": units.write(task.incline_rad, "rad", "deg")}
     for end in "ab":
         given = own.get("dead_volume")
         volume = units.parse(given.value[end], "m3") if given is not None else dead
@@ -267,7 +268,8 @@ def _cylinder(entry: Entry, task: SizingTask) -> PartChoice:
             assumed |= {f"cushion_{end}_{key}": one for key, one in cushion.items()}
             assumed[f"cushion_{end}_port_volume"] = (_cm3((1.0 - share) * volume), "two fifths of the dead volume")
         assumed[f"dead_volume_{end}"] = (_cm3(share * volume), reason)
-    over: Plain = {"incline": units.write(task.incline_rad, "rad", "deg")}
+        if cushion:  # the dead volume of the sheet is split between chamber and port
+            over[f"dead_volume_{end}"] = {"value": _cm3(share * volume), "assumed": reason}
     if not any(key.startswith("end_stop") for key in own):
         damping = 2.0 * STOP_DAMPING * math.sqrt(STOP_N_M * (task.mass_kg + mass))
         why = "a contact without rebound, which ends the stroke"
@@ -276,10 +278,6 @@ def _cylinder(entry: Entry, task: SizingTask) -> PartChoice:
         assumed |= {key: (value, why) for key, value in zip(keys, stop, strict=True)}
     if not is_fixed:
         over["stroke"] = units.write(task.stroke_m, "m", "mm")
-    if cushion:  # the dead volume of the sheet is split between chamber and port
-        for key in ("dead_volume_a", "dead_volume_b"):
-            value, why = assumed[key]
-            over[key] = {"value": value, "assumed": why}
     return _guided(entry, _choice(entry, over, assumed), task.guide_friction_n)
 
 

@@ -408,12 +408,7 @@ def nearest_miss(
         return NearestMiss(choice.parts, name, _gives(name, limit, value, unit, "the nominal case gives"))
     bound = max(pruned, key=lambda dropped: dropped.share)
     gives = f"{bound.said[0].upper()}{bound.said[1:]}."
-    if bound.limit == "force" and bound.share > 0.0:
-        spread = task.supply.spread_pa  # the bound uses its upper end
-        gauge = 1e-5 * ((task.supply_pa + spread - task.ambient.pressure_pa) / bound.share - spread)
-        gives += f" The force needed would have to fall to {100.0 * bound.share:.0f} %, or the supply to rise to "
-        gives += f"{math.ceil(10.0 * gauge) / 10.0:g} bar gauge at least."
-    elif bound.share > 0.0:
+    if bound.share > 0.0:
         gives += f" This is {100.0 * bound.share:.0f} % of what the task needs."
     return NearestMiss(bound.parts, bound.limit, gives)
 

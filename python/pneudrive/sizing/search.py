@@ -155,7 +155,7 @@ class Search:
         self.unseen = list(self.pruning.pairs)
         self.candidates: list[SizingCandidate] = []
         self.of_cylinder: dict[str, float] = {}
-        self.dropped = self.pruning.dropped
+        self.dropped = list(self.pruning.dropped)
         self.tuned = 0
         self.provisional: tuple[Provisional, ...] = ()
         self.savings: list[Saving] = []
@@ -203,8 +203,9 @@ class Search:
         short = [(one.choice, known) for one in self.candidates if (known := one.tuned or one.rough) and one.lost]
         miss = None
         if not ranked and (self.dropped or short or simulated) and (complete or not self.provisional):
-            miss = nearest_miss(self.task, simulated, short, self.dropped)
-            if not left:
+            probed = self.dropped[len(self.pruning.dropped) :]  # these keep the safe bounds
+            miss = nearest_miss(self.task, simulated, short, probed or self.dropped)
+            if not left and not probed:
                 miss = replace(
                     miss, possible=tuple(nearest_possible(self.task, self.pruning.found, self.pruning.bounds))
                 )
