@@ -139,7 +139,8 @@ def _written(
     """Return the files of a controller, and the variables of its code."""
     belief = tuning.belief
     form = setup.core(0, belief.ambient.pressure_pa)
-    about = f"For {belief.name}, description {belief.description_hash}; pneudrive {__version__}."
+    without = f" It does not model {', '.join(tuning.plant.left_out)}." if tuning.plant.left_out else ""
+    about = f"For {belief.name}, description {belief.description_hash}; pneudrive {__version__}.{without}"
     about = about.replace("*", "").encode("ascii", "replace").decode()
     try:
         return _core.control_export(json.dumps(tuning.core()), json.dumps(form), to, about, name)
