@@ -89,11 +89,10 @@ def held_tables(circuit: Circuit) -> Plain:
     """Return the tables of a circuit after replacing its switching valves with proportional valves."""
     tables = circuit.to_dict()
     parts = dict(tables["components"])
+    starts = dict(tables.get("initial", {}))
     for name in circuit.commandable:
         if circuit.components[name].kind in HELD:
             parts[name] = _proportional(circuit.components[name].kind, circuit.components[name].plain())
-    starts = dict(tables.get("initial", {}))
-    for name in circuit.commandable:
         if isinstance(starts.get(name), dict):
             starts[name] = {key: value for key, value in starts[name].items() if key != _KEPT}
     starts = {name: table for name, table in starts.items() if table != {}}
@@ -117,20 +116,19 @@ def _proportional(kind: str, table: Plain) -> Plain:
         return out
     supply, exhaust = path_of(table, exhaust=False), path_of(table, exhaust=True)
     out = {key: value for key, value in out.items() if not key.startswith(EXHAUST) and key not in FLOW_KEYS}
-    paths = {"4": (supply, exhaust), "2": (supply, exhaust)}
     if supply == exhaust:
         return out | supply
     from pneudrive.describe.components import component
 
-    c, c_exhaust = (component({"kind": "fitting"} | path) for path in (supply, exhaust))
+    c, c_exhaust = (component({"kind": "fitting"} | path).numbers(1e5) for path in (supply, exhaust))
     points = []
     for opening in (-1.0, 0.0, 1.0):
         point: Plain = {"opening": opening}
-        for port, sign in zip(paths, (1.0, -1.0), strict=True):
+        for port, sign in (("4", 1.0), ("2", -1.0)):
             for way, path, towards in (("supply", c, sign), ("exhaust", c_exhaust, -sign)):
-                size = path.numbers(1e5)["conductance"] if opening == towards else 0.0
-                point |= {f"{way}_{port}": f"{size!r} m3/(s Pa)"}
-                point |= {f"{way}_{port}_critical_pressure_ratio": path.numbers(1e5)["critical_pressure_ratio"]}
+                size = path["conductance"] if opening == towards else 0.0
+                point[f"{way}_{port}"] = f"{size!r} m3/(s Pa)"
+                point[f"{way}_{port}_critical_pressure_ratio"] = path["critical_pressure_ratio"]
         points.append(point)
     return out | {"flow_table": points, "flow_shape": "straight"}
 
@@ -291,8 +289,10 @@ class HeldDrive:
         chamber = next((port for port in wiring.at if port.id == f"{self.piston}.{side}"), None)
         at, passed = (None if chamber is None else wiring.at[chamber]), []
         while at is not None:
-            beside = [port for port in at.ports if port.component not in (self.piston, *(name for name, *_ in passed))]
-            beside = [port for port in beside if port.kind == "gas" and not port.is_pilot]
+            done = (self.piston, *(name for name, *_ in passed))
+            beside = [
+                port for port in at.ports if port.kind == "gas" and not port.is_pilot and port.component not in done
+            ]
             if len(beside) != 1:
                 break
             (port,) = beside
@@ -357,9 +357,16 @@ class HeldDrive:
 
     @property
     def hanging_n(self) -> float:
-        """Weight of the moving mass along the axis, N; 0 if a rod lock of the circuit holds it."""
-        is_locked = any(component.kind == LOCK for component in self.circuit.components.values())
-        return 0.0 if is_locked else self.mass * STANDARD_GRAVITY_M_S2 * abs(math.sin(self._cylinder("incline")))
+        """Force on piston and moved bodies without pressure, N: of their weight, and of the loads if that is more."""
+        weight = 0.0
+        for name in self.moved:
+            incline = getattr(self.circuit.components[name], "incline", 0.0)
+            weight += self.masses[name] * STANDARD_GRAVITY_M_S2 * math.sin(incline)
+        return max(abs(weight), abs(weight - self.sum_of("load", "force")))
+
+    def sum_of(self, kind: str, key: str) -> float:
+        """Return the sum of a number over the components of a kind."""
+        return sum(getattr(part, key) for part in self.circuit.components.values() if part.kind == kind)
 
     @cached_property
     def supply(self) -> str:
@@ -494,8 +501,8 @@ class HeldDrive:
 
     @property
     def mass(self) -> float:
-        """Moving mass of the piston, kg."""
-        return self.masses[self.piston]
+        """Mass of the piston and of the bodies that it moves, kg."""
+        return sum(self.masses[name] for name in self.moved)
 
     @cached_property
     def masses(self) -> dict[str, float]:

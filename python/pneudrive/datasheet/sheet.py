@@ -12,7 +12,7 @@ import numpy as np
 from pneudrive.constants import IMPACT_ENERGY_J_M2
 from pneudrive.datasheet.characteristics.air import NO_STROKES
 from pneudrive.datasheet.measured import MeasuredBeside, beside
-from pneudrive.datasheet.plant import HeldDrive
+from pneudrive.datasheet.plant import LEAST_VELOCITY, LOCK, HeldDrive
 from pneudrive.datasheet.registry import UncertainDrive, characteristics
 from pneudrive.datasheet.stands import parts_of
 from pneudrive.describe.all_values import DescribedValue, values_of
@@ -187,8 +187,6 @@ class Datasheet(Viewed):
 
 
 _PATHS = ("conductance", "critical_ratio")
-#: Speed at which the breakaway friction is evaluated, m/s: below every Stribeck velocity (assumed).
-AT_REST_M_S = 1e-5
 #: Label of a drive, and printed figure of a part: number of cycles that 90 % of the units survive.
 LIFE = "b10_cycles"
 
@@ -227,11 +225,15 @@ def build(
 def _hazards(plant: HeldDrive, results: dict[str, xr.Dataset]) -> Iterator[Finding]:
     """Yield the findings on the load at loss of pressure, and on the impacts."""
     ambient = plant.ambient[0]
-    friction = abs(plant.sliding(AT_REST_M_S, (ambient, ambient), 0.5 * plant.stroke_m))
-    if plant.hanging_n > friction:
-        text = f"without pressure, weight pulls the piston with {plain(plant.hanging_n)} N, but friction at rest holds "
+    holds = abs(plant.sliding(LEAST_VELOCITY, (ambient, ambient), 0.5 * plant.stroke_m)) + plant.sum_of(
+        LOCK, "holding_force"
+    )
+    if plant.hanging_n > holds:
+        text = (
+            f"without pressure, weight and load pull the piston with {plain(plant.hanging_n)} N, but friction at rest"
+        )
         remedy = "A lock or a clamp must hold the load (ISO 4414)."
-        yield Finding(f"{HAZARD}{text}{plain(friction)} N.", "bad", remedy)
+        yield Finding(f"{HAZARD}{text} and locks hold {plain(holds)} N.", "bad", remedy)
     limit, response = energy_limit_j(plant.bore_m), results.get("square-response")
     if response is None:
         return
@@ -289,11 +291,8 @@ def _of_maps(results: dict[str, xr.Dataset]) -> list[SheetNumber]:
             found = results[name]
             at = {"position": found.sizes["position"] // 2, "pressure": min(1, found.sizes["pressure"] - 1)}
             bar = 1e-5 * float(found.pressure[at["pressure"]])
-            out.append(
-                SheetNumber(
-                    f"{result.replace('_', ' ')}, mid stroke, {bar:g} bar abs", shown(found, result, at), "", ""
-                )
-            )
+            title = f"{in_words(result)}, mid stroke, {bar:g} bar abs"
+            out.append(SheetNumber(title, shown(found, result, at), "", ""))
     return out
 
 

@@ -281,13 +281,11 @@ def _published(plant: HeldDrive) -> Found:
     for part in parts_of(drive) if hasattr(drive, "origins") else ():
         for figure in part.printed:
             if figure.key in FIGURES:
-                one = FIGURES[figure.key]
-                title = f"{part.name}: {figure.key.replace('_', ' ')} {figure.value} [{figure.source}]"
-                printed = figure.value
+                one, printed = FIGURES[figure.key], figure.value
+                title = f"{part.name}: {figure.key.replace('_', ' ')} {printed} [{figure.source}]"
                 value = units.parse(printed, one.unit) if one.unit else units.parse_pressure(printed).value_pa
-                rows.append((title, value, one))
+                rows.append((title, value, one.of(drive)))
     if not rows:
         raise CommandError(f"{plant.name} has no part of the catalogue with a printed figure")
-    printed = np.array([row[1] for row in rows])
-    computed = np.array([row[2].of(drive) for row in rows])
-    return [row[0] for row in rows], printed, computed, computed / printed - 1.0
+    titles, printed, computed = zip(*rows, strict=True)
+    return titles, printed, computed, np.array(computed) / printed - 1.0

@@ -168,7 +168,7 @@ def stroke_numbers(
     """
     part = _samples(columns, begin_s, end_s)
     t, x, v = part["time_s"], part["position_m"], part.get("velocity_m_s")
-    told, direction = direction, direction or (1 if x[-1] >= x[0] else -1)
+    direction = direction or (1 if x[-1] >= x[0] else -1)
     s = direction * (x - x[0])  # way done
     room = stroke_m - x[0] if direction > 0 else x[0]
     hits = [one for one in impacts if one["end"] == ("b" if direction > 0 else "a")]
@@ -176,12 +176,12 @@ def stroke_numbers(
     speed = max((one["speed_m_s"] for one in hits), default=math.nan)  # a piston that rebounds may come faster
     arrived = not math.isnan(contact) or float(s.max()) >= room - ARRIVED * stroke_m
     way = room if arrived else float(s[-1])
-    if told and way <= ARRIVED * stroke_m:  # it rests where it was: nothing of a stroke happened
-        arrived, contact, speed, way = False, math.nan, math.nan, math.nan
+    if way <= ARRIVED * stroke_m:  # it rests where it was: nothing of a stroke happened
+        arrived, contact, speed, way = False, *[math.nan] * 3
     rate = None if v is None else direction * v
     if arrived and math.isnan(contact):
         contact = first_passage(t, s, min(room, float(s.max())), rate)
-        speed = _approach(t, s, contact) if rate is None else _before(t, rate, contact)
+        speed = _approach(t, s, contact) if rate is None else float(rate[max(int(np.searchsorted(t, contact)) - 1, 0)])
     done = {share: first_passage(t, s, share * way, rate) for share in (DEPARTED, RISEN_FROM, RISEN_TO, NEARLY)}
     lasting = (contact if contact == contact else done[NEARLY]) - begin_s
     outside = np.flatnonzero(np.abs(s - s[-1]) > BAND * way)
@@ -228,14 +228,9 @@ def _peak(values: Array | None) -> float:
     return math.nan if values is None else float(np.max(values))
 
 
-def _before(t: Array, values: Array, when: float) -> float:
-    """Return the last value before a time; after it the end stop acts."""
-    return float(values[max(int(np.searchsorted(t, when)) - 1, 0)]) if when == when else math.nan
-
-
 def _approach(t: Array, s: Array, when: float) -> float:
     """Return the slope of a straight line through the last samples before a time."""
-    last = int(np.searchsorted(t, when)) if when == when else 0
+    last = int(np.searchsorted(t, when))
     part = slice(max(last - LAST_SAMPLES, 0), last)
     return straight_line(t[part], s[part])[0] if last > 1 else math.nan
 

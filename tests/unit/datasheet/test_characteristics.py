@@ -10,7 +10,7 @@ import pytest
 
 import pneudrive as pn
 from pneudrive.datasheet.characteristics.air import FULL_S, NORMAL_DENSITY_KG_M3, drawn_mass
-from pneudrive.datasheet.characteristics.response import _end
+from pneudrive.datasheet.characteristics.response import _end, _with_mass
 from pneudrive.datasheet.characteristics.steady import _mode, velocity_gain
 from pneudrive.datasheet.equilibrium import at_velocity
 from pneudrive.datasheet.plant import HeldDrive
@@ -346,6 +346,7 @@ def test_a_cushion_brakes_less_what_is_heavier_and_does_not_touch_steady_motion(
     tables["components"]["valve"] |= {"frequency": "100 Hz"}
     circuit = Circuit.model_validate(tables)
     found = pn.drive_characteristic(circuit, "cushion", end_speed=1.0)
+    assert _with_mass(HeldDrive(DRIVE.replace({"load.mass": "3 kg"})), 2.0).mass == pytest.approx(2.0 * (3.0 + 2.0))
     fast = found.sel(speed=2.0)
     assert (np.diff(fast.end_speed) > 0.0).all()
     # The gas brakes the lightest mass before the cushion does.

@@ -256,30 +256,34 @@ def _impact(plant: HeldDrive) -> Found:
     end_over_mean_speed : 1 over command, direction
         end speed divided by mean speed (makers assume 1.4 to 1.5)
     """
-    commands, names = plant.sizes(COMMANDS), ("speed_m_s", "energy_j", "absorbed_j", "peak_force_n", "depth_m")
+    commands = plant.sizes(COMMANDS)
     rows = []
     for command in commands:
-        out = one_stroke(plant, command, 0.0, plant.before(1.0), ledger=True)
-        back = one_stroke(plant, -command, plant.stroke_m, plant.before(-1.0), ledger=True)
-        rows.append([(_hit(motion), motion.strokes[0]) for motion in (out, back)])
-    values = [
-        [(*(hit[name] for name in names), stroke.mean_speed, stroke.stroke_time) for hit, stroke in row] for row in rows
-    ]
-    speed, *others, mean, time = np.moveaxis(np.array(values), 2, 0)
+        motions = [
+            one_stroke(plant, way * command, start, plant.before(way), ledger=True)
+            for way, start in ((1.0, 0.0), (-1.0, plant.stroke_m))
+        ]
+        rows.append(
+            [
+                (one.end_speed, one.end_energy, *_hit(motion), one.mean_speed, one.stroke_time)
+                for motion in motions
+                for one in motion.strokes
+            ]
+        )
+    speed, *others, mean, time = np.moveaxis(np.array(rows), 2, 0)
     return commands, speed, *others, mean, time, speed / mean
 
 
-def _hit(motion: StrokeRun) -> dict[str, float]:
-    """Return the first impact of a stroke with the total energy that the stop absorbed. NaN without an impact."""
-    stroke = motion.strokes[0]
-    end = "b" if stroke.direction > 0 else "a"
-    first = next((one for one in motion.attrs["impacts"] if one["end"] == end), None)
+def _hit(motion: StrokeRun) -> tuple[float, float, float]:
+    """Return the energy that the stop of a stroke absorbs, J, and force and depth of the first contact.
+
+    NaN without a contact.
+    """
+    end = "b" if motion.strokes[0].direction > 0 else "a"
+    hit = next((one for one in motion.attrs["impacts"] if one["end"] == end), {})
     taken = -sum(v for name, v in motion.attrs["ledger"]["accounts"].items() if name.endswith("damper heat [J]"))
-    if first is None:
-        taken = taken if motion.arrived() else math.nan
-        nothing = dict.fromkeys(("peak_force_n", "depth_m"), math.nan)
-        return nothing | {"speed_m_s": stroke.end_speed, "energy_j": stroke.end_energy, "absorbed_j": taken}
-    return {**first, "absorbed_j": taken}
+    absorbed = taken if motion.arrived() else math.nan
+    return absorbed, hit.get("peak_force_n", math.nan), hit.get("depth_m", math.nan)
 
 
 # --- Capacity of a cushion: end speed and peak pressure over mass and speed, and over the opening of its needle.
@@ -332,8 +336,8 @@ def _cushion(plant: HeldDrive, end_speed: float = END_SPEED) -> Found:
         raise CommandError(f"{plant.piston} has no cushion", remedy='Add cushion_b = { length = "17 mm", ... }.')
     most = PRESSURE_SHARE * plant.supply_pa
     masses, speeds = [share * plant.mass for share in MASSES], list(SPEEDS)
-    grid = np.array([[_end(_with(plant, mass=mass), side, v) for v in speeds] for mass in masses])
-    needles = np.array([_end(_with(plant, needle=(side, share)), side, 1.0) for share in NEEDLES])
+    grid = np.array([[_end(_with_mass(plant, share), side, v) for v in speeds] for share in MASSES])
+    needles = np.array([_end(_with_needle(plant, side, share), side, 1.0) for share in NEEDLES])
     best = np.argsort(needles[:, 0])[0]  # speeds of a piston that does not arrive are last
     over = ("mass", "speed")
     allowed = (grid[:, :, 0] <= end_speed) & (grid[:, :, 1] <= most)
@@ -351,16 +355,21 @@ def _cushion(plant: HeldDrive, end_speed: float = END_SPEED) -> Found:
     }
 
 
-def _with(plant: HeldDrive, mass: float | None = None, needle: tuple[str, float] | None = None) -> HeldDrive:
-    """Return the drive with another moving mass, or another opening of the needle."""
-    own = plant.table(plant.piston)
-    if mass is not None:
-        own["moving_mass"] = f"{mass!r} kg"
-    if needle is not None:
-        key = f"cushion_{needle[0]}_needle_conductance"
-        si = getattr(plant.circuit.components[plant.piston], f"{key}_m3_s_pa")
-        own[key] = f"{needle[1] * si!r} m3/(s Pa)"
-    return plant.varied({plant.piston: own})
+def _with_mass(plant: HeldDrive, share: float) -> HeldDrive:
+    """Return the drive with the masses of piston, loads and slides multiplied by a factor."""
+    own = {}
+    for name, part in plant.circuit.components.items():
+        key = "moving_mass" if name == plant.piston else "mass"
+        if hasattr(part, key):
+            own[name] = plant.table(name) | {key: f"{share * getattr(part, key)!r} kg"}
+    return plant.varied(own)
+
+
+def _with_needle(plant: HeldDrive, side: str, share: float) -> HeldDrive:
+    """Return the drive with the needle of a cushion opened by a factor."""
+    key = f"cushion_{side}_needle_conductance"
+    si = getattr(plant.circuit.components[plant.piston], f"{key}_m3_s_pa")
+    return plant.varied({plant.piston: plant.table(plant.piston) | {key: f"{share * si!r} m3/(s Pa)"}})
 
 
 def _end(plant: HeldDrive, side: str, speed: float) -> Pair:

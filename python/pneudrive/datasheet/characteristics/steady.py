@@ -10,7 +10,7 @@ import numpy as np
 
 from pneudrive.datasheet.characteristic import Found, ResultValue, characteristic
 from pneudrive.datasheet.equilibrium import SIDE, at_velocity, gas_at, linear_model, under_load
-from pneudrive.datasheet.plant import LEAST_VELOCITY, RTOL, HeldDrive
+from pneudrive.datasheet.plant import LEAST_VELOCITY, HeldDrive
 from pneudrive.errors import CommandError, SimulationError
 from pneudrive.numbers import plain
 
@@ -233,17 +233,17 @@ CHAMBERS, ROUNDS = 2, 3  # gas nodes without lines; times the frequency is taken
 SLOWEST = 1e-4  # rad/s: slower pairs are masses of gas that stay the same, by rounding
 
 
-def dynamic_stiffness(linear: Linear, piston: str, s: complex) -> complex:
-    """Return the ratio of gas force to displacement at a complex frequency s, 1/s, without the mass, N/m.
+def dynamic_stiffness(plant: HeldDrive, linear: Linear, s: complex) -> complex:
+    """Return the ratio of gas force to displacement at a complex frequency s, 1/s, without the masses, N/m.
 
-    The states of the gas are eliminated from the linear model.
+    The states of the gas are eliminated from the linear model. Bodies that the piston moves are rigidly joined to it.
     """
-    x, v = linear.states.index(f"{piston}.position_m"), linear.states.index(f"{piston}.velocity_m_s")
-    rest = [k for k in range(len(linear.states)) if k not in (x, v)]
-    a, by_force = linear.A, linear.B[v, 1]
-    moved = a[rest, x] + s * a[rest, v]
-    follows = np.linalg.solve(s * np.eye(len(rest)) - a[np.ix_(rest, rest)], moved)
-    return complex(-(a[v, x] + s * a[v, v] + a[v, rest] @ follows) / by_force)
+    x, v = ([linear.states.index(f"{name}.{key}") for name in plant.moved] for key in ("position_m", "velocity_m_s"))
+    rest = [k for k in range(len(linear.states)) if k not in (*x, *v)]
+    a, masses = linear.A, [1.0 / linear.B[v[0], 1], *(plant.masses[name] for name in plant.moved[1:])]
+    moved = a[:, x].sum(axis=1) + s * a[:, v].sum(axis=1)
+    follows = np.linalg.solve(s * np.eye(len(rest)) - a[np.ix_(rest, rest)], moved[rest])
+    return complex(-(masses @ (moved[v] + a[np.ix_(v, rest)] @ follows)))
 
 
 def _at(plant: HeldDrive, position: float, pressures: Any) -> Linear:  # noqa: ANN401 - one or two
@@ -255,12 +255,12 @@ def adiabatic_stiffness(plant: HeldDrive, position: float, pressures: Any, times
 
     Gas in the lines contributes only as far as it can flow at this frequency.
     """
-    found = dynamic_stiffness(_at(plant, position, pressures), plant.piston, 1j * FAST).real
+    found = dynamic_stiffness(plant, _at(plant, position, pressures), 1j * FAST).real
     if len(plant.nodes) == CHAMBERS:
         return found
     without_heat = _at(plant.heatless, position, pressures)
     for _ in range(ROUNDS):
-        found = dynamic_stiffness(without_heat, plant.piston, 1j * math.sqrt(found / (times * plant.mass))).real
+        found = dynamic_stiffness(plant, without_heat, 1j * math.sqrt(found / (times * plant.mass))).real
     return found
 
 
@@ -314,10 +314,10 @@ def _stiffness(plant: HeldDrive, pressures: Any = None) -> Found:  # noqa: ANN40
     levels = levels_of(plant, pressures)
     models = [[_at(plant, x, p) for p in levels] for x in positions]
     fast = [[adiabatic_stiffness(plant, x, p) for p in levels] for x in positions]
-    slow = [[dynamic_stiffness(one, plant.piston, 1j * SLOW).real for one in row] for row in models]
+    slow = [[dynamic_stiffness(plant, one, 1j * SLOW).real for one in row] for row in models]
     level = levels[:2][-1]
     middle = _at(plant, 0.5 * plant.stroke_m, level)
-    over = np.asarray([dynamic_stiffness(middle, plant.piston, 2j * math.pi * f) for f in FREQUENCIES])
+    over = np.asarray([dynamic_stiffness(plant, middle, 2j * math.pi * f) for f in FREQUENCIES])
     loss = np.imag(over) / np.real(over)
     return {
         "position": positions,
@@ -411,8 +411,7 @@ def _reaches(plant: HeldDrive, pressure: float, direction: float) -> bool:
     """Return whether a slowly rising pressure moves the piston over 99 % of the stroke from rest."""
     start = 0.0 if direction > 0.0 else plant.stroke_m
     gas = np.tile(plant.ambient, (len(plant.nodes), 1))
-    session = plant.session(0.0, start, 0.0, gas, rtol=RTOL)
-    plant.set(session, direction)
+    session = plant.session(direction, start, 0.0, gas)
     rise = np.linspace(plant.ambient[0], pressure, RISES + 1)
     session.schedule(plant.supply, list(zip(RISING_S * np.arange(RISES + 1) / RISES, rise.tolist(), strict=True)))
     for k in range(1, LOOKS + 1):
