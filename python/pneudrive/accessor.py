@@ -128,8 +128,8 @@ class Pneu:
         Returns
         -------
         View
-            ``rows`` has the values in SI. A stroke time runs from the last command step to the impact. It requires
-            ``attrs["command_steps"]``.
+            ``rows`` has the values in SI. A stroke time runs from the command towards that end to the impact. It
+            requires ``attrs["command_steps"]``.
 
         Raises
         ------

@@ -58,6 +58,11 @@ def test_the_air_of_a_run_is_that_of_its_gas(folder):
     volume = drive.cylinder.area_a_m2 * made.position.to_numpy() + dead_m3
     gas = made.pressure_a.to_numpy() * volume / (287.05 * made.temperature_a.to_numpy())
     assert air == pytest.approx((gas[-1] - gas[0]) / 1.185 * 1e3, rel=0.01)
+    braked = pn.simulate(drive, "0 s: 0, 0.1 s: 0.6, 0.15 s: 0.3, 1 s: -1", "2 s", initial="position = 0 mm")
+    rows = {row.key: row.value for row in braked.pneu.info().rows}
+    assert rows["impact 1.stroke time"] == pytest.approx(
+        rows["impact 1.time"] - 0.1
+    )  # a weaker command is no new stroke
 
 
 @pytest.mark.parametrize("name", ["many.parquet", "many.csv", "many"])

@@ -314,37 +314,7 @@ class Reduction:
 
 @dataclass(frozen=True)
 class Output:
-    """An output that a user function computes from sampled signals of each run; made by `own`."""
-
-    function: OwnReduction
-    signals: Sequence[str]
-    name: str
-    unit: str
-    long_name: str
-    rate: str | float
-
-    def of(self, known: SignalNames) -> Reduction:
-        """Return the output for a drive.
-
-        Raises
-        ------
-        CommandError
-            A signal does not exist, or the rate is not valid.
-        """
-        columns, rate_hz = tuple(map(known.column, self.signals)), _rate(self.rate)
-        return Reduction("own", columns, self.name, self.unit, self.long_name, rate_hz=rate_hz, function=self.function)
-
-
-def own(
-    function: OwnReduction,
-    signals: Sequence[str],
-    name: str,
-    *,
-    unit: str = "1",
-    long_name: str = "",
-    rate: str | float = "1 kHz",
-) -> Output:
-    """Return an output that a user function computes from sampled signals.
+    """An output that a user function computes from sampled signals of each run.
 
     Parameters
     ----------
@@ -362,7 +332,27 @@ def own(
     rate : str or float
         Samples per second.
     """
-    return Output(function, signals, name, unit, long_name, rate)
+
+    function: OwnReduction
+    signals: Sequence[str]
+    name: str
+    unit: str = "1"
+    long_name: str = ""
+    rate: str | float = "1 kHz"
+
+    def of(self, known: SignalNames) -> Reduction:
+        """Return the output for a drive.
+
+        Raises
+        ------
+        CommandError
+            A signal does not exist, or the rate is not valid.
+        """
+        columns, rate_hz = tuple(map(known.column, self.signals)), _rate(self.rate)
+        return Reduction("own", columns, self.name, self.unit, self.long_name, rate_hz=rate_hz, function=self.function)
+
+
+own = Output
 
 
 class SignalNames:

@@ -76,10 +76,11 @@ def _pressures(places: list[GasVolume], time_s: Any) -> Iterator[str]:  # noqa: 
     high = [place for place in places if place.pressure_pa.max() > HIGHEST_PA]
     if high:
         worst = max(high, key=lambda place: float(place.pressure_pa.max()))
-        when = time_s[int(worst.pressure_pa.argmax())]
+        when, rest = time_s[int(worst.pressure_pa.argmax())], [place.name for place in high if place is not worst]
+        others = f" (also {', '.join(rest[:3])}{', ...' if len(rest) > 3 else ''})" if rest else ""
         yield (
             f"the pressure in {worst.name} reaches {1e-5 * worst.pressure_pa.max():.3g} bar abs at {when:.4g} s"
-            f"{_others(high, worst)}: the model is valid up to {1e-5 * HIGHEST_PA:g} bar abs (assumed)"
+            f"{others}: the model is valid up to {1e-5 * HIGHEST_PA:g} bar abs (assumed)"
         )
 
 
@@ -108,11 +109,6 @@ def _gas_name(described: Drive | Circuit) -> str:
     gas = described.gas
     is_air = gas.name in (None, "air") and gas.gas_constant_j_kg_k == AIR_GAS_CONSTANT_J_KG_K
     return "air" if is_air else gas.name or ""
-
-
-def _others(places: list[GasVolume], worst: GasVolume) -> str:
-    rest = [place.name for place in places if place is not worst]
-    return f" (also {', '.join(rest[:3])}{', ...' if len(rest) > 3 else ''})" if rest else ""
 
 
 def _celsius(temperature_k: float, digits: int = 1) -> str:

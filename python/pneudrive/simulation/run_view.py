@@ -11,7 +11,7 @@ from pneudrive.simulation.trajectory import meaning
 from pneudrive.views import Finding, LeadingValue, ShownValue, View
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
+    from collections.abc import Iterator, Sequence
 
     from pneudrive.arrays import Keyed
     from pneudrive.describe import Circuit, Drive
@@ -46,18 +46,20 @@ def run_view(columns: Keyed, provenance: Keyed, described: Drive | Circuit | Non
     litres = sum(float(np.trapezoid(np.maximum(flow, 0.0), time)) for flow in flows) / density / LITRE
     air = ShownValue("air", "all chambers", f"{'air' if described is None else 'gas'} into chambers, l ANR", litres)
     peaks = list(_peaks(columns))
-    begun = {number: _begun(provenance, impact) for number, impact in enumerate(impacts)}
-    of_stroke = {at: impacts[number] for number, at in reversed(begun.items()) if at is not None}
+    begun = [_begun(provenance, impact) for impact in impacts]
+    of_stroke = {at: hit for at, hit in zip(begun[::-1], impacts[::-1], strict=True) if at is not None}
     leading = [
         ShownValue(
             f"stroke time {number}", "run", f"stroke time, to the end of chamber {hit['end']}", hit["time_s"] - at, "s"
         )
         for number, (at, hit) in enumerate(sorted(of_stroke.items())[:MOST_STROKES], start=1)
     ]
-    hardest = max((impact["energy_j"] for impact in impacts), default=None)
-    leading += [] if hardest is None else [ShownValue("hardest impact", "run", "hardest impact", hardest, "J")]
-    peak = max((float(each.value) for each in peaks), default=None)
-    leading += [] if peak is None else [ShownValue("peak pressure", "run", "peak pressure, absolute", peak, "Pa")]
+    if impacts:
+        hardest = max(impact["energy_j"] for impact in impacts)
+        leading.append(ShownValue("hardest impact", "run", "hardest impact", hardest, "J"))
+    if peaks:
+        peak = max(float(each.value) for each in peaks)
+        leading.append(ShownValue("peak pressure", "run", "peak pressure, absolute", peak, "Pa"))
     return View(
         title if steps is None else f"{title}, {steps} steps of the solver",
         (*_positions(columns), *_impacts(impacts, begun), *peaks, air),
@@ -71,9 +73,18 @@ def run_view(columns: Keyed, provenance: Keyed, described: Drive | Circuit | Non
 
 
 def _begun(provenance: Keyed, impact: Keyed) -> float | None:
-    """Return the time of the last step of the command before an impact, s."""
-    steps = (float(at) for at, _ in provenance.get("command_steps") or ())
-    return max((at for at in steps if at <= impact["time_s"]), default=None)
+    """Return the time of the command that moves the piston to the end of an impact, s, and from then on does not turn.
+
+    Without such a command it is the time at which the command becomes 0, as for the return by a spring, or None.
+    """
+    sign = 1.0 if impact["end"] == "b" else -1.0
+    begun, before = None, -1.0
+    for at, value in provenance.get("command_steps") or ():
+        towards = sign * value
+        if at <= impact["time_s"] and not before > 0.0 <= towards:
+            begun = float(at) if towards >= 0.0 else None
+        before = towards
+    return begun
 
 
 def _positions(columns: Keyed) -> Iterator[ShownValue]:
@@ -84,10 +95,9 @@ def _positions(columns: Keyed) -> Iterator[ShownValue]:
                 yield ShownValue(f"{label}.{name}", label, name, f"{1e3 * value:.3f} mm")
 
 
-def _impacts(impacts: list[Keyed], begun: Mapping[int, float | None]) -> Iterator[ShownValue]:
-    for number, impact in enumerate(impacts):
-        label = f"impact {number + 1}" + (f", {impact['cylinder']}" if impact.get("cylinder") else "")
-        at = begun[number]
+def _impacts(impacts: list[Keyed], begun: Sequence[float | None]) -> Iterator[ShownValue]:
+    for number, (impact, at) in enumerate(zip(impacts, begun, strict=True), start=1):
+        label = f"impact {number}" + (f", {impact['cylinder']}" if impact.get("cylinder") else "")
         values = {"end of chamber": (impact["end"], ""), "time": (impact["time_s"], "s")}
         values |= {} if at is None else {"stroke time": (impact["time_s"] - at, "s")}
         values |= {"speed": (impact["speed_m_s"], "m/s"), "energy": (impact["energy_j"], "J")}
