@@ -286,4 +286,4 @@ def test_no_text_takes_quadratic_time(read: Callable[[], object]) -> None:
     begin = time.process_time()
     with suppress(PneudriveError):
         read()
-    assert time.process_time() - begin < 1.0
+    assert time.process_time() - begin < 2.0
