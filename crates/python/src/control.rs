@@ -127,8 +127,8 @@ pub fn reference_at<'py>(
     PyArray1::from_iter(py, rows).reshape([times.len(), 4])
 }
 
-/// Load of a reference on a drive, and the least time factor at which the load stays within a fraction of each limit;
-/// none if slowing does not help.
+/// Load of a reference on a drive, and the least time factor at which the load stays within a fraction of each limit.
+/// There is no factor if slowing does not help.
 #[pyfunction]
 pub fn control_feasibility<'py>(
     py: Python<'py>,
