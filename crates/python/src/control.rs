@@ -128,7 +128,7 @@ pub fn reference_at<'py>(
 }
 
 /// Load of a reference on a drive, and the least time factor at which the load stays within a fraction of each limit.
-/// There is no factor if slowing does not help.
+/// The factor is `None` if slowing does not help.
 #[pyfunction]
 pub fn control_feasibility<'py>(
     py: Python<'py>,

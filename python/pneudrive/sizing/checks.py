@@ -312,10 +312,9 @@ def machine_checks(choice: DriveChoice, task: SizingTask, drive: SizedDrive | No
 
     Without a simulation (`drive`), checks of energy and pressure do not fail.
     """
-    cylinder, figures = choice.cylinder, (0.0, 0.0, 0.0)
+    cylinder, most_energy, peak, end_speed = choice.cylinder, 0.0, 0.0, 0.0
     if drive is not None:
-        figures = drive.energy, drive.peak_pressure, drive.end_speed
-    most_energy, peak, end_speed = figures
+        most_energy, peak, end_speed = drive.energy, drive.peak_pressure, drive.end_speed
     found = list(mechanical_checks(cylinder, task, end_speed))
     limit, origin = energy_limit(task, choice)
     absorber = f"impact_energy, from the data sheet of cylinder or shock absorber: {three(most_energy)} J or more"
