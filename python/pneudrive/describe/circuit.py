@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-import math
 from functools import cached_property, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Literal
@@ -247,16 +246,6 @@ class Circuit(Described):
         return cylinders[0], tuple(own), False
 
     @property
-    def movers(self) -> list[tuple[str, float, float]]:
-        """Each moving mass: its key, the mass with all loads, kg, and the area of its piston, m2."""
-        loads = sum(getattr(one, "mass_kg", 0.0) for one in self.components.values())
-        return [
-            (f"{name}.moving_mass", float(vars(one)["moving_mass_kg"]) + loads, _area(one))
-            for name, one in self.components.items()
-            if hasattr(one, "moving_mass_kg")
-        ]
-
-    @property
     def meanings(self) -> dict[str, str]:
         """Meaning of the columns of a trajectory, by name."""
         return {
@@ -483,12 +472,6 @@ class Circuit(Described):
         components = tables.pop("components").items()
         blocks = [block for name, one in components for block in toml.blocks(one, f"components.{name}", 2)]
         return "\n".join([toml.write(tables), "\n\n".join(blocks), ""])
-
-
-def _area(component: Any) -> float:  # noqa: ANN401 - a component with a piston
-    """Return the area of a piston on chamber a's side, m2."""
-    area = getattr(component, "area_a_m2", None)
-    return 0.25 * math.pi * component.bore_m**2 if area is None else float(area)
 
 
 def _in_file(error: PneudriveError, keys: Mapping[str, str]) -> DescriptionError:

@@ -247,12 +247,6 @@ class Drive(Described):
         return self.system.json
 
     @property
-    def movers(self) -> list[tuple[str, float, float]]:
-        """Key of the moving mass, the mass with its load, kg, and the area of the piston, m2."""
-        mass = self.cylinder.moving_mass_kg + self.carried.mass_kg
-        return [("cylinder.moving_mass", mass, self.cylinder.area_a_m2)]
-
-    @property
     def commandable(self) -> dict[str, Signal | Positions | None]:
         """The valve, under an empty name, with its switching positions or its described electrical input."""
         return {"": Positions((-1.0, 0.0, 1.0)) if self.valve.is_switching else self.valve.command}

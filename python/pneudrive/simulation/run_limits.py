@@ -6,13 +6,12 @@ The warnings do not change the simulation.
 from __future__ import annotations
 
 import math
-from bisect import bisect
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from pneudrive.constants import AIR_GAS_CONSTANT_J_KG_K, MOLAR_GAS_CONSTANT_J_MOL_K, ZERO_CELSIUS_K
 from pneudrive.describe.system import compiled
-from pneudrive.describe.tables.parts import CAPACITY_CELSIUS, CAPACITY_EXCESS, VIRIAL
+from pneudrive.describe.tables.parts import VIRIAL
 from pneudrive.describe.tables.starts import angles, coordinates, pose_text
 
 if TYPE_CHECKING:
@@ -25,13 +24,9 @@ if TYPE_CHECKING:
 
 #: Largest absolute pressure of the model, Pa: flow functions and cylinders are specified up to less (assumed).
 HIGHEST_PA = 20e5
-#: Relative excess of the heat capacity over that of the model above which a note is given (assumed).
-CAPACITY_OFF = 0.02
 #: Largest deviation of a gas from its law, as a fraction of the pressure: ideal, and with second virial coefficient
 #: (assumed).
 IDEAL_OFF, VIRIAL_OFF = 0.05, 0.1
-#: Largest plausible acceleration of a piston by the pressure on one side, m/s2 (assumed; 6 mm bore and 5 g give 4e3).
-FASTEST_M_S2 = 1e5
 #: Fraction of the stroke by which rounding may move a piston beyond its end.
 ROUNDED = 1e-9
 
@@ -56,8 +51,7 @@ def warnings(described: Drive | Circuit, columns: Keyed) -> list[str]:
         Columns of the trajectory.
     """
     time, places = columns["time_s"], list(gas_volumes(columns))
-    found = [*_pressures(places, time), *_hot(described, places, time), *_gas(described, places, time)]
-    found += _masses(described, places, time)
+    found = [*_pressures(places, time), *_gas(described, places, time)]
     found += [*_pistons(described, columns), *_singular_poses(described, columns)]
     return [*water_warnings(described, columns), *found, *_ice(described, columns)]
 
@@ -84,41 +78,15 @@ def _pressures(places: list[GasVolume], time_s: Any) -> Iterator[str]:  # noqa: 
         )
 
 
-def _hot(described: Drive | Circuit, places: list[GasVolume], time_s: Any) -> Iterator[str]:  # noqa: ANN401 - array or column
-    """Yield a note if the heat capacity of the hottest gas differs much from the constant value of the model."""
-    excesses = CAPACITY_EXCESS.get(_gas_name(described))
-    worst = max(places, key=lambda place: float(place.temperature_k.max()), default=None)
-    if excesses is None or worst is None:
-        return
-    hottest = float(worst.temperature_k.max())
-    k = min(bisect(CAPACITY_CELSIUS, hottest - ZERO_CELSIUS_K), len(excesses) - 1)
-    if k == 0:
-        return  # colder than the table
-    (low, high), (before, after) = CAPACITY_CELSIUS[k - 1 : k + 1], excesses[k - 1 : k + 1]
-    excess = before + (after - before) * (hottest - ZERO_CELSIUS_K - low) / (high - low)
-    if excess > CAPACITY_OFF:
-        when = time_s[int(worst.temperature_k.argmax())]
-        yield (
-            f"the gas in {worst.name} reaches {_celsius(hottest)} at {when:.4g} s, "
-            f"where its heat capacity is {100.0 * excess:.1f} % higher than the model's"
-        )
-
-
-def _gas_name(described: Drive | Circuit) -> str:
-    """Return the name of the gas: air by its gas constant, empty for an unknown gas."""
-    gas = described.gas
-    is_air = gas.name in (None, "air") and gas.gas_constant_j_kg_k == AIR_GAS_CONSTANT_J_KG_K
-    return "air" if is_air else gas.name or ""
-
-
 def _celsius(temperature_k: float, digits: int = 1) -> str:
     return f"{temperature_k - ZERO_CELSIUS_K:.{digits}f} degC"
 
 
 def _gas(described: Drive | Circuit, places: list[GasVolume], time_s: Any) -> Iterator[str]:  # noqa: ANN401 - array or column
     """Yield a warning if the contribution of the second virial coefficient is too large for the gas law in use."""
-    gas, name = described.gas, _gas_name(described)
-    coefficients = VIRIAL.get("nitrogen" if name == "air" else name)  # air is taken as nitrogen
+    gas = described.gas
+    is_air = gas.name in (None, "air") and gas.gas_constant_j_kg_k == AIR_GAS_CONSTANT_J_KG_K
+    coefficients = VIRIAL.get("nitrogen" if is_air else gas.name or "")  # air is taken as nitrogen
     if coefficients is None:
         return
     most = IDEAL_OFF if gas.model == "ideal" else VIRIAL_OFF
@@ -147,19 +115,6 @@ def _second_share(coefficients: list[float], pressure_pa: float, temperature_k: 
     a, b, c = coefficients
     second = 1e-6 * (a - b * math.exp(c / max(temperature_k, 60.0)))
     return second * pressure_pa / (MOLAR_GAS_CONSTANT_J_MOL_K * temperature_k)
-
-
-def _masses(described: Drive | Circuit, places: list[GasVolume], time_s: Any) -> Iterator[str]:  # noqa: ANN401 - array or column
-    """Yield a warning for each piston whose mass is negligible compared with the pressure on it."""
-    for key, mass, area in described.movers:
-        place = max(places, key=lambda place: float(place.pressure_pa.max()), default=None)
-        if place is not None and area * float(place.pressure_pa.max()) > mass * FASTEST_M_S2:
-            row = int(place.pressure_pa.argmax())
-            yield (
-                f"{key} with its load is {mass:.3g} kg, nearly zero: {1e-5 * place.pressure_pa[row]:.3g} bar abs "
-                f"in {place.name} at {time_s[row]:.4g} s gives {area * place.pressure_pa[row] / mass:.1e} m/s2. "
-                f"The model is valid up to {FASTEST_M_S2:.0e} m/s2 (assumed)"
-            )
 
 
 def _pistons(described: Drive | Circuit, columns: Keyed) -> Iterator[str]:
