@@ -169,7 +169,7 @@ def _move(asked: dict[str, float], state: _Modal) -> None:
         if to != start:
             begin = state.time_s
             made = (
-                blended(begin, duration_s, start, to, 7)
+                blended(begin, duration_s, start, to)
                 if state.motion == 0
                 else along_line(begin, start, to, duration_s, RUN_UP_S)
             )

@@ -23,9 +23,9 @@ from __future__ import annotations
 import signal
 import sys
 import threading
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import typer
 
@@ -42,9 +42,6 @@ with used_later(__name__):
     from pneudrive.campaign.running import live
     from pneudrive.campaign.storage import control
     from pneudrive.rig import interface, rig_file
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
 
 
 EXIT_OTHER, EXIT_INTERRUPTED = 1, 130

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import shutil
 import sys
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import typer
 
@@ -36,9 +36,6 @@ with used_later(__name__):
     from pneudrive.simulation import trajectory
     from pneudrive.studies.bracha import reproduction
     from pneudrive.validate import motion
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
 
 
 campaign = group(

@@ -23,9 +23,9 @@ if TYPE_CHECKING:
 POWERS = 10
 ORDER = 7  # of splines
 REST = 4  # coefficients of a spline that are equal at an end where it is at rest with continuous jerk
-#: Polynomial blends from 0 to 1 by degree, with three and with four continuous derivatives.
-BLENDS = {7: (0, 0, 0, 0, 35, -84, 70, -20), 9: (0, 0, 0, 0, 0, 126, -420, 540, -315, 70)}
-#: Ratio of the largest to the mean speed of the blend of degree 7.
+#: Polynomial blend from 0 to 1 with three continuous derivatives.
+BLEND = (0, 0, 0, 0, 35, -84, 70, -20)
+#: Ratio of the largest to the mean speed of the blend.
 PEAK = 2.1875
 #: Velocity that grows from 0 to 1 by the blend of degree 7, integrated.
 _RUN_UP = (0, 0, 0, 0, 0, 7, -14, 10, -2.5)
@@ -38,9 +38,9 @@ def piece(begin_s: float, duration_s: float, start_m: float, way_m: float, shape
     return [begin_s, duration_s, start_m + numbers[0], *numbers[1:]]
 
 
-def blended(begin_s: float, duration_s: float, start_m: float, to_m: float, order: int) -> list[Row]:
+def blended(begin_s: float, duration_s: float, start_m: float, to_m: float) -> list[Row]:
     """Return a move as a single polynomial, at rest at both ends."""
-    return [piece(begin_s, duration_s, start_m, to_m - start_m, BLENDS[order])]
+    return [piece(begin_s, duration_s, start_m, to_m - start_m, BLEND)]
 
 
 def within_limits(begin_s: float, start_m: float, to_m: float, limits: tuple[float, ...]) -> list[Row]:

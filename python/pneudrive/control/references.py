@@ -15,7 +15,7 @@ from pneudrive.arrays import Pair
 from pneudrive.control import motion
 from pneudrive.describe.base import Described
 from pneudrive.describe.files import toml
-from pneudrive.describe.marks import Bounds, Choice, Position, Quantity
+from pneudrive.describe.marks import Bounds, Position, Quantity
 from pneudrive.errors import CommandError, DescriptionError, RecordingError, invalid, wrong
 from pneudrive.simulation.trajectory import read_columns
 
@@ -27,7 +27,6 @@ BEYOND_SHARE, BEYOND_M = 0.5, 1e-3  # allowed excess of the curve over a record:
 _NUMBER = r"[-+]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][-+]?\d+)?\s*[A-Za-zµ]+"
 _SINE = re.compile(rf"sine\s+({_NUMBER})\s+({_NUMBER})\s+around\s+({_NUMBER})", re.IGNORECASE)
 _STANDARD = re.compile(r"R[1-8]")
-_ORDER = re.compile(r"order\s+(\d+)\s*;", re.IGNORECASE)
 FORMS = (
     '"sine 60 mm 0.5 Hz around 250 mm", "220 mm; 1 s: 280 mm in 0.3 s; 3 s: 220 mm in 0.3 s", a TOML file, or a record '
     "(.csv or .parquet with time_s and position_m)"
@@ -66,17 +65,13 @@ class LimitTable(Described):
 
 
 class ReferenceFile(Described):
-    """Reference as a file: ``start`` and a table ``[[moves]]`` for each move, or tables ``[[points]]``."""
+    """Reference as a file: ``start`` and a table ``[[moves]]`` for each move, or tables ``[[points]]`` of a spline."""
 
     schema_version: Literal[1] = Field(default=1, alias="schema")
     start_m: Position | None = None
-    order: Literal[7, 9] = Field(default=7, description="of the blends; 9 has continuous snap")
     moves: tuple[MoveTable, ...] = ()
     limits: LimitTable | None = None
     points: tuple[PointTable, ...] = ()
-    through: Annotated[str, Choice(("pass", "stop"))] = Field(
-        default="pass", description="pass: a spline of degree 7 through the points; stop: at rest in each"
-    )
 
     @model_validator(mode="after")
     def _one_kind(self) -> ReferenceFile:
@@ -94,8 +89,6 @@ class ReferenceFile(Described):
                 raise wrong(f"moves.{number}.duration", "duration is missing", remedy="Give it, or a table [limits].")
         if self.limits is not None and all(move.duration_s is not None for move in self.moves):
             raise invalid("limits", "control.limits")
-        if self.points and self.through == "pass" and self.order != motion.ORDER:
-            raise invalid("order", "control.spline", order=self.order, of_spline=motion.ORDER)
         return self
 
 
@@ -106,9 +99,9 @@ def reference(given: motion.Reference | str | Path) -> motion.Reference:
     ----------
     given : Reference, str or path-like
         ``"sine 60 mm 0.5 Hz around 250 mm"``; a position and moves with their durations, ``"220 mm; 1 s: 280 mm in
-        0.3 s; 3 s: 220 mm in 0.3 s"``, with ``"order 9; "`` in front for continuous snap; a TOML file with ``start``
-        and tables ``[[moves]]``, or with tables ``[[points]]``; a record, .csv or .parquet with the columns ``time_s``
-        and ``position_m``. A reference is returned unchanged.
+        0.3 s; 3 s: 220 mm in 0.3 s"``; a TOML file with ``start`` and tables ``[[moves]]``, or with tables
+        ``[[points]]``; a record, .csv or .parquet with the columns ``time_s`` and ``position_m``. A reference is
+        returned unchanged.
 
     Raises
     ------
@@ -151,13 +144,9 @@ def moves_of_text(text: str, si_unit: str) -> motion.Reference:
     CommandError
         The text is not valid, or a move begins before the previous one ends.
     """
-    ordered = _ORDER.match(text)
-    order = int(ordered[1]) if ordered else 7
-    if order not in motion.BLENDS:
-        raise CommandError(f"reference: there is no blend of order {order}", value=text, rule="order 7 or 9")
-    first, *rest = (entry.strip() for entry in text[ordered.end() if ordered else 0 :].split(";"))
+    first, *rest = (entry.strip() for entry in text.split(";"))
     start = _quantity(first, si_unit, text)
-    return _checked(text, start, [_move_of(entry, text, si_unit) for entry in rest if entry], order)
+    return _checked(text, start, [_move_of(entry, text, si_unit) for entry in rest if entry])
 
 
 def _sine_of(text: str) -> motion.Reference:
@@ -199,7 +188,7 @@ def _from_file(path: Path) -> motion.Reference:
         return _of_points(str(path), read)
     if all(one.duration_s is not None for one in read.moves):
         moves = [motion.ReferenceMove(one.at_s, one.duration_s, one.to_m) for one in read.moves]
-        return _checked(str(path), read.start_m, moves, read.order)
+        return _checked(str(path), read.start_m, moves)
     limits = read.limits
     asked = (limits.velocity_m_s, limits.acceleration_m_s2, limits.jerk_m_s3, limits.snap_m_s4)
     rows, free_s, at = [], 0.0, read.start_m
@@ -208,7 +197,7 @@ def _from_file(path: Path) -> motion.Reference:
         made = (
             motion.within_limits(one.at_s, at, one.to_m, asked)
             if one.duration_s is None
-            else motion.blended(one.at_s, one.duration_s, at, one.to_m, read.order)
+            else motion.blended(one.at_s, one.duration_s, at, one.to_m)
         )
         rows += made
         free_s, at = (made[-1][0] + made[-1][1] if made else one.at_s), one.to_m
@@ -217,10 +206,6 @@ def _from_file(path: Path) -> motion.Reference:
 
 def _of_points(text: str, read: ReferenceFile) -> motion.Reference:
     times, points = [one.at_s for one in read.points], [one.to_m for one in read.points]
-    if read.through == "stop":
-        each = zip(times, times[1:], points[1:], strict=False)
-        moves = [motion.ReferenceMove(begin, end - begin, to) for begin, end, to in each]
-        return _checked(text, points[0], moves, read.order)
     pieces = motion.through(times, points)
     return _missing(motion.Reference(text, points[0], pieces=tuple(pieces)), times, points)
 
@@ -284,19 +269,14 @@ def _after(free_s: float, begin_s: float, text: str) -> None:
         raise CommandError.of("control.order", value=text, begin=begin_s, free=free_s, longest=LONGEST_S)
 
 
-def _checked(text: str, start_m: float, moves: list[motion.ReferenceMove], order: int = 7) -> motion.Reference:
+def _checked(text: str, start_m: float, moves: list[motion.ReferenceMove]) -> motion.Reference:
     free_s = 0.0
     for move in moves:
         if not move.duration_s > 0.0:
             raise CommandError(f"reference: a move takes {move.duration_s:g} s", value=text, rule="greater than 0")
         _after(free_s, move.begin_s, text)
         free_s = move.end_s
-    if order == 7:
-        return motion.Reference(text, start_m, tuple(moves))
-    starts = [start_m, *(move.to_m for move in moves)]
-    each = zip(moves, starts, strict=False)
-    rows = [row for move, at in each for row in motion.blended(move.begin_s, move.duration_s, at, move.to_m, order)]
-    return motion.Reference(text, start_m, pieces=tuple(rows))
+    return motion.Reference(text, start_m, tuple(moves))
 
 
 def beyond_stroke(of: motion.Reference, stroke_m: float) -> tuple[str, str] | None:

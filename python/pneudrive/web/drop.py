@@ -7,15 +7,12 @@ import contextlib
 import posixpath
 import secrets
 import shutil
+from collections.abc import AsyncIterator
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from pneudrive.errors import CommandError
 from pneudrive.files.writing import alone_in
 from pneudrive.web.workspace import TABLES, Workspace
-
-if TYPE_CHECKING:
-    from collections.abc import AsyncIterator
 
 #: Space that stays free on the disk, bytes.
 RESERVE = 1 << 30

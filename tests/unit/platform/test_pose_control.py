@@ -12,7 +12,7 @@ import pytest
 import pneudrive as pn
 from oracle import platforms
 from pneudrive import _core
-from pneudrive.control import loop
+from pneudrive.control import loop, motion
 from pneudrive.control.pose.legs import check_path, demands, leg_circuit, leg_reference, leg_tunings
 from pneudrive.control.setup import read_setup
 from pneudrive.errors import CommandError, DescriptionError
@@ -67,7 +67,7 @@ def test_the_reference_of_a_leg_is_the_inverse_of_the_path(tripod):
 def test_a_constant_preview_leaves_the_bits_of_an_axis():
     """Mass and load of the model, told at each time, change no bit of any controller."""
     axis = pn.Circuit.load(TRIPOD.with_name("controlled_axis.toml"))
-    along = pn.control.reference("order 9; 250 mm; 0.05 s: 260 mm in 0.2 s")
+    along = motion.Reference("a move", 0.25, pieces=tuple(motion.blended(0.05, 0.2, 0.25, 0.26)))
     for law in pn.control.laws():
         prepared = loop.prepare(axis, law, along, mismatch="mass+30", duration=0.4)
         columns = []
