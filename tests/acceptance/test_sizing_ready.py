@@ -158,6 +158,10 @@ def test_what_no_sheet_states_is_open_and_candidates_are_counted_once():
         task = SizingTask(**SLOPE | {"guide": "none", "time": time, "exclude": ["smc-cp*"]})
         kept = {one.name: next(checks.mechanical_checks(one, task)).is_kept for one in choices(task)["cylinder"]}
         assert kept["parker-osp-p25"] is is_kept
+    for stroke, is_kept in (("0.5 m", True), ("1 m", None), ("2 m", False)):  # 480 N on an assumed rod of 12 mm
+        task = SizingTask(**SLOPE | {"stroke": stroke, "exclude": []})
+        (rod,) = (one for one in choices(task)["cylinder"] if one.name == "smc-cp96-32")
+        assert [check.is_kept for check in checks.mechanical_checks(rod, task)] == [is_kept]
     short = size(TRANSFER | {"guide": "ball"}, **DRAWS, most=1)
     assert not any("`most`" in note for note in short.notes)
     assert short.complete or "--max-candidates 2" in short.notes[0]

@@ -202,6 +202,8 @@ BUCKLING_SAFETY = 5.0
 #: Effective buckling length over stroke by guide of the load, with the cylinder fixed at its front (Euler): 0.7 with a
 #: guided rod end, 2 with a free rod end.
 EFFECTIVE = {"none": 2.0, "ball": 0.7, "plain": 0.7}
+#: Smallest ratio of an actual rod diameter to an assumed one (assumed: the next smaller rod, as 10 mm below 12 mm).
+THINNER = 0.83
 #: Highest supply pressure of usual cylinders and valves, above ambient (assumed: 1.0 MPa in most catalogues).
 USUAL_SUPPLY_PA = 1e6
 #: Highest peak pressure in a cylinder whose data sheet states none, above ambient (assumed: 1.5 times as much).
@@ -304,7 +306,9 @@ def mechanical_checks(cylinder: PartChoice, task: SizingTask, end_speed: float =
     if (buckles := buckling_n(cylinder, task)) is not None:
         rule = f"Euler with a safety of {BUCKLING_SAFETY:g}, steel, effective length {EFFECTIVE[task.guide]:g} strokes"
         push = gauge * math.pi / 4.0 * cylinder.numbers["bore"] ** 2
-        yield _check("buckling of the rod", push, buckles, "N", rule)
+        if "rod_diameter" in cylinder.assumed and THINNER**4 * buckles < push <= buckles:
+            rule = f"assumed rod of {1e3 * cylinder.numbers['rod_diameter']:g} mm; {rule}"
+        yield _check("buckling of the rod", push, buckles, "N", rule, f"rod_diameter {CATALOGUE}")
 
 
 def machine_checks(choice: DriveChoice, task: SizingTask, drive: SizedDrive | None) -> list[MachineCheck]:
