@@ -49,6 +49,15 @@ def test_cold_exhaust_air_is_a_value_and_one_note_after_ten_strokes():
     )
 
 
+def test_hot_gas_has_another_heat_capacity():
+    """The heat capacity of air is 2 % above the constant at 200 degC; argon has a constant one."""
+    hot = {"supply.temperature": "320 degC"}
+    for gas, expected in (("air", 1), ("argon", 0)):
+        drive = pn.Drive.model_validate(REFERENCE.to_dict() | {"gas": {"name": gas}}).replace(hot)
+        found = pn.simulate(drive, 1.0, "0.3 s", initial=START).attrs["warnings"]
+        assert sum("heat capacity is" in line and "higher than the model's" in line for line in found) == expected
+
+
 def test_pressure_above_20_bar():
     high = REFERENCE.replace({"supply.pressure": "30 bar abs"})
     found = limits(high, 0.5, "1 s", initial=START)

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from pneudrive.constants import AIR_GAS_CONSTANT_J_KG_K, MOLAR_GAS_CONSTANT_J_MOL_K, ZERO_CELSIUS_K
 from pneudrive.describe.system import compiled
-from pneudrive.describe.tables.parts import VIRIAL
+from pneudrive.describe.tables.parts import CAPACITY_CELSIUS, CAPACITY_EXCESS, VIRIAL
 from pneudrive.describe.tables.starts import angles, coordinates, pose_text
 
 if TYPE_CHECKING:
@@ -24,6 +24,8 @@ if TYPE_CHECKING:
 
 #: Largest absolute pressure of the model, Pa: flow functions and cylinders are specified up to less (assumed).
 HIGHEST_PA = 20e5
+#: Relative excess of the heat capacity over that of the model above which a note is given (assumed).
+CAPACITY_OFF = 0.02
 #: Largest deviation of a gas from its law, as a fraction of the pressure: ideal, and with second virial coefficient
 #: (assumed).
 IDEAL_OFF, VIRIAL_OFF = 0.05, 0.1
@@ -51,7 +53,7 @@ def warnings(described: Drive | Circuit, columns: Keyed) -> list[str]:
         Columns of the trajectory.
     """
     time, places = columns["time_s"], list(gas_volumes(columns))
-    found = [*_pressures(places, time), *_gas(described, places, time)]
+    found = [*_pressures(places, time), *_hot(described, places, time), *_gas(described, places, time)]
     found += [*_pistons(described, columns), *_singular_poses(described, columns)]
     return [*water_warnings(described, columns), *found, *_ice(described, columns)]
 
@@ -78,15 +80,37 @@ def _pressures(places: list[GasVolume], time_s: Any) -> Iterator[str]:  # noqa: 
         )
 
 
+def _hot(described: Drive | Circuit, places: list[GasVolume], time_s: Any) -> Iterator[str]:  # noqa: ANN401 - array or column
+    """Yield a note if the heat capacity of the hottest gas differs much from the constant value of the model."""
+    import numpy as np
+
+    excesses = CAPACITY_EXCESS.get(_gas_name(described), [0.0] * len(CAPACITY_CELSIUS))
+    worst = max(places, key=lambda place: float(place.temperature_k.max()), default=None)
+    hottest = ZERO_CELSIUS_K if worst is None else float(worst.temperature_k.max())
+    excess = float(np.interp(hottest - ZERO_CELSIUS_K, CAPACITY_CELSIUS, excesses))
+    if worst is not None and excess > CAPACITY_OFF:
+        when = time_s[int(worst.temperature_k.argmax())]
+        yield (
+            f"the gas in {worst.name} reaches {_celsius(hottest)} at {when:.4g} s, "
+            f"where its heat capacity is {100.0 * excess:.1f} % higher than the model's"
+        )
+
+
+def _gas_name(described: Drive | Circuit) -> str:
+    """Return the name of the gas: air by its gas constant, empty for an unknown gas."""
+    gas = described.gas
+    is_air = gas.name in (None, "air") and gas.gas_constant_j_kg_k == AIR_GAS_CONSTANT_J_KG_K
+    return "air" if is_air else gas.name or ""
+
+
 def _celsius(temperature_k: float, digits: int = 1) -> str:
     return f"{temperature_k - ZERO_CELSIUS_K:.{digits}f} degC"
 
 
 def _gas(described: Drive | Circuit, places: list[GasVolume], time_s: Any) -> Iterator[str]:  # noqa: ANN401 - array or column
     """Yield a warning if the contribution of the second virial coefficient is too large for the gas law in use."""
-    gas = described.gas
-    is_air = gas.name in (None, "air") and gas.gas_constant_j_kg_k == AIR_GAS_CONSTANT_J_KG_K
-    coefficients = VIRIAL.get("nitrogen" if is_air else gas.name or "")  # air is taken as nitrogen
+    gas, name = described.gas, _gas_name(described)
+    coefficients = VIRIAL.get("nitrogen" if name == "air" else name)  # air is taken as nitrogen
     if coefficients is None:
         return
     most = IDEAL_OFF if gas.model == "ideal" else VIRIAL_OFF

@@ -23,12 +23,18 @@ if TYPE_CHECKING:
 #: Bounds of a dew point, -80 to 60 degC: range of dryers and of the vapour pressure formula.
 DEW_POINTS = Bounds(at_least=193.15, at_most=333.15)
 
-_GASES = package_table(__file__, "gases.toml")
+_TABLE = package_table(__file__, "gases.toml")
+#: Temperatures of `CAPACITY_EXCESS`, degC.
+CAPACITY_CELSIUS: list[float] = _TABLE["capacity_celsius"]
+_GASES = {name: gas for name, gas in _TABLE.items() if name != "capacity_celsius"}
 #: Ratio of specific heats and specific gas constant, J/(kg K), of gases by name. Those of air are the core's.
 GASES: dict[str, tuple[float, float]] = {"air": (AIR_HEAT_CAPACITY_RATIO, AIR_GAS_CONSTANT_J_KG_K)}
-GASES |= {name: (gas["heat_capacity_ratio"], gas["gas_constant"]) for name, gas in _GASES.items()}
-#: Coefficients of the second virial coefficient, see ``gases.toml``.
+GASES |= {name: (gas["heat_capacity_ratio"], gas["gas_constant"]) for name, gas in _GASES.items() if name != "air"}
+#: Coefficients of the second virial coefficient and of the heat capacity over temperature, see ``gases.toml``.
 VIRIAL: dict[str, list[float]] = {name: gas["virial"] for name, gas in _GASES.items() if "virial" in gas}
+CAPACITY_EXCESS: dict[str, list[float]] = {
+    name: gas["capacity_excess"] for name, gas in _GASES.items() if "capacity_excess" in gas
+}
 
 
 def anr_density_kg_m3(heat_capacity_ratio: float, gas_constant: float) -> float:

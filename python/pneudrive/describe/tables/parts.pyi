@@ -37,9 +37,12 @@ from pneudrive.errors import (
 from typing import Annotated, Any, ClassVar, Literal
 
 DEW_POINTS: Incomplete
+_TABLE: Incomplete
+CAPACITY_CELSIUS: list[float]
 _GASES: Incomplete
 GASES: dict[str, tuple[float, float]]
 VIRIAL: dict[str, list[float]]
+CAPACITY_EXCESS: dict[str, list[float]]
 
 def anr_density_kg_m3(heat_capacity_ratio: float, gas_constant: float) -> float: ...
 
