@@ -13,14 +13,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pneudrive import _core
-from pneudrive.arrays import evenly
+from pneudrive.arrays import Array, Bools, evenly
 from pneudrive.estimate.autocorrelation import stderr_of_mean, stderrs_of_means
 from pneudrive.signals.motion import straight_line
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
-
-    from pneudrive.arrays import Array, Bools
 
 
 ALTERNATIONS, CONVERGED = 50, 1e-9

@@ -26,7 +26,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pneudrive import _core
-from pneudrive.arrays import by_name
+from pneudrive.arrays import Array, Interval, Ints, by_name
 from pneudrive.errors import FitError, nearest, package_table
 from pneudrive.estimate import mixed
 from pneudrive.estimate.autocorrelation import cells, gaussian, levels
@@ -38,8 +38,6 @@ from pneudrive.repr_tables import Shown
 if TYPE_CHECKING:
     import polars as pl
     from numpy.typing import NDArray
-
-    from pneudrive.arrays import Array, Interval, Ints
 
 
 EXPONENTS = np.round(np.linspace(0.15, 1.0, 18), 3)
@@ -126,8 +124,6 @@ class DwellLawFit(Shown):
     parameters : int
     delta : float
         AICc minus that of the best law.
-    weight : float
-        Akaike weight among the laws.
     """
 
     form: DwellForm
@@ -142,7 +138,6 @@ class DwellLawFit(Shown):
     bic: float
     parameters: int
     delta: float = np.nan
-    weight: float = np.nan
 
     @property
     def name(self) -> str:
@@ -173,10 +168,7 @@ def fit_forms(curve: DwellCurve, reference_s: float) -> tuple[DwellLawFit, ...]:
         return ()
     whitener = np.linalg.inv(np.linalg.cholesky(curve.scatter_covariance())).astype(float)
     fits = sorted((_fit(curve, form, whitener, reference_s) for form in FORMS), key=lambda f: f.aicc)
-    delta = [f.aicc - fits[0].aicc for f in fits]
-    weight = np.exp(-0.5 * np.array(delta))
-    weight /= weight.sum()
-    return tuple(replace(f, delta=d, weight=float(w)) for f, d, w in zip(fits, delta, weight, strict=True))
+    return tuple(replace(fit, delta=fit.aicc - fits[0].aicc) for fit in fits)
 
 
 def _fit(curve: DwellCurve, form: DwellForm, whitener: Array, reference_s: float) -> DwellLawFit:
