@@ -99,15 +99,6 @@ def test_a_reference_that_is_lost_is_still_the_one_that_counts(axis):
     assert run.attrs["score"]["max_error_m"] > 1e-3
 
 
-def test_tune_says_which_controller_suits_a_light_sticky_piston():
-    """Half of its mass loses sliding-mode, and pid oscillates; nmpc comes first."""
-    found = pn.control.suitability(pn.Circuit.load(AXIS.parent / "axes/starter.toml"))
-    assert (found[0].law, found[0].suits) == ("nmpc", True)
-    by_law = {one.law: one for one in found}
-    assert [by_law[law].suits for law in ("sliding-mode", "pid")] == [False, False]
-    assert "lost" in by_law["sliding-mode"].reason
-
-
 # --- Several and switching valves under a law, and the choice of an observer: from files to runs, and what is refused.
 
 AXES = Path(__file__).parents[2] / "examples"
@@ -172,14 +163,6 @@ def test_what_has_no_several_valves_says_so(tmp_path):
         pn.control.export(tuning, "fmu", tmp_path / "law.fmu")
     with pytest.raises(DescriptionError, match="spool is not modelled"):
         pn.control.run(pn.Circuit.load(SWITCHING), "inversion", reference=MOVE, mismatch="slow-spool")
-
-
-def test_tune_says_what_no_observer_tells_apart():
-    drive = pn.Circuit.load(AXES / "controlled_axis.toml")
-    said = {setup: " ".join(pn.control.tune(drive, "inversion", setup=setup).limits) for setup in ("real", "cheap")}
-    assert "difference of friction between the directions" in said["real"]
-    assert "but not both pressures" not in said["real"]
-    assert "At rest the position shows the force of the gas, but not both pressures" in said["cheap"]
 
 
 @pytest.mark.parametrize("at", [[], ["2 s"]])

@@ -31,7 +31,7 @@ from pneudrive.lazy_names import used_later
 
 with used_later(__name__):
     from pneudrive import platforms
-    from pneudrive.control import benchmarks, demand, loop, pose, references, scores, source_code, tuning
+    from pneudrive.control import benchmarks, demand, loop, references, scores, source_code, tuning
     from pneudrive.describe.files import load
     from pneudrive.report import control as control_page
     from pneudrive.simulation import trajectory
@@ -67,7 +67,6 @@ def tune(drive: str, *, law: str = "nmpc", setup: str = "real", out: Path | None
     found = tuning.tune(described, law, setup=setup)
     show_view(found.view())
     _try_out(described, found, setup)
-    show_view(demand.view_of_suitability(demand.suitability(described, setup)))
     if (lag := demand.view_of_lag(described, found, setup)) is not None:
         show_view(lag)
     write_outputs((out, replace(found, source=drive).save))
@@ -164,8 +163,8 @@ def _run_platform(
     if out is not None:
         out.mkdir(parents=True, exist_ok=True)
     payloads = None if payload is None else names_in(payload)
-    run = pose.run_pose(circuit, reference=path, payload=payloads, progress=watch().tell, **options)
-    score = pose.PoseScore.read(run.attrs["score"])
+    run = pn.control.run_pose(circuit, reference=path, payload=payloads, progress=watch().tell, **options)
+    score = pn.control.PoseScore.read(run.attrs["score"])
     show_view(score.view(run.attrs))
     draw = partial(control_page.plot_control, run)
     of_folder = (

@@ -18,20 +18,16 @@ with lazily(__name__):
     from pneudrive.control.benchmarks import benchmark as benchmark
     from pneudrive.control.benchmarks import read_comparison as read_comparison
     from pneudrive.control.benchmarks import standard as standard
-    from pneudrive.control.demand import Feasibility as Feasibility
-    from pneudrive.control.demand import Suitability as Suitability
     from pneudrive.control.demand import feasibility as feasibility
-    from pneudrive.control.demand import suitability as suitability
     from pneudrive.control.loop import run as run
     from pneudrive.control.mismatch import Mismatch as Mismatch
     from pneudrive.control.mismatch import read_mismatch as read_mismatch
     from pneudrive.control.mismatch import ready_mismatches as ready_mismatches
     from pneudrive.control.motion import Reference as Reference
     from pneudrive.control.own_law import signals as signals
-    from pneudrive.control.pose import PosePath as PosePath
-    from pneudrive.control.pose import PoseScore as PoseScore
-    from pneudrive.control.pose import pose_path as pose_path
-    from pneudrive.control.pose import run_pose as run_pose
+    from pneudrive.control.pose.legs import run_pose as run_pose
+    from pneudrive.control.pose.path import PoseScore as PoseScore
+    from pneudrive.control.pose.path import pose_path as pose_path
     from pneudrive.control.references import reference as reference
     from pneudrive.control.scores import Score as Score
     from pneudrive.control.scores import score as score
@@ -39,9 +35,6 @@ with lazily(__name__):
     from pneudrive.control.setup import read_setup as read_setup
     from pneudrive.control.source_code import export as export
     from pneudrive.control.tuning import Controller as Controller
-    from pneudrive.control.tuning import LawModel as LawModel
-    from pneudrive.control.tuning import Plant as Plant
-    from pneudrive.control.tuning import TunedGain as TunedGain
     from pneudrive.control.tuning import Tuning as Tuning
     from pneudrive.control.tuning import laws as laws
     from pneudrive.control.tuning import tune as tune

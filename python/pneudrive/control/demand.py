@@ -1,4 +1,4 @@
-"""Feasibility of a reference by inverse dynamics, and suitability of controllers by simulated trials."""
+"""Feasibility of a reference by inverse dynamics, and the dead time that a controller tolerates by simulated trials."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from pneudrive.control.loop import prepare, run_prepared
 from pneudrive.control.mismatch import OF_VALVE, Mismatch, read_mismatch
 from pneudrive.control.motion import NEVER, Reference, rounded_up
 from pneudrive.control.references import beyond_stroke
-from pneudrive.control.tuning import Tuning, laws
+from pneudrive.control.tuning import Tuning
 from pneudrive.errors import PneudriveError
 from pneudrive.simulation.simulate import require
 from pneudrive.views import VALUE, Finding, LeadingValue, ShownValue, State, View, Viewed
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Mapping
     from pathlib import Path
 
     from pneudrive.control.setup import Setup
@@ -197,11 +197,10 @@ def feasibility(tuning: Tuning, reference: Reference) -> Feasibility:
     return Feasibility(reference, demand, factor, *tuning.reach, tuple(tuning.plant.left_out))
 
 
-# --- Choice of a controller: each is tried on the drive as described and with half of its mass.
+# --- Trials of a controller on a drive that differs from its description.
 
-#: Reference of the trial, largest error as a fraction of its travel, and factors on the mass (assumed).
-ALONG, MOST, MASSES = "R3", 0.1, (1.0, 0.5)
-BASELINES = ("pid", "fuzzy")
+#: Reference of a trial, and largest error as a fraction of its travel (assumed).
+ALONG, MOST = "R3", 0.1
 #: Longest tried additional dead time, s, number of bisections, and dead time that a controller should tolerate, s
 #: (assumed).
 LONGEST_LAG_S, HALVINGS, ENOUGH_LAG_S = 8e-3, 5, 1e-3
@@ -212,91 +211,22 @@ FIND_SHAPE = "pneudrive identify DRIVE RECORDING --free valve.overlap,valve.leak
 CYCLE = "limit-cycle"
 
 
-class Suitability(NamedTuple):
-    """Result of a controller on a drive.
-
-    Attributes
-    ----------
-    law : str
-    suits : bool
-    max_error_m : float
-        Largest error of the trials; infinite if one failed.
-    reason : str
-    """
-
-    law: str
-    suits: bool
-    max_error_m: float
-    reason: str
-
-
-def suitability(drive: Drive | Circuit, setup: Setup | str | Path = "real") -> list[Suitability]:
-    """Try each controller on a drive along R3, with the described mass and with half of it; the best one comes first.
-
-    Parameters
-    ----------
-    drive : Drive or Circuit
-    setup : Setup, str or path-like
-        Sensors and converter.
-    """
-    found = [_tried(drive, law, setup) for law in laws()]
-    return sorted(found, key=lambda one: (not one.suits, one.law in BASELINES, one.max_error_m))
-
-
-def _tried(drive: Drive | Circuit, law: str, setup: Setup | str | Path) -> Suitability:
-    """Try a controller along a reference, with the described mass and with half of it."""
-    worst = 0.0
-    for mass in MASSES:
-        of = "as described" if mass == 1.0 else f"with {mass:g} of its mass"
-        error_m, fault = _trial(drive, law, setup, {"moving_mass": mass})
-        worst = max(worst, error_m)
-        if fault:
-            return Suitability(law, False, worst, f"{of} it {fault}")
-    reason = f"errors up to {1e3 * worst:.3g} mm"
-    valves = [one.kind for one in drive.circuit.components.values() if one.kind.startswith("valve/")]
-    if valves != ["valve/proportional-5/3"]:
-        reason += "; cannot be exported for these valves"
-    elif law == "nmpc":
-        reason += "; exported as an FMU only"
-    if law in BASELINES:
-        reason = f"a baseline: {reason}"
-    return Suitability(law, True, worst, reason)
-
-
 def _trial(
-    drive: Drive | Circuit,
-    controller: Tuning | str,
-    setup: Setup | str | Path,
-    deviations: Mapping[str, float | str],
-) -> tuple[float, str]:
-    """Run a drive that deviates from its description; return the largest error, m, and why it failed, or ""."""
+    drive: Drive | Circuit, tuning: Tuning, setup: Setup | str | Path, deviations: Mapping[str, str]
+) -> tuple[float, bool]:
+    """Run a drive that deviates from its description; return the largest error, m, and whether it failed."""
     mismatch = Mismatch.model_validate(deviations)
-    law, tuning = (controller, None) if isinstance(controller, str) else (None, controller)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         try:
-            prepared = prepare(drive, law, ALONG, setup=setup, controller=tuning, mismatch=mismatch)
+            prepared = prepare(drive, None, ALONG, setup=setup, controller=tuning, mismatch=mismatch)
             told = run_prepared(prepared, seed=1).provenance
-        except PneudriveError as error:
-            return float("inf"), f"cannot run: {error.what}"
-    reach, error_m = prepared.reference.reach(), float(told["score"]["max_error_m"])
-    if told["score"]["lost"]:
-        return error_m, "is lost"
-    if any(event["kind"] == CYCLE for event in told["events"]):
-        return error_m, "oscillates"
-    misses = error_m > MOST * (reach.highest_m - reach.lowest_m)
-    return error_m, f"misses by {1e3 * error_m:.3g} mm" if misses else ""
-
-
-def view_of_suitability(found: Sequence[Suitability]) -> View:
-    """Return whether each controller suits a drive, with the reason."""
-    rows = [
-        ShownValue(f"{one.law}.{name}", one.law, name, text)
-        for one in found
-        for name, text in (("suits", "suits" if one.suits else "does not suit"), ("because", one.reason))
-    ]
-    title = f"Each controller along {ALONG}, as described and with half of the mass, simulated; best first"
-    return View(title, tuple(rows), state="good" if any(one.suits for one in found) else "bad")
+        except PneudriveError:
+            return float("inf"), True
+    reach = prepared.reference.reach()
+    error_m = float(told["score"]["max_error_m"])
+    oscillates = any(event["kind"] == CYCLE for event in told["events"])
+    return error_m, told["score"]["lost"] or oscillates or error_m > MOST * (reach.highest_m - reach.lowest_m)
 
 
 def view_of_lag(drive: Drive | Circuit, tuning: Tuning, setup: Setup | str | Path) -> View | None:
@@ -324,8 +254,8 @@ def view_of_lag(drive: Drive | Circuit, tuning: Tuning, setup: Setup | str | Pat
     low_s, high_s = 0.0, LONGEST_LAG_S
     for _ in range(HALVINGS):
         middle_s = 0.5 * (low_s + high_s)
-        _, fault = _trial(drive, tuning, setup, {"delay": f"{numbers['delay'] + middle_s} s"})
-        low_s, high_s = (low_s, middle_s) if fault else (middle_s, high_s)
+        _, has_failed = _trial(drive, tuning, setup, {"delay": f"{numbers['delay'] + middle_s} s"})
+        low_s, high_s = (low_s, middle_s) if has_failed else (middle_s, high_s)
     text = f"{law} tolerates {1e3 * low_s:.2g} ms more dead time than described along {ALONG}."
     findings = [Finding(text) if low_s >= ENOUGH_LAG_S else Finding(text, "open", SLOWER)]
     texts = {key: f"{ranges[name][1]:g}" for name, key in OF_VALVE.items() if numbers[key] == 0.0}

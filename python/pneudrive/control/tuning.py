@@ -653,8 +653,6 @@ def _believed(source: str, folder: Path) -> tuple[Drive | Circuit, str]:
 #: Samples per period of the natural frequency below which a controller is reported as slow (assumed).
 LEAST_SAMPLES = 40
 MOST_OF_FORCE = 0.85  # fraction of the supply's force for weight and friction above which a warning is given (assumed)
-#: Relative difference below which two decay rates count as equal.
-EQUAL_DECAY = 0.01
 
 
 def limitations(tuning: Tuning, setup: instrumentation.Setup) -> tuple[str, ...]:
@@ -689,7 +687,6 @@ def limitations(tuning: Tuning, setup: instrumentation.Setup) -> tuple[str, ...]
         said.append(f"The computer of the setup adds {1e3 * setup.computer.time_s:.3g} ms, which the law ignores.")
     if setup.sensors.pressure_a is None:
         said.append("The setup has no pressure sensors: the law computes the pressures with its model of the drive.")
-    said += _unobservable(tuning, measured=setup.sensors.pressure_a is not None)
     supply_pa, _ = supply_of(tuning.belief.core_json())
     said += [f"{short}." for short in setup.short_of(supply_pa, tuning.belief.ambient.pressure_pa)]
     if plant.left_out:
@@ -702,20 +699,3 @@ def limitations(tuning: Tuning, setup: instrumentation.Setup) -> tuple[str, ...]
     if assumed:
         said.append(f"Assumed, not derived from this drive: {', '.join(assumed)}.")
     return tuple(said)
-
-
-def _unobservable(tuning: Tuning, *, measured: bool) -> list[str]:
-    """Return the unobservable quantities of this drive, in words."""
-    said = [
-        "No observer can separate: a force on the piston, a difference of friction between the directions, and zeros "
-        "of the sensors; conductance of the valve and supply pressure; mass and force at constant speed."
-    ]
-    if not measured:
-        rates = sorted(tuning.plant.pressure_decay_1_s)
-        apart = rates[1] - rates[0]
-        if apart <= EQUAL_DECAY * rates[1]:
-            why = f"in both shut chambers, leakage and heat restore the pressure at {rates[1]:.2g} 1/s"
-        else:
-            why = f"only leakage and heat, which restore them at {rates[0]:.2g} and {rates[1]:.2g} 1/s, separate them"
-        said.append(f"At rest the position shows the force of the gas, but not both pressures: {why}.")
-    return said

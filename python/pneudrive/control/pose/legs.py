@@ -176,8 +176,10 @@ def leg_reference(needs: Demands, leg: int, text: str) -> tuple[Reference, Plain
     low = scaled[:, :-1]
     high = np.linalg.solve(binomials[:, 4:], scaled[:, 1:] - binomials[:, :4] @ low)
     rows = np.zeros((low.shape[1], 2 + POWERS))
-    rows[:, 0], rows[:, 1] = needs.times_s[:-1], h
-    rows[:, 2:6], rows[:, 6:10] = low.T, high.T
+    rows[:, 0] = needs.times_s[:-1]
+    rows[:, 1] = h
+    rows[:, 2:6] = low.T
+    rows[:, 6:10] = high.T
     made = Reference(text, float(needs.legs.positions_m[0, leg]), pieces=tuple(rows.tolist()))
     efforts = np.stack([needs.legs.masses_kg[:, leg], needs.loads_n[:, leg], needs.load_rates_n_s[:, leg]], axis=1)
     return made, {"period_s": h, "rows": efforts.tolist(), "others": needs.couplings[:, leg].tolist()}
