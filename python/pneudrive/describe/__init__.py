@@ -9,14 +9,7 @@ with lazily(__name__):
     from pneudrive.describe.components import Component as Component
     from pneudrive.describe.drive import Drive as Drive
     from pneudrive.describe.formulas.law import FrictionLaw as FrictionLaw
-    from pneudrive.describe.kinds import component_kinds as component_kinds
-    from pneudrive.describe.tables.dependences import DirectionDependence as DirectionDependence
-    from pneudrive.describe.tables.dependences import Dwell as Dwell
-    from pneudrive.describe.tables.dependences import Harmonic as Harmonic
-    from pneudrive.describe.tables.dependences import PositionDependence as PositionDependence
-    from pneudrive.describe.tables.dependences import Relaxation as Relaxation
     from pneudrive.describe.tables.dependences import SealPressure as SealPressure
-    from pneudrive.describe.tables.dependences import SideLoad as SideLoad
     from pneudrive.describe.tables.friction import Friction as Friction
     from pneudrive.describe.tables.friction import friction_laws as friction_laws
     from pneudrive.describe.tables.parts import Ambient as Ambient

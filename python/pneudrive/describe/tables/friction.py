@@ -13,7 +13,7 @@ from pydantic import ModelWrapValidatorHandler, field_serializer, model_validato
 
 from pneudrive import units
 from pneudrive.describe import marks
-from pneudrive.describe.base import Described
+from pneudrive.describe.base import Described, as_tables
 from pneudrive.describe.formulas.law import FrictionLaw, law_of
 from pneudrive.describe.formulas.written import FILE_PREFIX
 from pneudrive.describe.marks import Quantity, StatedPressure, Stiffness, parameter_quantities, parameter_quantity
@@ -375,22 +375,18 @@ class Friction(Described):
 
     def to_dict(self) -> dict[str, Any]:
         """Write the table as users would."""
-        by_key = {p["key"]: p for p in self.entry["parameters"]}
-        law = self.law if self.formula is None else self.formula.to_dict()
-        out: dict[str, Any] = {"law": law} | self._words()
-        if self.elements:
-            out["elements"] = [element.to_dict() for element in self.elements]
-        out |= {key: parameter_quantity(by_key[key]).show(self.parameters[key]) for key in by_key if key in self.given}
-        return out | {key: value.to_dict() for key, value in self._dependences().items()}
+        given = (entry for entry in self.entries() if entry[0] not in self.parameters or entry[0] in self.given)
+        out = {key: as_tables(value) if mark is None else mark.show(value) for key, value, mark in given}
+        return out if self.formula is None else out | {"law": self.formula.to_dict()}
 
     def entries(self) -> Iterator[tuple[str, Any, Quantity | StatedPressure | None]]:
-        """Yield the law, its parameters, then its modifiers."""
-        marks = parameter_quantities(self.entry)
+        """Yield the law and its choices, its elements and parameters, then its modifiers."""
         yield "law", self.law, None
         yield from ((key, value, None) for key, value in self._words().items())
-        yield from ((key, self.parameters[key], mark) for key, mark in marks.items() if key in self.parameters)
         if self.elements:
             yield "elements", [element.to_dict() for element in self.elements], None
+        marks = parameter_quantities(self.entry)
+        yield from ((key, self.parameters[key], mark) for key, mark in marks.items() if key in self.parameters)
         yield from ((key, value, None) for key, value in self._dependences().items())
 
     @classmethod

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from pneudrive import units as units
 from pneudrive.describe import marks as marks
-from pneudrive.describe.base import Described as Described
+from pneudrive.describe.base import Described as Described, as_tables as as_tables
 from pneudrive.describe.formulas.law import FrictionLaw as FrictionLaw, law_of as law_of
 from pneudrive.describe.formulas.written import FILE_PREFIX as FILE_PREFIX
 from pneudrive.describe.marks import (

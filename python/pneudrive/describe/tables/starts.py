@@ -461,11 +461,7 @@ def read_initial(given: Initial | Mapping[str, object] | str | None) -> Initial 
 
     if given is None or isinstance(given, Initial):
         return given
-    if isinstance(given, str):
-        given = _entries(given)
-    if not isinstance(given, Mapping):
-        raise CommandError.of("describe.start-not-a-table", name=type(given).__name__)
-    return Initial.model_validate(dict(given))
+    return Initial.model_validate(dict(start_values(given)))
 
 
 def start_values(given: object) -> Mapping[str, object]:
@@ -483,7 +479,7 @@ def start_values(given: object) -> Mapping[str, object]:
     """
     given = _entries(given) if isinstance(given, str) else given
     if given is not None and not isinstance(given, Mapping):
-        raise CommandError.of("describe.initial-not-a-table", name=type(given).__name__)
+        raise CommandError.of("describe.start-not-a-table", name=type(given).__name__)
     return given or {}
 
 
