@@ -247,7 +247,8 @@ def drawn_columns(columns: Mapping[str, Array], pixels: int) -> dict[str, Array]
     starts = edges[:-1]
     pairs = {name: (np.fmin.reduceat(own, starts), np.fmax.reduceat(own, starts)) for name, own in values.items()}
     drawn = {name: np.column_stack(pair).ravel() for name, pair in pairs.items()}
-    return {"time_s": sent, **drawn, **{f"{name}/at": own[rows] for name, own in values.items()}}
+    at = {f"{name}/at": own[rows] for name, own in values.items()}
+    return {"time_s": sent, **drawn, **at}
 
 
 def _edges(seconds: Array, span: tuple[float, float], pixels: int) -> NDArray[np.int64]:
