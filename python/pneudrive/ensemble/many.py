@@ -400,7 +400,7 @@ class ChunkStore:
     def missing(self) -> list[Chunk]:
         """Return the chunks to run: those without a file, or with a damaged file."""
         files = [(chunk, self.path(chunk)) for chunk in self.chunks]
-        return [chunk for chunk, path in files if not path.exists() or seal.look(path, path.stat().st_size).wrong]
+        return [chunk for chunk, path in files if not path.exists() or seal.look(path, path.stat().st_size)[0]]
 
     def write(self, frame: pl.DataFrame) -> None:
         """Store a finished chunk.

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import math
-from contextlib import ExitStack
 from dataclasses import dataclass
 from functools import cache
 from importlib import import_module
@@ -55,14 +54,12 @@ class Opened:
         Returns the number of rows; None for a format without tables.
     metadata : dict
         Texts in the file's metadata.
-    close : callable
     """
 
     names: Callable[[], list[str]]
     get: Callable[[list[str], frozenset[str], Rows | None], Columns]
     count: Callable[[], int | None]
     metadata: dict[str, str]
-    close: Callable[[], None]
 
 
 def open_parquet(path: Path) -> Opened:
@@ -87,7 +84,7 @@ def open_parquet(path: Path) -> Opened:
         columns = {name: frame[name].to_numpy() for name in wanted}
         return {name: v if frame[name].dtype == pl.String else plain(v) for name, v in columns.items()}
 
-    return Opened(lambda: scan().collect_schema().names(), get, count, pl.read_parquet_metadata(path), lambda: None)
+    return Opened(lambda: scan().collect_schema().names(), get, count, pl.read_parquet_metadata(path))
 
 
 def plain(column: NDArray[Any]) -> NDArray[Any]:
@@ -183,7 +180,7 @@ def open_netcdf(path: Path) -> Opened:
 
     metadata = {str(key): value for key, value in data.attrs.items() if isinstance(value, str)}
     usual = sizes.pop() if len(sizes) == 1 else None
-    return Opened(lambda: [str(n) for n in data.variables], get, lambda: usual, metadata, data.close)
+    return Opened(lambda: [str(n) for n in data.variables], get, lambda: usual, metadata)
 
 
 def open_tdms(path: Path) -> Opened:
@@ -214,7 +211,7 @@ def open_tdms(path: Path) -> Opened:
 
     said = {name: str(channel.properties.get("unit_string", "")).strip() for name, channel in channels.items()}
     units = {UNIT_OF + name: unit for name, unit in said.items() if unit}
-    return Opened(lambda: [*(["time"] if timed else []), *channels], get, _no_tables, units, data.close)
+    return Opened(lambda: [*(["time"] if timed else []), *channels], get, _no_tables, units)
 
 
 def open_mf4(path: Path) -> Opened:
@@ -223,15 +220,13 @@ def open_mf4(path: Path) -> Opened:
     A name in several channel groups is written ``number of the group/name``.
     """
     asammdf = _optional("asammdf", "mf4")
-    with ExitStack() as stack:
-        data = stack.enter_context(asammdf.MDF(path))
-        masters = {(group, index) for group, index in data.masters_db.items()}
-        places: dict[str, tuple[str, int, int]] = {}
-        for name, entries in data.channels_db.items():
-            real = [place for place in entries if tuple(place) not in masters]
-            places |= {(f"{p[0]}/{name}" if len(real) > 1 else name): (name, *p) for p in real}
-        places.pop("time", None)
-        close = stack.pop_all().close
+    data = asammdf.MDF(path)
+    masters = {(group, index) for group, index in data.masters_db.items()}
+    places: dict[str, tuple[str, int, int]] = {}
+    for name, entries in data.channels_db.items():
+        real = [place for place in entries if tuple(place) not in masters]
+        places |= {(f"{p[0]}/{name}" if len(real) > 1 else name): (name, *p) for p in real}
+    places.pop("time", None)
 
     def get(wanted: list[str], _: frozenset[str], rows: Rows | None) -> Columns:
         chosen = [name for name in wanted if name != "time"]
@@ -243,7 +238,7 @@ def open_mf4(path: Path) -> Opened:
         part = slice(*(rows or (None,)))
         return {name: column[part] for name, column in {**values, "time": base}.items()}
 
-    return Opened(lambda: ["time", *sorted(places)], get, _no_tables, {}, close)
+    return Opened(lambda: ["time", *sorted(places)], get, _no_tables, {})
 
 
 def open_mat(path: Path) -> Opened:
@@ -285,7 +280,7 @@ def open_mat(path: Path) -> Opened:
         part = slice(*(rows or (None,)))
         return {name: flat[name][part] if flat[name].ndim else flat[name] for name in wanted}
 
-    return Opened(lambda: list(flat), get, _no_tables, {}, flat.clear)
+    return Opened(lambda: list(flat), get, _no_tables, {})
 
 
 #: Format in the layout file -> its name in messages, and its opener.

@@ -10,6 +10,7 @@ import signal
 import sys
 import warnings
 from contextlib import suppress
+from functools import lru_cache
 from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any
@@ -24,34 +25,18 @@ with suppress(ImportError):  # not on Windows
     import resource
 
 
-class _Files:
-    """Cache of the last opened file, because a request for columns usually follows a request for names."""
-
-    def __init__(self) -> None:
-        self._key: object = None
-        self._opened: Opened | None = None
-
-    def open(self, form: str, path: str) -> Opened:
-        """Open a file, or return the open one."""
-        about = Path(path).stat()
-        key = (form, path, about.st_mtime_ns, about.st_size, about.st_ino)
-        if self._opened is None or key != self._key:
-            self.close()
-            self._opened, self._key = OPENERS[form][1](Path(path)), key
-        return self._opened
-
-    def close(self) -> None:
-        """Close the open file."""
-        opened, self._opened = self._opened, None
-        if opened is not None:
-            opened.close()
+@lru_cache(maxsize=1)
+def _opened(form: str, path: str, _state: tuple[int, int, int]) -> Opened:
+    """Open a file. The last one stays open, because a request for columns usually follows a request for names."""
+    return OPENERS[form][1](Path(path))
 
 
-def answer(request: dict[str, Any], files: _Files) -> Any:  # noqa: ANN401 - of each request its own
+def answer(request: dict[str, Any]) -> Any:  # noqa: ANN401 - of each request its own
     """Answer a request for a file. An exception of a library is returned as answer."""
-    form = request["form"]
+    form, path = request["form"], request["path"]
     try:
-        opened = files.open(form, request["path"])
+        about = Path(path).stat()
+        opened = _opened(form, path, (about.st_mtime_ns, about.st_size, about.st_ino))
         if request["ask"] == "names":
             return opened.names(), opened.metadata
         if request["ask"] == "count":
@@ -59,7 +44,7 @@ def answer(request: dict[str, Any], files: _Files) -> Any:  # noqa: ANN401 - of 
         found = opened.get(request["wanted"], request["dates"], request["rows"])
         columns = {name: plain(np.asarray(values)) for name, values in found.items()}
         if not request["rows"]:
-            files.close()
+            _opened.cache_clear()
     except PneudriveError as error:
         return error
     except BaseException as error:  # libraries raise any exception
@@ -68,7 +53,7 @@ def answer(request: dict[str, Any], files: _Files) -> Any:  # noqa: ANN401 - of 
         reason = (str(error).strip() or type(error).__name__).splitlines()[0]
         if isinstance(error, (KeyError, IndexError, AttributeError, TypeError)):
             reason = f"{type(error).__name__}: {reason}"
-        files.close()
+        _opened.cache_clear()
         return RecordingError(f"the file cannot be read as {OPENERS[form][0]}", value=reason[:LONGEST_REASON])
     else:
         return columns
@@ -85,11 +70,11 @@ def main() -> None:
     """Answer requests until the other side closes the pipe."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # only the client handles Ctrl-C
     warnings.simplefilter("ignore")
-    files, connection = _Files(), Connection(int(sys.argv[1]))
+    connection = Connection(int(sys.argv[1]))
     limit_memory(int(sys.argv[2]))
     with suppress(EOFError, OSError):
         while True:
             request = connection.recv()
             signal.alarm(request["seconds"])  # the default handler ends the process, even inside a library
-            connection.send(answer(request, files))
+            connection.send(answer(request))
             signal.alarm(0)

@@ -6,7 +6,6 @@ import hashlib
 import io
 import mmap
 import os
-from dataclasses import dataclass
 from functools import lru_cache
 from typing import TYPE_CHECKING
 
@@ -38,7 +37,7 @@ def sealed_parquet(frame: pl.DataFrame, metadata: dict[str, str]) -> bytes:
 
 
 def _look(parquet: Bytes) -> tuple[str | None, bool]:
-    """Return the damage (see `Looked`) and whether the checksum is valid."""
+    """Return damage and seal, see `look`."""
     if not len(parquet):
         return "the file is empty", False
     if parquet[:4] != PARQUET or len(parquet) < 12:
@@ -62,27 +61,15 @@ def _look(parquet: Bytes) -> tuple[str | None, bool]:
     return None, True
 
 
-@dataclass(frozen=True)
-class Looked:
-    """Result of the check of a Parquet file, before a library parses it.
-
-    Attributes
-    ----------
-    size : int
-        Size of the file, bytes.
-    wrong : str or None
-        Damage in words. None if no damage is found; without a checksum only the ends of the file are checked.
-    is_sealed : bool
-        Whether the file has a valid checksum.
-    """
-
-    size: int
-    wrong: str | None
-    is_sealed: bool
-
-
-def look(path: Path, size: int) -> Looked:
+def look(path: Path, size: int) -> tuple[str | None, bool]:
     """Check a Parquet file of `size` bytes before a library parses it.
+
+    Returns
+    -------
+    str or None
+        Damage in words. None if no damage is found; without a checksum only the ends of the file are checked.
+    bool
+        Whether the file has a valid checksum.
 
     Raises
     ------
@@ -98,14 +85,14 @@ def look(path: Path, size: int) -> Looked:
         parquet = os.read(descriptor, size)
     finally:
         os.close(descriptor)
-    return Looked(size, *_look(parquet))
+    return _look(parquet)
 
 
 @lru_cache(maxsize=16)
-def _look_mapped(path: Path, size: int, _changed_ns: int, _number: int) -> Looked:
+def _look_mapped(path: Path, _size: int, _changed_ns: int, _number: int) -> tuple[str | None, bool]:
     """Check a large file. The result is cached while the file is unchanged, because hashing takes long."""
     with path.open("rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
-        return Looked(size, *_look(data))
+        return _look(data)
 
 
 def _footer(parquet: Bytes) -> int | None:

@@ -33,6 +33,8 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     Columns = dict[str, NDArray[Any]]
+    Text = tuple[str | None, bool]
+    Looked = tuple[int, bool] | PneudriveError
 
 #: Format in the layout file -> its name in messages.
 FORMATS = {form: name for form, (name, _) in formats.OPENERS.items()}
@@ -150,7 +152,7 @@ def open_table(path: Path, form: str, kind: ErrorKind = RecordingError) -> Table
         The file does not exist, is damaged, too large or not of this format, or its library is not installed.
     """
     if form == "parquet":
-        is_sealed = _look(path, kind).is_sealed
+        _, is_sealed = _look(path, kind)
         with clear_errors(path, kind):
             table = Table(path, formats.open_parquet(path), is_sealed, kind)
         if not is_sealed:
@@ -163,16 +165,8 @@ def open_table(path: Path, form: str, kind: ErrorKind = RecordingError) -> Table
         columns = ask({"ask": "columns", "form": form, "wanted": wanted, "rows": rows, "dates": dates})
         return {name: columns[name] for name in wanted if name in columns}
 
-    opened = Opened(lambda: names, get, lambda: ask({"ask": "count", "form": form}), metadata, lambda: None)
+    opened = Opened(lambda: names, get, lambda: ask({"ask": "count", "form": form}), metadata)
     return Table(path, opened, False, kind)
-
-
-@dataclass(frozen=True)
-class Text:
-    """Text of a Parquet file's metadata, or None. ``sealed`` tells whether the file has a valid checksum."""
-
-    text: str | None
-    sealed: bool
 
 
 def read_texts(paths: Iterable[Path], key: str, kind: ErrorKind) -> Iterator[Text | PneudriveError]:
@@ -187,8 +181,9 @@ def read_texts(paths: Iterable[Path], key: str, kind: ErrorKind) -> Iterator[Tex
 
     Yields
     ------
-    Text or PneudriveError
-        One entry per file, in order. Errors, of `kind`, are those of `open_table`.
+    (str or None, bool) or PneudriveError
+        Text, and whether the file has a valid checksum; one entry per file, in order. Errors, of `kind`, are those of
+        `open_table`.
     """
 
     def texts(some: list[Path]) -> list[Text | PneudriveError]:
@@ -200,9 +195,9 @@ def read_texts(paths: Iterable[Path], key: str, kind: ErrorKind) -> Iterator[Tex
 
 def _text(path: Path, key: str, kind: ErrorKind) -> Text | PneudriveError:
     try:
-        is_sealed = _look(path, kind).is_sealed
+        _, is_sealed = _look(path, kind)
         with clear_errors(path, kind):
-            return Text(formats.open_parquet(path).metadata.get(key), is_sealed)
+            return formats.open_parquet(path).metadata.get(key), is_sealed
     except kind as error:
         return error
 
@@ -210,7 +205,7 @@ def _text(path: Path, key: str, kind: ErrorKind) -> Text | PneudriveError:
 def read_columns(paths: Iterable[Path], wanted: Sequence[str], kind: ErrorKind) -> Iterator[Columns | PneudriveError]:
     """Read columns of many Parquet files. Columns missing in a file are left out. See `read_texts`."""
     for some in _batches(paths, kind):
-        together = [path for path, looked in some if isinstance(looked, seal.Looked) and looked.is_sealed]
+        together = [path for path, looked in some if isinstance(looked, tuple) and looked[1]]
         sealed = dict(zip(together, _read(together, wanted, kind), strict=True))
         for path, looked in some:
             if isinstance(looked, PneudriveError):
@@ -233,28 +228,28 @@ def _parts(paths: Iterable[Path]) -> Iterator[list[Path]]:
     return iter(lambda: list(islice(rest, LOOKED_AT)), [])
 
 
-def _batches(paths: Iterable[Path], kind: ErrorKind) -> Iterator[list[tuple[Path, seal.Looked | PneudriveError]]]:
+def _batches(paths: Iterable[Path], kind: ErrorKind) -> Iterator[list[tuple[Path, Looked]]]:
     """Check files in batches, limited in number and bytes."""
 
-    def looked(path: Path) -> seal.Looked | PneudriveError:
+    def looked(path: Path) -> Looked:
         try:
             return _look(path, kind)
         except kind as error:
             return error
 
-    batch: list[tuple[Path, seal.Looked | PneudriveError]] = []
+    batch: list[tuple[Path, Looked]] = []
     for part in in_advance(lambda part: [(path, looked(path)) for path in part], _parts(paths), LOOKERS):
         for entry in part:
             batch.append(entry)
-            if len(batch) >= MOST_FILES or sum(getattr(one, "size", 0) for _, one in batch) >= MOST_BYTES:
+            if len(batch) >= MOST_FILES or sum(one[0] for _, one in batch if isinstance(one, tuple)) >= MOST_BYTES:
                 yield batch
                 batch = []
     if batch:
         yield batch
 
 
-def _look(path: Path, kind: ErrorKind) -> seal.Looked:
-    """Check a Parquet file.
+def _look(path: Path, kind: ErrorKind) -> tuple[int, bool]:
+    """Check a Parquet file; return its size in bytes, and whether it has a valid checksum.
 
     Raises
     ------
@@ -263,12 +258,12 @@ def _look(path: Path, kind: ErrorKind) -> seal.Looked:
     """
     size = check_file(path, kind)
     try:
-        looked = seal.look(path, size)
+        damage, is_sealed = seal.look(path, size)
     except OSError as error:
         raise unreadable(path, error, kind) from None
-    if looked.wrong:
-        raise kind(looked.wrong, where=str(path))
-    return looked
+    if damage:
+        raise kind(damage, where=str(path))
+    return size, is_sealed
 
 
 class _Reader:

@@ -29,7 +29,7 @@ from pneudrive.campaign.storage.control import FOLDER, PART, clear_errors, make_
 from pneudrive.errors import CampaignError, PneudriveError, RecordingError
 from pneudrive.files.content import exists, read_json, read_text
 from pneudrive.files.seal import sealed_parquet
-from pneudrive.files.tables import Text, read_columns, read_texts
+from pneudrive.files.tables import read_columns, read_texts
 from pneudrive.repr_tables import Card, Shown
 from pneudrive.rig.interface import CHANNELS, SHARED, Identity, Move, Samples, envelope_of, identity_of, plain
 from pneudrive.signals.motion import middle, noise_level
@@ -42,6 +42,7 @@ if TYPE_CHECKING:
 
     from pneudrive.arrays import Array, Bools, Ints, Plain
     from pneudrive.campaign.planning.planned import Plan
+    from pneudrive.files.tables import Text
 
 
 #: Fraction of the usual speed below which the piston counts as at rest.
@@ -366,12 +367,13 @@ def _file_of(path: Path, found: Text | PneudriveError) -> tuple[CycleFile, list[
     """
     if isinstance(found, PneudriveError):
         raise found
-    if found.text is None:
+    text, is_sealed = found
+    if text is None:
         raise CampaignError.of("campaign.no-header", where=str(path), head=HEAD)
     number, _, key = path.stem.partition("-")
     index = int(number) if number.isdigit() else None
-    head, notes = parse_head(found.text, str(path), index=index, key=key)
-    return CycleFile(path, head, found.sealed), notes
+    head, notes = parse_head(text, str(path), index=index, key=key)
+    return CycleFile(path, head, is_sealed), notes
 
 
 def _column(values: NDArray[Any], name: str, where: str) -> NDArray[Any]:
