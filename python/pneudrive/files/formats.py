@@ -15,7 +15,7 @@ import numpy as np
 
 from pneudrive.errors import RecordingError
 from pneudrive.files.bounds import bound
-from pneudrive.files.content import check_unpacked
+from pneudrive.files.content import check_unpacked, most_unpacked
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
@@ -75,10 +75,13 @@ def open_parquet(path: Path) -> Opened:
 
     def get(wanted: list[str], _: frozenset[str], part: Rows | None) -> Columns:
         table, size = scan().select(wanted), path.stat().st_size
-        # A long constant column is a small file: its size is checked by the header.
-        widths = [8 if kind.is_numeric() or kind.is_temporal() else 16 for kind in table.collect_schema().dtypes()]
-        check_unpacked(count() * sum(widths), size, RecordingError)
-        frame = (table if part is None else table.slice(part[0], part[1] - part[0])).collect()
+        # A long constant column is a small file: rows beyond the bounds are not read.
+        kinds = table.collect_schema().dtypes()
+        width = sum(8 if kind.is_numeric() or kind.is_temporal() else 16 for kind in kinds)
+        most = int(most_unpacked(size) / max(width, 1)) + 1
+        first, end = part or (0, most)
+        frame = table.slice(first, min(end - first, most)).collect()
+        check_unpacked(frame.height * width, size, RecordingError)
         texts = [int(column.str.len_bytes().sum()) for column in frame.iter_columns() if column.dtype == pl.String]
         check_unpacked(sum(texts), size, RecordingError)  # a text may stand in the file once, for all rows
         columns = {name: frame[name].to_numpy() for name in wanted}
@@ -113,40 +116,17 @@ def _without_lists(table: pl.LazyFrame) -> pl.LazyFrame:
     ).drop(lists)
 
 
-def read_parquets(paths: Sequence[Path], wanted: Sequence[str]) -> list[Columns]:
-    """Read columns of several Parquet files at once. Columns missing in a file are left out.
+def read_alike(paths: Sequence[Path], wanted: Sequence[str]) -> list[Columns] | None:
+    """Read columns of Parquet files by one query, which takes longer than reading a small file.
 
-    Files with the same columns are read by one query, because a query takes longer than reading a small file.
-
-    Parameters
-    ----------
-    paths : sequence of Path
-        Files, each once.
-    wanted : sequence of str
+    Return None if a column is missing in a file, or a value: it would turn the integers of all files into floats.
     """
     import polars as pl
 
-    if len(paths) > 1:
-        with contextlib.suppress(pl.exceptions.PolarsError):  # different columns: one by one
-            alike = _read_alike(paths, wanted)
-            if alike is not None:
-                return alike
-    found = []
-    for path in paths:
-        opened = open_parquet(path)
-        names = opened.names()
-        found.append(opened.get([name for name in wanted if name in names], frozenset(), None))
-    return found
-
-
-def _read_alike(paths: Sequence[Path], wanted: Sequence[str]) -> list[Columns] | None:
-    """Read files with the same columns, including all of `wanted`. Return None if a value is missing.
-
-    A missing value in one file would turn the integers of all files into floats.
-    """
-    import polars as pl
-
-    frame = pl.scan_parquet(list(paths), include_file_paths=OF_FILE).select(*wanted, OF_FILE).collect()
+    try:
+        frame = pl.scan_parquet(list(paths), include_file_paths=OF_FILE).select(*wanted, OF_FILE).collect()
+    except (OSError, pl.exceptions.PolarsError, pl.exceptions.PanicException):  # the columns differ, or are damaged
+        return None
     if any(frame[name].null_count() for name in wanted):
         return None
     stretches = frame[OF_FILE].rle().struct.unnest()

@@ -14,10 +14,9 @@ import subprocess
 import threading
 from dataclasses import dataclass
 from functools import cached_property, partial
-from itertools import islice
 from multiprocessing import Pipe
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from pneudrive.batching import in_advance
 from pneudrive.errors import ErrorKind, PneudriveError, RecordingError
@@ -27,21 +26,19 @@ from pneudrive.files.content import check_file, unreadable
 from pneudrive.files.formats import LONGEST_REASON, Opened, Rows
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Sequence
+    from collections.abc import Callable, Iterable, Iterator, Sequence
     from multiprocessing.connection import Connection
 
     from numpy.typing import NDArray
 
     Columns = dict[str, NDArray[Any]]
     Text = tuple[str | None, bool]
-    Looked = tuple[int, bool] | PneudriveError
 
+Found = TypeVar("Found")
 #: Format in the layout file -> its name in messages.
 FORMATS = {form: name for form, (name, _) in formats.OPENERS.items()}
-#: Largest number of files, and of their bytes, in one batch.
-MOST_FILES, MOST_BYTES = 100, 1 << 25
-#: Files checked in one batch, and number of threads.
-LOOKED_AT, LOOKERS = 20, 4
+READERS = 2  # threads that read many files
+MOST_FILES, MOST_BYTES = 100, 1 << 24  # largest number of files in one batch, and of their bytes
 BYTES_PER_SECOND = 1e7
 ALARM = -14  # exit status of a process ended by its alarm
 
@@ -152,7 +149,7 @@ def open_table(path: Path, form: str, kind: ErrorKind = RecordingError) -> Table
         The file does not exist, is damaged, too large or not of this format, or its library is not installed.
     """
     if form == "parquet":
-        _, is_sealed = _look(path, kind)
+        is_sealed = _is_sealed(path, kind)
         with clear_errors(path, kind):
             table = Table(path, formats.open_parquet(path), is_sealed, kind)
         if not is_sealed:
@@ -186,70 +183,52 @@ def read_texts(paths: Iterable[Path], key: str, kind: ErrorKind) -> Iterator[Tex
         `open_table`.
     """
 
-    def texts(some: list[Path]) -> list[Text | PneudriveError]:
-        return [_text(path, key, kind) for path in some]
+    def text(path: Path) -> Text:
+        table = open_table(path, "parquet", kind)
+        return table.metadata.get(key), table.is_sealed
 
-    for found in in_advance(texts, _parts(paths), LOOKERS):
-        yield from found
-
-
-def _text(path: Path, key: str, kind: ErrorKind) -> Text | PneudriveError:
-    try:
-        _, is_sealed = _look(path, kind)
-        with clear_errors(path, kind):
-            return formats.open_parquet(path).metadata.get(key), is_sealed
-    except kind as error:
-        return error
+    return in_advance(lambda path: _found(text, path, kind), paths, READERS)
 
 
 def read_columns(paths: Iterable[Path], wanted: Sequence[str], kind: ErrorKind) -> Iterator[Columns | PneudriveError]:
     """Read columns of many Parquet files. Columns missing in a file are left out. See `read_texts`."""
-    for some in _batches(paths, kind):
-        together = [path for path, looked in some if isinstance(looked, tuple) and looked[1]]
-        sealed = dict(zip(together, _read(together, wanted, kind), strict=True))
-        for path, looked in some:
-            if isinstance(looked, PneudriveError):
-                yield looked
-            else:
-                yield sealed[path] if path in sealed else _read([path], wanted, kind)[0]
+
+    def columns(path: Path) -> Columns:
+        table = open_table(path, "parquet", kind)
+        return table.get(name for name in wanted if name in table.names)
+
+    def batch(some: list[Path]) -> list[Columns | PneudriveError]:
+        looked = [_found(lambda path: _is_sealed(path, kind), path, kind) for path in some]
+        alike = formats.read_alike(some, wanted) if all(one is True for one in looked) else None
+        return alike or [_found(columns, path, kind) for path in some]
+
+    for found in in_advance(batch, _batches(paths), READERS, ahead=1):
+        yield from found
 
 
-def _read(paths: Sequence[Path], wanted: Sequence[str], kind: ErrorKind) -> list[Columns | PneudriveError]:
-    """Read columns of files in one query; if the query fails, file by file."""
+def _found(read: Callable[[Path], Found], path: Path, kind: ErrorKind) -> Found | PneudriveError:
+    """Return what is read from a file, or its error."""
     try:
-        with clear_errors(paths[0] if paths else Path(), kind):
-            return list(formats.read_parquets(paths, wanted))
+        return read(path)
     except kind as error:
-        return [error] if len(paths) == 1 else [found for path in paths for found in _read([path], wanted, kind)]
+        return error
 
 
-def _parts(paths: Iterable[Path]) -> Iterator[list[Path]]:
-    rest = iter(paths)
-    return iter(lambda: list(islice(rest, LOOKED_AT)), [])
-
-
-def _batches(paths: Iterable[Path], kind: ErrorKind) -> Iterator[list[tuple[Path, Looked]]]:
-    """Check files in batches, limited in number and bytes."""
-
-    def looked(path: Path) -> Looked:
-        try:
-            return _look(path, kind)
-        except kind as error:
-            return error
-
-    batch: list[tuple[Path, Looked]] = []
-    for part in in_advance(lambda part: [(path, looked(path)) for path in part], _parts(paths), LOOKERS):
-        for entry in part:
-            batch.append(entry)
-            if len(batch) >= MOST_FILES or sum(one[0] for _, one in batch if isinstance(one, tuple)) >= MOST_BYTES:
-                yield batch
-                batch = []
+def _batches(paths: Iterable[Path]) -> Iterator[list[Path]]:
+    """Divide files into batches, limited in number and bytes."""
+    batch, size = list[Path](), 0
+    for path in paths:
+        batch.append(path)
+        size += path.stat().st_size if path.is_file() else 0
+        if len(batch) == MOST_FILES or size > MOST_BYTES:
+            yield batch
+            batch, size = [], 0
     if batch:
         yield batch
 
 
-def _look(path: Path, kind: ErrorKind) -> tuple[int, bool]:
-    """Check a Parquet file; return its size in bytes, and whether it has a valid checksum.
+def _is_sealed(path: Path, kind: ErrorKind) -> bool:
+    """Check a Parquet file; return whether it has a valid checksum.
 
     Raises
     ------
@@ -263,7 +242,7 @@ def _look(path: Path, kind: ErrorKind) -> tuple[int, bool]:
         raise unreadable(path, error, kind) from None
     if damage:
         raise kind(damage, where=str(path))
-    return size, is_sealed
+    return is_sealed
 
 
 class _Reader:
