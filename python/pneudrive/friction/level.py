@@ -13,7 +13,6 @@ from __future__ import annotations
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from functools import cached_property
-from threading import Event
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -358,14 +357,10 @@ def extract_long(file: LongFile, choice: SampleChoice, watch: Watch) -> Recordin
     RecordingError
         As in `extract`.
     """
-    ended = Event()
     with ThreadPoolExecutor(1) as hashing:  # the samples are hashed on a thread while they are read
-        sha256 = hashing.submit(file.sha256, ended)
-        try:
-            motion, strokes, tables, window = _all_parts(file, choice, watch)
-            motion = replace(motion, recording=replace(motion.recording, sha256=sha256.result()))
-        finally:
-            ended.set()  # an error does not wait for the hash
+        sha256 = hashing.submit(file.sha256)
+        motion, strokes, tables, window = _all_parts(file, choice, watch)
+        motion = replace(motion, recording=replace(motion.recording, sha256=sha256.result()))
     if not tables:
         return _result(motion, strokes, [], window, choice)
     # The parts number their strokes separately: classes of the whole recording are found by place.

@@ -22,7 +22,6 @@ from pneudrive.simulation.trajectory import columns_in, meaning, read_columns
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
-    from threading import Event
 
     import xarray as xr
     from numpy.typing import NDArray
@@ -30,7 +29,7 @@ if TYPE_CHECKING:
     from pneudrive.arrays import Array, Ints, Plain
 
 
-HASHED_ROWS, HASHED_BYTES = 1 << 18, 1 << 20  # of a long file at a time
+HASHED_ROWS = 1 << 18  # of a long file at a time
 NO_RECORDING = frozenset({"", ".toml", ".md", ".json", ".html"})  # suffixes of texts beside recordings
 MISSING_LAYOUT = "give a layout with --layout LAYOUT.toml; 'pneudrive layout FILE' proposes one"
 
@@ -187,20 +186,14 @@ class LongFile(RecordingFile):
             return read_columns(self.path, MEASURED, rows, self.table)
         return read_rows(self.path, self.said, rows)
 
-    def sha256(self, ended: Event) -> str:
-        """Return the hash of a file that is one recording: of its bytes, or of the columns of a trajectory.
-
-        Setting `ended` cancels: the hash then covers only a part of the file and must not be used.
-        """
+    def sha256(self) -> str:
+        """Return the hash of a file that is one recording: of its bytes, or of the columns of a trajectory."""
         if self.said is None:
             parts = [(begin, min(begin + HASHED_ROWS, self.count)) for begin in range(0, self.count, HASHED_ROWS)]
-            pieces = ((column, part) for column in COLUMNS for part in parts if not ended.is_set())
+            pieces = ((column, part) for column in COLUMNS for part in parts)
             return digest_of(read_columns(self.path, [c], part, self.table)[c] for c, part in pieces)
-        total, buffer = hashlib.sha256(), memoryview(bytearray(HASHED_BYTES))
         with self.path.open("rb", buffering=0) as data:
-            while not ended.is_set() and (count := data.readinto(buffer)):
-                total.update(buffer[:count])
-        return total.hexdigest()
+            return hashlib.file_digest(data, "sha256").hexdigest()
 
 
 def find_long(file: RecordingFile, least: int) -> LongFile | None:
