@@ -238,11 +238,9 @@ def _inputs(session: CoreSession, form: Plain, is_short: bool, actuator: bool) -
             is_discrete=discrete,
         )
     if actuator:
-        for name, unit in (("position", "m"), ("velocity", "m/s")):
-            value = session.read(f"cylinder.{name}_{'m' if unit == 'm' else 'm_s'}")
-            yield FmuVariable(
-                name, unit, meaning(f"{name}_{unit.replace('/', '_')}")[2], "input", {"role": name}, value
-            )
+        for column in ("position_m", "velocity_m_s"):
+            name, unit, what = meaning(column)
+            yield FmuVariable(name, unit, what, "input", {"role": name}, session.read(f"cylinder.{column}"))
 
 
 def _parameters(described: Drive | Circuit, form: Plain) -> Iterator[FmuVariable]:

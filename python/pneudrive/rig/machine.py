@@ -382,18 +382,20 @@ class Machine:
         RigError
             The chambers do not reach the pressures.
         """
-        past, columns = self.past, {}
-        if past.state is None:  # start state, at the old pressures
+        past = self.past
+
+        def rest() -> tuple[float, float]:
             self.run(Hold(LOOK_S), dwell(LOOK_S, past.commanded_m), np.array([LOOK_S]))
+            return past.shown["pressure_a_pa"], past.shown["pressure_b_pa"]
+
+        if past.state is None:  # start state, at the old pressures
+            rest()
         past.pressure_a_pa, past.pressure_b_pa = a_pa, b_pa
         for _ in range(round(LONGEST_S / LOOK_S)):
-            step = Hold(LOOK_S)
-            columns = self.run(step, dwell(LOOK_S, past.commanded_m), np.array([LOOK_S]))
-            reached = [columns[f"pressure_{side}_pa"][-1] / p for side, p in (("a", a_pa), ("b", b_pa))]
-            if all(abs(share - 1.0) < SETTLED for share in reached):
+            a, b = rest()
+            if max(abs(a / a_pa - 1.0), abs(b / b_pa - 1.0)) < SETTLED:
                 return
-        reached = " and ".join(f"{columns[f'pressure_{side}_pa'][-1]:g}" for side in "ab")
-        raise RigError.of("rig.not-settled", a=a_pa, b=b_pa, seconds=LONGEST_S, value=f"{reached} Pa")
+        raise RigError.of("rig.not-settled", a=a_pa, b=b_pa, seconds=LONGEST_S, value=f"{a:g} and {b:g} Pa")
 
     def _stays(self, friction: Plain) -> None:
         """Check that pressure and weight would not move a released piston away."""
