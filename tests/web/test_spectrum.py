@@ -9,7 +9,7 @@ import pytest
 import pneudrive as pn
 from pneudrive.characterise import write_map
 from pneudrive.errors import RecordingError
-from pneudrive.signals.spectrum import amplitude_density
+from pneudrive.signals.channels import amplitude_density
 from web.conftest import Served
 from web.frames import unpack
 from web.maps import WIDE, friction_map, stribeck

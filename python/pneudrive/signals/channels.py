@@ -31,6 +31,8 @@ if TYPE_CHECKING:
 
 MOST_CHANNELS = 16
 MOST_COLUMNS = 200
+LEAST_SAMPLES, SEGMENT = 32, 1 << 14
+UNEVEN = 0.01  # largest deviation of a step of time from the median one, as a share
 _TIME_NAMES = ("time", "t", "time_s", "time (s)", "time [s]")
 
 
@@ -245,8 +247,7 @@ def pairs(own: ChannelFile, other: ChannelFile) -> list[SharedChannel]:
         same = next((it for it in other.channels if it.quantity == one.quantity), None)
         if same is None:
             continue
-        are_raw = math.isnan(one.slope) and math.isnan(same.slope)
-        if one.unit == same.unit and (are_raw or (one.slope, one.zero) == (same.slope, same.zero)):
+        if one.unit == same.unit:
             out.append(SharedChannel(one, same, 1.0, 0.0))
         elif math.isfinite(one.slope + same.slope):
             out.append(SharedChannel(one, same, same.slope / one.slope, (same.zero - one.zero) / one.slope))
@@ -334,3 +335,38 @@ def _time(said: FileLayout | None, opened: _OpenTable, kinds: dict[str, str]) ->
             except DescriptionError:
                 continue
     return None
+
+
+def amplitude_density(time_s: Array, values: Array) -> tuple[Array, Array]:
+    """Return frequencies and the one-sided amplitude density by Welch's method (`scipy.signal.welch`, Hann windows).
+
+    The mean of each segment is subtracted. Segments of at most 16384 samples overlap by half.
+
+    Parameters
+    ----------
+    time_s, values : ndarray, shape (n,)
+        At least 32 samples, evenly spaced to 1 %.
+
+    Returns
+    -------
+    frequency_hz, density : ndarray
+        Frequency, Hz, and density, unit of the values per root Hz. The integral of the squared density over frequency
+        is the variance.
+
+    Raises
+    ------
+    RecordingError
+        There are too few samples, their times are uneven, or a value is missing.
+    """
+    from scipy.signal import welch
+
+    if len(time_s) < LEAST_SAMPLES:
+        raise RecordingError(f"{len(time_s)} samples are too few for a spectrum", rule=f"at least {LEAST_SAMPLES}")
+    steps = np.diff(time_s)
+    step = float(np.median(steps))
+    if not step > 0.0 or np.abs(steps - step).max() > UNEVEN * step:
+        raise RecordingError("the samples are not evenly spaced in time", rule="steps must be equal within 1 %")
+    if not np.isfinite(values).all():
+        raise RecordingError("a value is missing", remedy="Choose a part without gaps.")
+    frequency, power = welch(np.asarray(values, float), 1.0 / step, nperseg=min(SEGMENT, len(values)))
+    return frequency[1:], np.sqrt(power[1:])

@@ -79,7 +79,7 @@ class ForceCalibration:
             raise DescriptionError.of("signals.points-do-not-rise")
         slopes = np.diff(shown) / np.diff(reference) if reference.size else np.array([self.gain])
         if not ((slopes > PLAUSIBLE_GAIN[0]) & (slopes < PLAUSIBLE_GAIN[1])).all():
-            worst = float(slopes[np.argmax(np.abs(np.log(np.maximum(slopes, 1e-300))))])
+            worst = float(slopes[np.argmax(np.abs(slopes - 1.0))])
             raise DescriptionError.of("signals.implausible-gain", worst=worst, ends=PLAUSIBLE_GAIN)
         if self.creep_n > 0.0 and self.largest_n == 0.0:
             raise DescriptionError("force calibration: creep needs a range", remedy='range = "100 N"')

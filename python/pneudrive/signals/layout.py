@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass
 from fnmatch import fnmatchcase
-from functools import cache, cached_property, lru_cache, partial
+from functools import cached_property, lru_cache, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, NamedTuple
 
@@ -38,7 +38,7 @@ from pneudrive.signals.text_table import TextForm
 from pneudrive.signals.times import DATE_TIME, ISO
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Sequence
+    from collections.abc import Iterator, Sequence
 
     from pneudrive.arrays import Array, Plain
 
@@ -606,49 +606,33 @@ def labels_from_name(pattern: str, name: str) -> dict[str, str] | None:
     {'seal': 'O-ring', 'pressure': '5bar'}
     """
     parts = _FIELD.split(pattern)
-    ends = _ends(parts, name, whole=True)
-    if ends is None:
-        return None
-    return {parts[at][1:-1]: name[ends[at - 1] : ends[at]] for at in range(1, len(parts), 2)}
+    found = _matched(parts, name, "$")
+    return None if found is None else {part[1:-1]: text for part, text in zip(parts[1::2], found[1::2], strict=False)}
 
 
 def where_pattern_ends(pattern: str, name: str) -> tuple[str, str]:
     """Return the first part of the pattern that does not match, and the rest of the name."""
     parts = _FIELD.split(pattern)
     for count in range(len(parts) - 1, -1, -1):
-        part, ends = parts[count], _ends(parts[:count], name, whole=False)
-        if part and ends is not None:
+        part, found = parts[count], _matched(parts[:count], name, "")
+        if part and found is not None:
             about = FIELDS.get(part[1:-1], ("", "any text"))[1] if part.startswith("{") else None
-            return (f"{part} ({about})" if about else f"'{part}'"), name[max(ends, default=0) :]
+            return (f"{part} ({about})" if about else f"'{part}'"), name[len("".join(found)) :]
     return pattern, name
 
 
-def _ends(parts: list[str], name: str, *, whole: bool) -> tuple[int, ...] | None:
-    """Return the end of each part in a name; None if the name does not match.
+def _matched(parts: list[str], name: str, end: str) -> tuple[str, ...] | None:
+    """Return the text of each part of a pattern at the beginning of a name, then that of `end`; None without a match.
 
-    If `whole`, the match must include the name's end.
-
-    Each position is tried once for each part. A regular expression would try every possible division of the name, and
-    the number of divisions grows exponentially with the number of fields.
+    The time of polars is linear. `re` would try every division of the name, and their number grows exponentially with
+    the number of fields.
     """
+    import polars as pl
 
-    @cache
-    def rest(index: int, at: int) -> tuple[int, ...] | None:
-        if index == len(parts):
-            return () if at == len(name) or not whole else None
-        part = parts[index]
-        if index % 2 == 0:  # a text between fields
-            ends: Iterable[int] = [at + len(part)] if name.startswith(part, at) else []
-        elif (field := FIELDS.get(part[1:-1])) is None:
-            ends = range(at + 1, len(name) + 1)
-        else:
-            ends = [end for end in range(len(name), at, -1) if re.fullmatch(field[0], name[at:end])]
-        for end in ends:
-            if (found := rest(index + 1, end)) is not None:
-                return (end, *found)
-        return None
-
-    return rest(0, 0)
+    groups = (FIELDS.get(part[1:-1], (".+?",))[0] if at % 2 else re.escape(part) for at, part in enumerate(parts))
+    expression = "(?s)^" + "".join(f"({group})" for group in (*groups, end))
+    found = pl.Series([name]).str.extract_groups(expression).struct.unnest().row(0)
+    return None if None in found else found
 
 
 def _without(tree: Plain, rest: Plain) -> Plain:

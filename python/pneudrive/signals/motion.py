@@ -153,13 +153,10 @@ def middle(values: Array) -> float:
 
 def quantiles(values: Array, *shares: float) -> list[float]:
     """Return quantiles of finite values, with the same bits as NumPy's linear method, but ten times faster."""
-    at = [share * (values.size - 1) for share in shares]
-    below = [min(int(place), max(values.size - 2, 0)) for place in at]
-    above = [min(low + 1, values.size - 1) for low in below]
-    ordered = np.partition(values, sorted({*below, *above}))
-    found = []
-    for place, low, high in zip(at, below, above, strict=True):
-        a, b, t = float(ordered[low]), float(ordered[high]), place - low
+    ordered, last, found = np.sort(values), values.size - 1, []
+    for share in shares:
+        low = min(int(share * last), max(last - 1, 0))
+        a, b, t = float(ordered[low]), float(ordered[min(low + 1, last)]), share * last - low
         found.append(b - (b - a) * (1.0 - t) if t >= 0.5 else a + (b - a) * t)
     return found
 

@@ -183,7 +183,6 @@ def layout_text(path: Path, roles: RoleSearch, kind: str) -> str:
     sign, bore, why = _sign_and_bore(roles)
     cycle = [name for name in reading.names if re.search(ROLES["cycle"].words, name.strip().lower())]
     open_roles, found = " ".join(question.role for question in roles.questions), {guess.role for guess in roles.guesses}
-    spare = [(one.column.place, unit) for one in roles.candidates("pressure") if (unit := one.column.unit)]
     return rendered(
         TEMPLATE,
         {"toml": value_text},
@@ -201,7 +200,6 @@ def layout_text(path: Path, roles: RoleSearch, kind: str) -> str:
         why=why,
         sides=[side for side in "ab" if f"pressure_{side}" not in found],
         is_open="pressure" in open_roles,
-        spare=spare if "pressure_a" in found and len(spare) == 2 else (),
     )
 
 

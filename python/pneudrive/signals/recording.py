@@ -203,38 +203,6 @@ STUCK_RUN = 20  # equal samples in a row while the piston travels
 STUCK_TRAVEL_SHARE = 0.02
 
 
-@dataclass(frozen=True)
-class SampleFault:
-    """Faults of one kind: the number of samples or intervals, and the first and last time of each occurrence, s."""
-
-    count: int
-    places: list[Interval]
-
-
-def find_faults(recording: Recording) -> dict[str, SampleFault]:
-    """Return the times of the samples that `clean` drops, and of the gaps of a recording.
-
-    Parameters
-    ----------
-    recording
-        As read.
-
-    Returns
-    -------
-    dict of str to SampleFault
-        Times of faults by kind, with the counts of `clean`. Neighbouring samples count as one occurrence. Reading
-        faults are left out, because they have no time.
-
-    Raises
-    ------
-    RecordingError
-        As for `clean`.
-    """
-    places: dict[str, list[Interval]] = {}
-    flags = clean(recording, places).flags
-    return {kind: SampleFault(count, places.get(kind, [])) for kind, count in flags.items()}
-
-
 def clean(recording: Recording, places: dict[str, list[Interval]] | None = None) -> Recording:
     """Drop unusable samples and count them by kind.
 
@@ -243,7 +211,8 @@ def clean(recording: Recording, places: dict[str, list[Interval]] | None = None)
     recording
         As read.
     places
-        Receives the first and last time of each occurrence by kind, s. A gap extends to the next sample.
+        Receives the first and last time of each occurrence by kind, s. Neighbouring samples are one occurrence, and a
+        gap extends to the next sample. Faults on reading are left out, because they have no time.
 
     Returns
     -------

@@ -12,7 +12,7 @@ from pneudrive.signals import columns as headers
 from pneudrive.signals import times as timing
 from pneudrive.signals.columns import NAME, PHYSICS, ROLES, SECONDARY, UNIT, Candidate, FileColumn, words_of
 from pneudrive.signals.motion import FEWEST, Directions, is_held, same_signal, unevenness
-from pneudrive.signals.times import rate_of_stamps, samples_of_a_stamp, unwrapped
+from pneudrive.signals.times import samples_of_a_stamp, unwrapped
 from pneudrive.units import converter
 
 if TYPE_CHECKING:
@@ -25,9 +25,6 @@ CLEAR = 1.0  # least difference of the weights of two candidates
 CLEAR_STROKES = 0.5  # the same of two signals, in unevenness
 CLEAR_SWING = 2.0  # least ratio of the swings of a force and of the next signal
 CLEAR_PRESSURES = 1.6  # least ratio of two pressures, beyond that of the areas of a piston with a rod
-FOLLOWS = 0.8  # least correlation of a closed chamber's pressure with the position
-#: Chamber -> dependence of its pressure on position if the chamber is closed.
-CLOSED = {"a": "falls as the position grows", "b": "rises as the position grows"}
 CLEAR_SHARE = 0.5  # least correlation of force and pressure within one direction
 WHOLE_SPAN = 500  # whole numbers over more than this are counts
 HELD = ("constant from step to step, unlike a force",)
@@ -132,7 +129,7 @@ class RoleSearch:
     def ask_chambers(self) -> None:
         """Ask for the pressures of chambers without a column, if an unused column may be one of them."""
         asked = " ".join(question.role for question in self.questions)
-        sides = [f"pressure_{side}" for side in CLOSED if self.guess(f"pressure_{side}") is None]
+        sides = [f"pressure_{side}" for side in "ab" if self.guess(f"pressure_{side}") is None]
         used = [guess.source.values for guess in self.guesses if guess.source is not None]
         spare = [one for one in self.unused if one.may_be_pressure]
         spare = [one for one in spare if not any(same_signal(values, one.values) for values in used)]
@@ -209,12 +206,6 @@ class RoleSearch:
         ranked = sorted((unevenness(one.values, is_one_of_many=len(signals) > 1), one.index) for one in signals)
         ranked = [(badness, index) for badness, index in ranked if badness < 3.0]
         close = [index for badness, index in ranked if badness < ranked[0][0] + CLEAR_STROKES]
-        held = next((one for one in signals if is_held(one.values)), None)
-        if len(close) > 1 and held is not None and len(signals) > FEWEST:
-            self._accept("command", Candidate(held, PHYSICS, HELD), "")
-            rest = [one.index for one in signals if one is not held]
-            why = "numbers alone do not distinguish them"
-            return self._only_one("position, pressure_a and pressure_b", rest, "a signal", why)
         chosen = self._only_one("position", close, "even strokes", "these columns move alike")
         if chosen is not None:
             self._accept("position", chosen, self._rank(ranked))
@@ -296,15 +287,7 @@ class RoleSearch:
     def _without_names(self, free: list[Candidate]) -> None:
         """Assign pressures to chambers by the force balance, or ask the user."""
         if len(free) > 2:
-            free = [one._replace(evidence=(*one.evidence, *self._trend(one.column))) for one in free]
-            closed = {side: [one for one in free if words in one.evidence] for side, words in CLOSED.items()}
-            if all(len(some) == 1 for some in closed.values()):
-                for side, (one,) in closed.items():
-                    self._accept(
-                        f"pressure_{side}", one, f"chamber {side} is closed: its pressure follows the position"
-                    )
-            else:
-                self._ask("pressure_a and pressure_b", "more than two columns may be pressures of chambers", free)
+            self._ask("pressure_a and pressure_b", "more than two columns may be pressures of chambers", free)
         elif self.guess("position") is None:
             self._settle("pressure", free)
         else:
@@ -314,18 +297,6 @@ class RoleSearch:
                 return
             for one, chamber in zip(free, (side, "b" if side == "a" else "a"), strict=False):
                 self._accept(f"pressure_{chamber}", one, f"chamber {chamber}: {why}; {NO_OTHER}")
-
-    def _trend(self, column: FileColumn) -> tuple[str, ...]:
-        """Return the text on a pressure that follows the position as in a closed chamber; empty if it does not."""
-        position = self.column("position")
-        if position is None:
-            return ()
-        there = np.isfinite(position.values) & np.isfinite(column.values)
-        x, p = position.values[there], column.values[there]
-        if there.sum() < FEWEST or np.ptp(x) == 0.0 or np.ptp(p) == 0.0:
-            return ()
-        together = float(np.corrcoef(x, p)[0, 1])
-        return () if abs(together) < FOLLOWS else (CLOSED["a" if together < 0 else "b"],)
 
     def _chamber(self, pressures: list[Array]) -> tuple[str, str]:
         """Return the chamber of the first pressure, and the evidence; empty if the force balance does not show it."""
@@ -513,12 +484,6 @@ class Times:
     rate_hz: float = 0.0
     clocks: dict[int, int] = field(default_factory=dict)
 
-    @classmethod
-    def at_rate(cls, count: int, rate_hz: float, reason: str) -> Times:
-        """Return the times of samples at a rate."""
-        found = Guess("time", None, "", reason, keys=f'rate = "{rate_hz:.6g} Hz"')
-        return cls(np.arange(count, dtype=float), found, rate_hz=rate_hz)
-
 
 def find_times(form: FileForm, columns: Sequence[FileColumn], taken: set[int]) -> Times:
     """Find the time of a table, and remove its columns from the others."""
@@ -602,28 +567,25 @@ def _counts(values: Array) -> bool:
 
 def _is_same_clock(form: FileForm, first: FileColumn, second: FileColumn) -> bool:
     """Return whether two columns show the same clock, possibly in different units or resolutions."""
-    a, b = first.values, second.values
+    a, b = (one.values * (1.0 if one.unit is None else converter(one.unit.unit, "s")[0]) for one in (first, second))
     both = np.isfinite(a) & np.isfinite(b)
-    if both.sum() < FEWEST or both.sum() < 0.9 * min(np.isfinite(a).sum(), np.isfinite(b).sum()):
+    if both.sum() < max(FEWEST, 0.9 * min(np.isfinite(a).sum(), np.isfinite(b).sum())):
         return False
     a, b = a[both], b[both]
-    slope, start = np.polyfit(a - a[0], b - b[0], 1)
-    quanta = [float(np.min(s[s > 0], initial=np.inf)) for s in (np.diff(v) for v in (a, b))]
-    quantum = max(abs(slope) * quanta[0], quanta[1])
-    rest = float(np.abs(b - b[0] - slope * (a - a[0]) - start).max())
-    is_shifted = abs(slope - 1.0) < 0.01 and abs(b[0] - a[0]) > 1.01 * quantum
-    is_number = not {first.index, second.index} & set(form.dates)
-    return rest <= 1.01 * quantum and not (is_shifted and is_number)
+    if {first.index, second.index} & set(form.dates):  # dates count from the first one
+        a, b = a - a[0], b - b[0]
+    quantum = max(float(np.min(steps[steps > 0], initial=np.inf)) for steps in (np.diff(a), np.diff(b)))
+    return bool(np.abs(b - a).max() <= 1.01 * quantum)
 
 
 def _time(form: FileForm, best: Candidate, dates: Sequence[FileColumn], rank: str) -> Times:
     """Return the time of a column."""
     column, evidence = best.column, ", ".join(best.evidence)
-    unit, factor, moduli = "", 1.0, timing.COUNTERS
+    unit, moduli = "", timing.COUNTERS
     if column.index in form.dates:
         unit, moduli = timing.DATE_TIME, timing.clocks_of(form.dates[column.index])
     elif column.unit is not None:
-        unit, factor = column.unit.unit, converter(column.unit.unit, "s")[0]
+        unit = column.unit.unit
     values, used = unwrapped(column.values, moduli, forward=True)[0], (column.index,)
     keys = [f'format = "{written}"'] if (written := form.dates.get(column.index)) else []
     if unit == timing.DATE_TIME and dates:
@@ -634,11 +596,7 @@ def _time(form: FileForm, best: Candidate, dates: Sequence[FileColumn], rank: st
     count = samples_of_a_stamp(values)
     if count == 1.0:
         return Times(values, Guess("time", column, unit, f"{evidence}; {rank}", keys=", ".join(keys)), used)
-    # Stamps that many samples share are replaced by the rate of the samples, if it is even.
-    shared, rate = f"{count:g} samples share each stamp of column {column.place!r}", rate_of_stamps(values)
-    if rate is None or not unit:
-        return _asked(values.size, f"{shared}: {ASK_RATE}")
-    return Times.at_rate(values.size, rate / factor, f"{evidence}; {shared}; {rank}")
+    return _asked(values.size, f"{count:g} samples share each stamp of column {column.place!r}: {ASK_RATE}")
 
 
 def _asked(count: int, why: str) -> Times:
@@ -653,8 +611,9 @@ def _without_column(form: FileForm, count: int, numbered: Sequence[FileColumn]) 
         shown = ", ".join(f"{step:g} s" for step in steps_s)
         return _asked(count, f"the channels have different rates ({shown}): resample them, or export one rate")
     if any(steps_s):
-        source = " ".join(form.preamble.source.split())[:40]
-        return Times.at_rate(count, 1.0 / steps_s[0], f"the file states the rate: {source}")
+        source, rate_hz = " ".join(form.preamble.source.split())[:40], 1.0 / steps_s[0]
+        reason, keys = f"the file states the rate: {source}", f'rate = "{rate_hz:.6g} Hz"'
+        return Times(np.arange(count, dtype=float), Guess("time", None, "", reason, keys=keys), rate_hz=rate_hz)
     only = f", column {numbered[0].place!r} numbers the rows" if numbered else ""
     return _asked(count, f"no column increases like a time{only}: {ASK_RATE}")
 

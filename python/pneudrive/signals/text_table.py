@@ -564,9 +564,6 @@ def _with_header(lines: Lines, reading: _Reading) -> FileForm:
     first = _first_of_numbers(lines, reading)
     preamble = read_preamble(lines[:first], form, width)
     names, units, skip, form = _names_above(lines[:first], form, width)
-    may_be_blanks = form.delimiter == "\t" and not names
-    if may_be_blanks and all(len(line.split()) == width for line in lines[first:] if line.strip()):
-        form = replace(form, delimiter=None)
     form = replace(form, skip_lines=skip if form.header else first)
     dates = _dates([lines[first], *lines[-SAMPLED_LINES:]], form, width)
     rows = [row for line in lines[first:][:SAMPLED_LINES] if len(row := split_row(line, form.delimiter)) == width]
@@ -652,9 +649,8 @@ def _dates(lines: Lines, form: TextForm, width: int) -> dict[int, str]:
     rows = [row for line in lines if len(row := split_row(line, form.delimiter)) == width]
     found = {}
     for column in range(width):
-        texts = [row[column] for row in rows if row[column]]
-        texts = [text for text in texts if looks_like_date_time(text)] if len(texts) else []
-        if texts and 2 * len(texts) > len(rows) and (written := guess_form(texts)) is not None:
+        texts = [row[column] for row in rows if looks_like_date_time(row[column])]
+        if 2 * len(texts) > len(rows) and (written := guess_form(texts)) is not None:
             found[column] = written
     return found
 

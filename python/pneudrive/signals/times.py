@@ -92,10 +92,8 @@ def seconds(values: NDArray | Sequence[str], form: str, path: Path) -> Array:
     if count.size and not there.any():
         shown = form or "2026-11-03T10:15:00.123 (ISO 8601)"
         raise RecordingError.of("signals.no-dates", where=str(path), value=str(values[0])[:60], form=shown)
-    out = np.full(count.size, np.nan)
-    if there.any():
-        out[there] = (count[there] - count[there][0]) / 1e9
-    return out
+    first = count[there][0] if there.any() else 0
+    return np.where(there, (count - first) / 1e9, np.nan)
 
 
 def _nanoseconds(texts: Sequence[str], form: str) -> Ints:
@@ -128,7 +126,6 @@ CLOCKS_S = (43200.0, 86400.0)  # moduli of times of day
 HOUR_S = 3600.0  # the same without hours
 SAME_STEP = 0.25  # largest share of a modulus by which a jump may miss it
 EQUAL_SHARE = 0.4  # least share of stamps equal to the one before for stamps that many samples share
-EVEN_SHARE = 0.05  # largest deviation of the number of samples of one stamp, or of the steps of stamps
 SLOW = 2  # least usual distance of the values of a slow channel, in rows
 
 
@@ -188,8 +185,9 @@ def filled(time: Array, values: Array, *, held: bool = False) -> Array:
         out = values[at[before]]
     else:
         out = np.interp(time, time[at], values[at])
-    inside = (np.arange(values.size) >= at[0]) & (np.arange(values.size) <= at[-1])
-    return np.where(inside, out, np.nan)
+    out[: at[0]] = np.nan
+    out[at[-1] + 1 :] = np.nan
+    return out
 
 
 def samples_of_a_stamp(time: Array) -> float:
@@ -205,20 +203,6 @@ def samples_of_a_stamp(time: Array) -> float:
         return 1.0
     fresh = np.flatnonzero(np.diff(some) != 0)
     return float(np.median(np.diff(fresh))) if fresh.size > 1 else 1.0  # a column that is constant is not a time
-
-
-def rate_of_stamps(time: Array) -> float | None:
-    """Return the rate of samples that share stamps, 1/s for stamps in s. None if the rate is not even."""
-    some = time[np.isfinite(time)]
-    fresh = np.flatnonzero(np.diff(some) != 0) + 1
-    if fresh.size < 3:
-        return None
-    counts, steps = np.diff(fresh), np.diff(some[fresh])
-    usual, step = float(np.median(counts)), float(np.median(steps))
-    is_even = (np.abs(counts - usual) <= max(EVEN_SHARE * usual, 1.0)).all()
-    if step <= 0 or not is_even or (np.abs(steps - step) > EVEN_SHARE * step).any():
-        return None
-    return float(counts.sum() / (some[fresh[-1]] - some[fresh[0]]))
 
 
 def on_clock(time: Array, own: Array, values: Array) -> Array:

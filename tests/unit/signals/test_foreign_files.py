@@ -185,13 +185,13 @@ def test_stamps_that_many_samples_share(table, tmp_path):
     stamps = dated(table, "%m/%d/%Y %I:%M:%S %p")
     rows = [[stamp, *row[1:]] for stamp, row in zip(stamps, fields(table), strict=True)]
     (tmp_path / "a.csv").write_text(text_of([["Timestamp", *BRACKETS[1:]]], rows))
-    text = proposed(tmp_path / "a.csv").text
-    assert 'time = { rate = "50 Hz" }' in text
-    stamped = 'time = { column = "Timestamp", unit = "date-time", format = "%m/%d/%Y %I:%M:%S %p" }'
+    proposal = propose_layout(tmp_path / "a.csv")
+    assert "50 samples share each stamp of column 'Timestamp': state the rate" in proposal.problem
+    text, rate = proposal.text, '[columns]\ntime = { rate = "50 Hz" }'
+    check(tmp_path / "a.csv", text.replace("[columns]", rate))
+    stamped = '[columns]\ntime = { column = "Timestamp", unit = "date-time", format = "%m/%d/%Y %I:%M:%S %p" }'
     with pytest.raises(RecordingError, match=r"50 samples share each time stamp(?s:.*)give their rate instead"):
-        check(tmp_path / "a.csv", text.replace('time = { rate = "50 Hz" }', stamped))
-    (tmp_path / "b.csv").write_text(text_of([["Timestamp", *BRACKETS[1:]]], rows[:200] + rows[225:]))  # a gap
-    assert "50 samples share each stamp" in propose_layout(tmp_path / "b.csv").problem
+        check(tmp_path / "a.csv", text.replace("[columns]", stamped))
 
 
 @pytest.mark.parametrize("form", ["%H:%M:%S.%f", "%I:%M:%S.%f", "%Y-%m-%d|%H:%M:%S.%f", "%d.%m.%Y|%H:%M:%S.%f"])

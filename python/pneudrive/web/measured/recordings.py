@@ -19,13 +19,12 @@ from pneudrive.errors import CommandError, PneudriveError, RecordingError
 from pneudrive.figures import plain_data
 from pneudrive.files.content import unreadable
 from pneudrive.progress import Watch
-from pneudrive.signals.channels import ChannelFile, open_channels, pairs
+from pneudrive.signals.channels import ChannelFile, amplitude_density, open_channels, pairs
 from pneudrive.signals.drive_recording import NEEDED
 from pneudrive.signals.layout import Layout, stem
 from pneudrive.signals.load import is_trajectory, load_recording, read_trajectory
 from pneudrive.signals.motion import find_strokes
-from pneudrive.signals.recording import Recording, find_faults
-from pneudrive.signals.spectrum import amplitude_density
+from pneudrive.signals.recording import Recording, clean
 from pneudrive.simulation.trajectory import SUFFIXES, columns_in
 from pneudrive.web.measured.tiles import BLOCK, Pyramid, TileWindow
 from pneudrive.web.messages import MOST_PIXELS, Array, PageRequest, fault_of, pack, problems_of
@@ -312,7 +311,7 @@ def shown_spectrum(workspace: Workspace, path: str, request: ViewRequest) -> byt
     CommandError
         The view holds too many samples, or the recording has no times.
     RecordingError
-        As for `pneudrive.signals.spectrum.amplitude_density`.
+        As for `pneudrive.signals.channels.amplitude_density`.
     """
     found, span = workspace.state(Recordings).need(path), request.span
     if found.file.time is None:
@@ -358,13 +357,11 @@ def shown_strokes(workspace: Workspace, path: str) -> Plain:
         }
         for one in find_strokes(recording.name, times, recording.position_m)
     ]
-    is_cut = len(strokes) > MOST_STROKES
+    is_cut, places = len(strokes) > MOST_STROKES, dict[str, list[Interval]]()
+    flags = clean(recording, places).flags
     return {
         "strokes": strokes[:MOST_STROKES],
-        "faults": {
-            kind: {"count": one.count, "places": one.places[:MOST_PLACES]}
-            for kind, one in find_faults(recording).items()
-        },
+        "faults": {kind: {"count": flags[kind], "places": places.get(kind, [])[:MOST_PLACES]} for kind in flags},
         "note": f"The first {MOST_STROKES:,} of {len(strokes):,} strokes are shaded." if is_cut else "",
     }
 
