@@ -197,7 +197,7 @@ def read_columns(paths: Iterable[Path], wanted: Sequence[str], kind: ErrorKind) 
         table = open_table(path, "parquet", kind)
         return table.get(name for name in wanted if name in table.names)
 
-    def batch(some: list[Path]) -> list[Columns | PneudriveError]:
+    def batch(some: list[Path]) -> Sequence[Columns | PneudriveError]:
         looked = [_found(lambda path: _is_sealed(path, kind), path, kind) for path in some]
         alike = formats.read_alike(some, wanted) if all(one is True for one in looked) else None
         return alike or [_found(columns, path, kind) for path in some]
@@ -207,7 +207,7 @@ def read_columns(paths: Iterable[Path], wanted: Sequence[str], kind: ErrorKind) 
 
 
 def _found(read: Callable[[Path], Found], path: Path, kind: ErrorKind) -> Found | PneudriveError:
-    """Return what is read from a file, or its error."""
+    """Return the result of reading a file, or its error."""
     try:
         return read(path)
     except kind as error:

@@ -382,7 +382,7 @@ class Machine:
         RigError
             The chambers do not reach the pressures.
         """
-        past = self.past
+        past, a, b = self.past, 0.0, 0.0
 
         def rest() -> tuple[float, float]:
             self.run(Hold(LOOK_S), dwell(LOOK_S, past.commanded_m), np.array([LOOK_S]))
