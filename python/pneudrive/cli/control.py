@@ -67,6 +67,7 @@ def tune(drive: str, *, law: str = "nmpc", setup: str = "real", out: Path | None
     found = tuning.tune(described, law, setup=setup)
     show_view(found.view())
     _try_out(described, found, setup)
+    show_view(demand.suitability(described, setup))
     if (lag := demand.view_of_lag(described, found, setup)) is not None:
         show_view(lag)
     write_outputs((out, replace(found, source=drive).save))

@@ -1,4 +1,4 @@
-"""Feasibility of a reference by inverse dynamics, and the dead time that a controller tolerates by simulated trials."""
+"""Feasibility of a reference by inverse dynamics, and suitability of controllers by simulated trials."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from pneudrive.control.loop import prepare, run_prepared
 from pneudrive.control.mismatch import OF_VALVE, Mismatch, read_mismatch
 from pneudrive.control.motion import NEVER, Reference, rounded_up
 from pneudrive.control.references import beyond_stroke
-from pneudrive.control.tuning import Tuning
+from pneudrive.control.tuning import Tuning, laws
 from pneudrive.errors import PneudriveError
 from pneudrive.simulation.simulate import require
 from pneudrive.views import VALUE, Finding, LeadingValue, ShownValue, State, View, Viewed
@@ -197,10 +197,11 @@ def feasibility(tuning: Tuning, reference: Reference) -> Feasibility:
     return Feasibility(reference, demand, factor, *tuning.reach, tuple(tuning.plant.left_out))
 
 
-# --- Trials of a controller on a drive that differs from its description.
+# --- Choice of a controller: each is tried on the drive as described and with half of its mass.
 
-#: Reference of a trial, and largest error as a fraction of its travel (assumed).
-ALONG, MOST = "R3", 0.1
+#: Reference of the trial, largest error as a fraction of its travel, and factors on the mass (assumed).
+ALONG, MOST, MASSES = "R3", 0.1, {"as described": 1.0, "with 0.5 of its mass": 0.5}
+BASELINES = ("pid", "fuzzy")
 #: Longest tried additional dead time, s, number of bisections, and dead time that a controller should tolerate, s
 #: (assumed).
 LONGEST_LAG_S, HALVINGS, ENOUGH_LAG_S = 8e-3, 5, 1e-3
@@ -211,22 +212,66 @@ FIND_SHAPE = "pneudrive identify DRIVE RECORDING --free valve.overlap,valve.leak
 CYCLE = "limit-cycle"
 
 
+def suitability(drive: Drive | Circuit, setup: Setup | str | Path = "real") -> View:
+    """Try each controller on a drive along R3, with the described mass and with half of it.
+
+    Parameters
+    ----------
+    drive : Drive or Circuit
+    setup : Setup, str or path-like
+        Sensors and converter.
+
+    Returns
+    -------
+    View
+        Whether each controller suits the drive, with the reason; the best one comes first.
+    """
+    valves = [one.kind for one in drive.circuit.components.values() if one.kind.startswith("valve/")]
+    tried = []
+    for law in laws():
+        trials = {of: _trial(drive, law, setup, {"moving_mass": mass}) for of, mass in MASSES.items()}
+        error_m, failed = max(error_m for error_m, _ in trials.values()), [of for of, (_, why) in trials.items() if why]
+        reason = f"{failed[0]} it {trials[failed[0]][1]}" if failed else f"errors up to {1e3 * error_m:.3g} mm"
+        if valves != ["valve/proportional-5/3"]:
+            reason += "; cannot be exported for these valves"
+        elif law == "nmpc":
+            reason += "; exported as an FMU only"
+        tried.append((bool(failed), law in BASELINES, error_m, law, reason))
+    rows = [
+        ShownValue(f"{law}.{name}", law, name, text)
+        for has_failed, is_baseline, _, law, reason in sorted(tried)
+        for name, text in (
+            ("suits", "does not suit" if has_failed else "suits"),
+            ("because", f"a baseline: {reason}" if is_baseline else reason),
+        )
+    ]
+    title = f"Each controller along {ALONG}, as described and with half of the mass, simulated; best first"
+    return View(title, tuple(rows), state="bad" if all(has_failed for has_failed, *_ in tried) else "good")
+
+
 def _trial(
-    drive: Drive | Circuit, tuning: Tuning, setup: Setup | str | Path, deviations: Mapping[str, str]
-) -> tuple[float, bool]:
-    """Run a drive that deviates from its description; return the largest error, m, and whether it failed."""
+    drive: Drive | Circuit,
+    controller: Tuning | str,
+    setup: Setup | str | Path,
+    deviations: Mapping[str, float | str],
+) -> tuple[float, str]:
+    """Run a drive that deviates from its description; return the largest error, m, and why it failed, or ""."""
     mismatch = Mismatch.model_validate(deviations)
+    law, tuning = (controller, None) if isinstance(controller, str) else (None, controller)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         try:
-            prepared = prepare(drive, None, ALONG, setup=setup, controller=tuning, mismatch=mismatch)
+            prepared = prepare(drive, law, ALONG, setup=setup, controller=tuning, mismatch=mismatch)
             told = run_prepared(prepared, seed=1).provenance
-        except PneudriveError:
-            return float("inf"), True
-    reach = prepared.reference.reach()
-    error_m = float(told["score"]["max_error_m"])
-    oscillates = any(event["kind"] == CYCLE for event in told["events"])
-    return error_m, told["score"]["lost"] or oscillates or error_m > MOST * (reach.highest_m - reach.lowest_m)
+        except PneudriveError as error:
+            return float("inf"), f"cannot run: {error.what}"
+    reach, error_m = prepared.reference.reach(), float(told["score"]["max_error_m"])
+    if told["score"]["lost"]:
+        return error_m, "is lost"
+    if any(event["kind"] == CYCLE for event in told["events"]):
+        return error_m, "oscillates"
+    misses = error_m > MOST * (reach.highest_m - reach.lowest_m)
+    return error_m, f"misses by {1e3 * error_m:.3g} mm" if misses else ""
 
 
 def view_of_lag(drive: Drive | Circuit, tuning: Tuning, setup: Setup | str | Path) -> View | None:
@@ -254,8 +299,8 @@ def view_of_lag(drive: Drive | Circuit, tuning: Tuning, setup: Setup | str | Pat
     low_s, high_s = 0.0, LONGEST_LAG_S
     for _ in range(HALVINGS):
         middle_s = 0.5 * (low_s + high_s)
-        _, has_failed = _trial(drive, tuning, setup, {"delay": f"{numbers['delay'] + middle_s} s"})
-        low_s, high_s = (low_s, middle_s) if has_failed else (middle_s, high_s)
+        _, fault = _trial(drive, tuning, setup, {"delay": f"{numbers['delay'] + middle_s} s"})
+        low_s, high_s = (low_s, middle_s) if fault else (middle_s, high_s)
     text = f"{law} tolerates {1e3 * low_s:.2g} ms more dead time than described along {ALONG}."
     findings = [Finding(text) if low_s >= ENOUGH_LAG_S else Finding(text, "open", SLOWER)]
     texts = {key: f"{ranges[name][1]:g}" for name, key in OF_VALVE.items() if numbers[key] == 0.0}
