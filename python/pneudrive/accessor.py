@@ -91,15 +91,13 @@ class Pneu:
             {k: v for k, v in changed.items() if k not in self._run.coords}
         )
 
-    def plot(self, path: str | Path | None = None, circuit: Drive | Circuit | None = None) -> Figure:
+    def plot(self, path: str | Path | None = None) -> Figure:
         """Draw the run over time, see `pneudrive.report.plot`.
 
         Parameters
         ----------
         path : path-like, optional
-            Picture to write: .png, .svg, .pdf, or .html.
-        circuit : Drive or Circuit, optional
-            Simulated circuit: a page then has a section for each of its platforms.
+            Picture to write: .png, .svg or .pdf.
 
         Returns
         -------
@@ -112,7 +110,7 @@ class Pneu:
         >>> len(run.pneu.plot().axes)
         6
         """
-        return upper("plot")(self._run, path, circuit)
+        return upper("plot")(self._run, path)
 
     def view(self, drive: Drive | Circuit | None = None) -> View:
         """Return plot and key figures of a run: stroke times, impacts, air consumption, peak pressures, warnings.

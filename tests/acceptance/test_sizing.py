@@ -18,7 +18,7 @@ from pneudrive.cli.main import run as command
 from pneudrive.datasheet.strokes import stroke_numbers
 from pneudrive.describe.circuit import Circuit
 from pneudrive.errors import CommandError
-from pneudrive.report.fit import reference
+from pneudrive.report.page import reference
 from pneudrive.sizing.checks import SAME_AIR, sized
 from pneudrive.sizing.choices import SLOTS, choices, combined
 from pneudrive.sizing.prune import SafeBounds, misfit

@@ -109,10 +109,7 @@ def test_a_run_read_from_its_file_is_the_run(drive, run, tmp_path):
     read = xr.load_dataset(save(run, tmp_path / "run.nc"))
     assert [str(one) for one in read.pneu.strokes(drive)] == [str(one) for one in run.pneu.strokes(drive)]
     assert read.pneu.energy() == run.pneu.energy()
-    pages = [tmp_path / f"{name}.html" for name in ("run", "read")]
-    for one, page in zip((run, read), pages, strict=True):
-        pn.report.plot(one, page)
-    assert len({page.read_text().count("<tr>") for page in pages}) == 1
+    assert read.pneu.view().text() == run.pneu.view().text()
 
 
 def test_energy_leaves_as_the_heat_of_friction(drive, run):

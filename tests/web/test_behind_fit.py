@@ -74,7 +74,7 @@ def test_residuals_profiles_and_ellipses_are_those_of_the_fit(fitted: Served, mo
     assert np.array_equal(names["residuals"], data.measured - data.model)
     assert names["ends"].keys() == set(whole.free)
     monkeypatch.setattr(
-        "pneudrive.report.fit.write_fit_report", lambda fit, folder: Path(folder) / str(len(fit.compared()))
+        "pneudrive.report.page.write_fit_report", lambda fit, folder: Path(folder) / str(len(fit.compared()))
     )
     assert run_command(shlex.split(found["command"])[1:]) == 0
 

@@ -79,7 +79,7 @@ def simulate(
     out
         Trajectory file: .parquet, .csv or .nc.
     plot
-        Picture of the trajectory: .png, .svg, .pdf or .html.
+        Picture of the trajectory: .png, .svg or .pdf.
     energy
         Print energy, lost exergy and supplied air.
 
@@ -88,7 +88,7 @@ def simulate(
     pneudrive simulate catalogue:parker-osp-p25-mpye --duration '2 s' \
         --command '0 s: 0.3, 1 s: -0.3' --plot run.png
     """
-    check_outputs(out, plot=plot, more=(".html",))
+    check_outputs(out, plot=plot)
     if motion is not None:
         columns, provenance = motion_fits.simulate_motion(drive, motion, layout=layout)
         end = f"{len(columns['time_s'])} samples to {columns['time_s'][-1]:g} s"
@@ -113,7 +113,7 @@ def simulate(
     )
     view = run_view.run_view(result.columns, result.provenance)
     show_view(replace(view, findings=()))  # warnings are on stderr
-    write_outputs((out, partial(_save, result)), (plot, lambda path: report.plot(result.dataset(), path, described)))
+    write_outputs((out, partial(_save, result)), (plot, lambda path: report.plot(result.dataset(), path)))
     if energy:
         typer.echo(str(pn.energy_balance(described, commands, duration, initial=initial, rtol=rtol)))
 

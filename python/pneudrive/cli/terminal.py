@@ -120,9 +120,7 @@ def show_view(view: View) -> None:
     show_lines(*(note if note[:1] in "-!" else f"- {note}" for note in view.notes))
 
 
-def check_outputs(
-    out: Path | None, suffixes: Sequence[str] = (), plot: Path | None = None, more: Sequence[str] = ()
-) -> None:
+def check_outputs(out: Path | None, suffixes: Sequence[str] = (), plot: Path | None = None) -> None:
     """Reject output files that cannot be written, before any work is done.
 
     Parameters
@@ -131,8 +129,6 @@ def check_outputs(
         Result and picture.
     suffixes : sequence of str
         Suffixes of the result; default: those of a trajectory.
-    more : sequence of str
-        Further suffixes of the picture.
 
     Raises
     ------
@@ -142,7 +138,7 @@ def check_outputs(
     if out is not None:
         trajectory.check_target(out, tuple(suffixes) or trajectory.SUFFIXES)
     if plot is not None:
-        trajectory.check_target(plot, (*render.PICTURES, *more))
+        trajectory.check_target(plot, render.PICTURES)
 
 
 def write_outputs(*targets: tuple[Path | None, Callable[[Path], object]]) -> None:

@@ -23,9 +23,8 @@ from pneudrive.friction.friction_map import BOTH, CHAMBERS, PA_PER_BAR, conditio
 from pneudrive.friction.sentences import Statement, flag_table
 from pneudrive.numbers import plain, with_u
 from pneudrive.report import page
-from pneudrive.report.fit import references, software
 from pneudrive.report.layout_figure import rig_diagram
-from pneudrive.report.page import MM, Paragraph, Topic, condition_names, figure_of, plural, spread_evenly, view_section
+from pneudrive.report.page import MM, Paragraph, Topic, condition_names, figure_of, plural, spread_evenly
 from pneudrive.rig.interface import envelope_of
 from pneudrive.units import readable
 from pneudrive.views import Finding, LeadingValue, ShownCurve, ShownFigure, ShownTable, ShownValue, State, View, worst
@@ -161,7 +160,7 @@ def _leading(found: CampaignCharacteristics, values: Sequence[ShownValue]) -> It
 
 def summary(found: CampaignCharacteristics) -> Section:
     """Return the section with statements on the curves of recordings, and effects."""
-    return view_section("statements", replace(found.view(), title="Curves over speed", curves=(), figures=()))
+    return page.view_section("statements", replace(found.view(), title="Curves over speed", curves=(), figures=()))
 
 
 # --- curves, air and pressures ---------------------------------------------------------------------------------------
@@ -227,23 +226,9 @@ def air(found: CampaignCharacteristics) -> Section | None:
             marks.append(Line(a.speed_m_s, a.air_bound_n, "air, at most", Look("orange", ":")))
         panels.append(Panel(marks, named(a.condition)))
     return topic.section(
-        topic.text(text, rises=" ".join(_rise(topic, named(a.condition), a) for a in shown)),
+        topic.text(text),
         topic.figure("campaign-air", figure_of("air", panels), parts=topic.say(f"parts_{text}")),
-        topic.table(row for a in shown for row in _air_rows(named(a.condition), a)),
     )
-
-
-def _rise(topic: Topic, where: str, a: AirShare) -> str:
-    """Return the text on the contribution of air to the rise of the force from its minimum to the highest speed."""
-    least, last = int(np.argmin(a.total_n)), a.speed_m_s.size - 1
-    rise = float(a.total_n[last] - a.total_n[least])
-    part = float(a.air_n[last] - a.air_n[least])
-    if rise <= 0 or least == last:
-        return topic.say("level", where=where)
-    reach = float(a.air_high_n[last] - a.air_low_n[last]) / 2.0
-    share = f"{part:.2g} N ({100 * part / rise:.0f} %) are" if abs(part) > reach else f"at most {reach:.2g} N may be"
-    slow, fast = (MM * a.speed_m_s[i] for i in (least, last))
-    return topic.say("rise", where=where, slow=slow, fast=fast, rise=rise, share=share)
 
 
 def _parts(a: AirShare) -> dict[str, tuple[np.ndarray, np.ndarray, np.ndarray]]:
@@ -252,13 +237,6 @@ def _parts(a: AirShare) -> dict[str, tuple[np.ndarray, np.ndarray, np.ndarray]]:
     if not a.separated:
         return total
     return total | {"seal": (a.seal_n, a.seal_low_n, a.seal_high_n), "air": (a.air_n, a.air_low_n, a.air_high_n)}
-
-
-def _air_rows(condition: str, a: AirShare) -> Iterator[tuple]:
-    for i in sorted({0, a.speed_m_s.size // 2, a.speed_m_s.size - 1}):
-        cells = [with_u(float(m[i]), float(high[i] - low[i]) / 2.0, "") for m, low, high in _parts(a).values()]
-        rest = [] if a.separated else [None, f"at most {a.air_bound_n[i]:.2g}"]
-        yield (condition, MM * a.speed_m_s[i], *cells, *rest)
 
 
 def pressure(found: CampaignCharacteristics) -> Section | None:
@@ -626,14 +604,14 @@ def sources(found: CampaignCharacteristics) -> Section:
     rows = [
         ("pneudrive, this report", __version__),
         ("pneudrive, the campaign", str(about_of(found).get("version", "not stated"))),
-        *software(),
+        *page.software(),
         ("raw data", f"{found.folder.name}/cycles, one Parquet file per cycle"),
     ]
     topic = Topic("campaign", "provenance")
     return topic.section(
         topic.table(rows, "software"),
         *_protocol(topic, found),
-        *topic.listed(references(METHODS), "sources"),
+        *topic.listed(page.references(METHODS), "sources"),
     )
 
 

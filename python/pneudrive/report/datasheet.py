@@ -13,11 +13,10 @@ from pneudrive.datasheet.plant import HeldDrive
 from pneudrive.datasheet.registry import characteristics
 from pneudrive.datasheet.sheet import Datasheet, energy_limit_j, in_words, shown_unit, written_value
 from pneudrive.errors import CommandError
-from pneudrive.figures import MODEL, Axis, Band, Bars, Figure, Line, Look, Markers, Panel, look
+from pneudrive.figures import MODEL, Axis, Band, Bars, Figure, Line, Markers, Panel, look
 from pneudrive.numbers import plain
 from pneudrive.report.circuit.svg import draw_circuit
-from pneudrive.report.fit import references
-from pneudrive.report.page import Items, Report, Section, Topic, figure_of, view_section, write_pdf
+from pneudrive.report.page import Items, Report, Section, Topic, figure_of, references, view_section, write_pdf
 from pneudrive.report.render import DrawnFigure, draw_figure
 from pneudrive.report.validation import MOST_SHOWN, channel_figure, friction_figure
 from pneudrive.simulation.trajectory import check_target, write_whole
@@ -36,7 +35,7 @@ SUFFIXES = (".html", ".pdf")
 MOST_CURVES, MOST_BARS, MOST_VALUES = 5, 12, 24  # of one result in a table
 LOGARITHMIC = 30.0  # ratio of frequencies from which on their axis is logarithmic
 CURVES = (
-    *("velocity", "force-speed", "square-response", "impact", "natural-frequency", "stiffness"),
+    *("velocity", "force-speed", "square-response", "impact", "natural-frequency"),
     *("bode", "flow", "exergy"),
 )
 #: Replacement in the first picture, the circuit drawing, that makes it smaller than the page.
@@ -91,7 +90,7 @@ def characteristic_view(found: xr.Dataset) -> View:
         for one in single
         if not one.ndim
     ]
-    panels = [characteristic_panel(found, name) for name in kind.y.split()] if kind.x else []
+    panels = characteristic_panels(found) if kind.x else []
     return View(
         found.attrs["title"],
         leading=tuple(map(LeadingValue, values[:MOST_LEADING])),
@@ -101,20 +100,19 @@ def characteristic_view(found: xr.Dataset) -> View:
     )
 
 
-def characteristic_panel(found: xr.Dataset, name: str = "", title: str = "") -> Panel:
-    """Draw the named result of a characteristic. Default: all results of the figure, further ones on a second axis."""
+def characteristic_panels(found: xr.Dataset, title: str = "") -> list[Panel]:
+    """Draw a panel for each result in the figure of a characteristic."""
     kind = characteristics()[found.attrs["characteristic"]]
-    name, *others = [name] if name else kind.y.split()
-    if found[kind.x].dtype.kind in "US":
-        return _bars(found, kind.x, name, title or kind.title)
-    marks = list(_curves(found, kind.x, name))
-    further = (line for other in others for line in _curves(found, kind.x, other) if isinstance(line, Line))
-    right = [replace(line, label="", look=Look("blue", "--")) for line in further]
-    xs = np.abs(np.asarray(found[kind.x], dtype=float))
-    is_wide = found[kind.x].attrs["units"] == "Hz" and xs.max() > LOGARITHMIC * xs.min() > 0.0
-    x_axis = Axis(_label(found, kind.x), "log" if is_wide else "linear", is_si=False)
-    right_axis = _axis(found, others[0]) if others else ""
-    return Panel(marks, title or kind.title, x_axis, _axis(found, name), right, right_axis)
+    return [_panel(found, kind.x, name, title or kind.title) for name in kind.y.split()]
+
+
+def _panel(found: xr.Dataset, x: str, name: str, title: str) -> Panel:
+    if found[x].dtype.kind in "US":
+        return _bars(found, x, name, title)
+    xs = np.abs(np.asarray(found[x], dtype=float))
+    is_wide = found[x].attrs["units"] == "Hz" and xs.max() > LOGARITHMIC * xs.min() > 0.0
+    x_axis = Axis(_label(found, x), "log" if is_wide else "linear", is_si=False)
+    return Panel(list(_curves(found, x, name)), title, x_axis, _axis(found, name))
 
 
 def _axis(found: xr.Dataset, name: str) -> Axis:
@@ -217,7 +215,9 @@ def sheet_view(found: Datasheet) -> View:
     values = ((value.key.removeprefix("components."), value.value, value.origin) for value in found.values)
     tables = [topics["numbers"].shown(found.numbers)]
     drawn = {name: found.results[name] for name in CURVES if name in found.results}
-    panels = [characteristic_panel(result, title=name.replace("-", " ")) for name, result in drawn.items()]
+    panels = [
+        panel for name, result in drawn.items() for panel in characteristic_panels(result, name.replace("-", " "))
+    ]
     figures = [topics["curves"].figure("curves", figure_of("sheet", panels), bands=bands)]
     if "published" in found.results:
         tables.append(topics["numbers"].shown(_published(found), "published"))

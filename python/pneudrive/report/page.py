@@ -1,26 +1,31 @@
-"""Parts of a report (sections, text, tables, pictures), and the files made of them."""
+"""Parts of a report (sections, text, tables, pictures), the files made of them, report of a fit, and provenance."""
 
 from __future__ import annotations
 
 import math
+import platform
 import re
 import tempfile
 from dataclasses import dataclass, field, replace
 from functools import lru_cache, partial
+from importlib.metadata import version
 from io import BytesIO, StringIO
 from operator import attrgetter, itemgetter
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import TYPE_CHECKING, Any, Protocol, TypeAlias
+from unicodedata import normalize
 
-from pneudrive import units
+from pneudrive import __version__, units
 from pneudrive.arrays import Plain, evenly
 from pneudrive.describe.files.toml import tomllib
+from pneudrive.describe.tables.friction import friction_laws
 from pneudrive.errors import CommandError, is_severe, package_table, shown
 from pneudrive.figures import WIDTH_IN, Axis, Figure, Panel
 from pneudrive.files.content import rendered
 from pneudrive.files.writing import make_subfolder
 from pneudrive.friction.friction_map import Condition, group_of
 from pneudrive.numbers import with_interval
+from pneudrive.references import entries
 from pneudrive.report.render import PNG_DPI, DrawnFigure, applied, finish, lay_out, load_matplotlib, render
 from pneudrive.simulation.trajectory import whole, write_whole
 from pneudrive.views import Finding, ShownFigure, ShownTable, View
@@ -31,6 +36,10 @@ if TYPE_CHECKING:
     from pneudrive.friction.campaign.result import CampaignCharacteristics
     from pneudrive.friction.characterisation import Characterisation
     from pneudrive.friction.level import Level, RecordingResult
+    from pneudrive.identify.base import Fit
+    from pneudrive.identify.static.result import FrictionFit
+
+    Fits: TypeAlias = Mapping[str, Mapping[str, FrictionFit]]
 
 
 # --- Parts of a report (sections, text, tables, pictures) and the files made of them.
@@ -39,6 +48,7 @@ TEMPLATE, TYPST = (Path(__file__).with_name(f"report.{kind}.j2") for kind in ("h
 FIGURES, REPORT = "figures", "report.html"
 #: Sections with details that few readers need. A long report folds them.
 DETAILS = ("record", "closure", "reversals", "flags", "budget", "drift", "recovered", "provenance")
+DETAILS += ("stick-slip-of-strokes", "stick-slip-over-speed", "budget-over-speed")
 DETAILS += ("paper", "stick-slip", "chambers", "controlled-axis")
 MOST_OPEN = 8
 MOST_ROWS = 12  # of a table that is not folded, in a report that folds
@@ -62,18 +72,12 @@ class Items:
     kind: str = "plain"
 
 
-@dataclass(frozen=True)
-class Picture(ShownFigure):
-    """A figure with its file name (without suffix) and caption, marked as synthetic or not."""
-
-    synthetic: bool = False
-
-    def drawn(self) -> DrawnFigure:
-        """Draw the figure, within `applied`, with panel letters, mark of synthetic data and fixed panel positions."""
-        figure = render(self.figure) if isinstance(self.figure, Figure) else self.figure
-        finish(figure, synthetic=self.synthetic)
-        lay_out(figure)
-        return figure
+def drawn(shown: ShownFigure, synthetic: bool) -> DrawnFigure:
+    """Draw a figure, within `applied`, with panel letters, mark of synthetic data and fixed panel positions."""
+    figure = render(shown.figure) if isinstance(shown.figure, Figure) else shown.figure
+    finish(figure, synthetic=synthetic)
+    lay_out(figure)
+    return figure
 
 
 Block: TypeAlias = Paragraph | Items | ShownTable | ShownFigure
@@ -115,7 +119,7 @@ def view_report(view: View, *sections: Section | None, synthetic: bool = False) 
 @applied()
 def figure_svg(shown: ShownFigure) -> str:
     """Return a figure as an SVG element, for a notebook."""
-    return inline(svg_text(Picture(shown.name, shown.caption, shown.figure).drawn()), shown.name, shown.caption)
+    return inline(svg_text(drawn(shown, synthetic=False)), shown.name, shown.caption)
 
 
 def _has_severe(part: Section) -> bool:
@@ -125,18 +129,6 @@ def _has_severe(part: Section) -> bool:
         texts += [block.text] if isinstance(block, Paragraph) else block.items if isinstance(block, Items) else ()
         texts += [cell for row in block.rows for cell in row] if isinstance(block, ShownTable) else ()
     return any(map(is_severe, texts))
-
-
-def with_pictures(part: Section, synthetic: bool) -> Section:
-    """Return a section with a value for `synthetic`, and with its figures as pictures."""
-    own = synthetic if part.synthetic is None else part.synthetic
-
-    def picture(block: Block) -> Block:
-        if isinstance(block, ShownFigure) and not isinstance(block, Picture):
-            return Picture(block.name, block.caption, block.figure, own)
-        return block
-
-    return replace(part, blocks=tuple(map(picture, part.blocks)), synthetic=own)
 
 
 @dataclass
@@ -150,7 +142,10 @@ class Report:
     pictures: dict[str, str] = field(default_factory=dict)  # name -> SVG for the page
 
     def __post_init__(self) -> None:
-        self.sections = [with_pictures(part, self.synthetic) for part in self.sections if part is not None]
+        parts = [part for part in self.sections if part is not None]
+        self.sections = [
+            part if part.synthetic is not None else replace(part, synthetic=self.synthetic) for part in parts
+        ]
 
     @property
     def lines(self) -> list[Finding]:
@@ -169,27 +164,23 @@ class Report:
         """
         figures = Path(folder) / FIGURES
         make_subfolder(figures)
-        for block in self.drawn():
-            self.pictures[block.name] = write_picture(block, figures)
+        for one, synthetic in self.figures():
+            self.pictures[one.name] = write_picture(one, synthetic, figures)
         return write_whole(Path(folder) / REPORT, self.html())
 
-    def drawn(self) -> Iterator[Picture]:
-        """Yield the pictures of all sections."""
-        blocks = (block for part in self.sections if part is not None for block in part.blocks)
-        return (block for block in blocks if isinstance(block, Picture))
+    def figures(self) -> Iterator[tuple[ShownFigure, bool]]:
+        """Yield the figures of all sections, each with whether its section is synthetic."""
+        blocks = ((block, bool(part.synthetic)) for part in self.sections if part for block in part.blocks)
+        return ((block, synthetic) for block, synthetic in blocks if isinstance(block, ShownFigure))
 
     @applied()
     def plain_svg(self) -> dict[str, str]:
         """Return the pictures as SVG, by name, before they are made part of the page."""
-        out = {}
-        for block in self.drawn():
-            if block.name not in self.pictures:
-                out[block.name] = svg_text(block.drawn())
-        return out
+        return {shown.name: svg_text(drawn(shown, synthetic)) for shown, synthetic in self.figures()}
 
     def alone(self) -> str:
         """Return the page with embedded pictures, without a folder of figures."""
-        captions = {block.name: block.caption for block in self.drawn()}
+        captions = {shown.name: shown.caption for shown, _ in self.figures()}
         self.pictures |= {name: inline(svg, name, captions[name]) for name, svg in self.plain_svg().items()}
         return self.html(linked=False)
 
@@ -225,9 +216,9 @@ def _words(text: str) -> object:
     return Markup(re.sub(r"`([^`]+)`", r"<code>\1</code>", str(escape(_plain(text)))))
 
 
-def write_picture(picture: Picture, folder: Path) -> str:
+def write_picture(picture: ShownFigure, synthetic: bool, folder: Path) -> str:
     """Write PNG and SVG; return the SVG for use inside a page."""
-    figure, png = picture.drawn(), BytesIO()
+    figure, png = drawn(picture, synthetic), BytesIO()
     figure.savefig(png, format="png", dpi=PNG_DPI)
     with whole(folder / f"{picture.name}.png") as temporary:
         temporary.write_bytes(png.getvalue())
@@ -300,22 +291,6 @@ def spread_evenly(items: Sequence, most: int) -> list:
     if len(items) <= most:
         return list(items)
     return [items[i] for i in evenly(len(items), most)]
-
-
-def broken(name: str, most: int) -> str:
-    r"""Return a name in lines of at most `most` letters, where its parts allow it.
-
-    Examples
-    --------
-    >>> broken("Kidney_2bar_tweederun", 18), broken("O-ring_1bar", 18)
-    ('Kidney_2bar_\ntweederun', 'O-ring_1bar')
-    """
-    lines = [""]
-    for part in re.findall(r"[^_\s]+[_\s]*|[_\s]+", name):
-        if lines[-1] and len(lines[-1] + part.rstrip()) > most:
-            lines.append("")
-        lines[-1] += part
-    return "\n".join(lines)
 
 
 def plural(count: int, one: str, many: str = "") -> str:
@@ -430,11 +405,6 @@ class Topic:
         """Return a figure with its caption."""
         return ShownFigure(name, self.texts["pictures"][name].format(**values), figure)
 
-    def picture(self, name: str, figure: Any, synthetic: bool, /, **values: object) -> Picture:  # noqa: ANN401
-        """Return a picture that is marked as simulated or not, independent of its section."""
-        shown = self.figure(name, figure, **values)
-        return Picture(shown.name, shown.caption, shown.figure, synthetic)
-
     def table(self, records: Iterable[Any], name: str = "table", /, **values: object) -> ShownTable:
         """Return a table with a row for each record. A record is a result, or a tuple with one value per column.
 
@@ -532,3 +502,160 @@ def literal(text: str) -> str:
     """
     plain = "".join(letter if letter.isprintable() else " " for letter in text)
     return '"' + plain.replace("\\", "\\\\").replace('"', '\\"') + '"'
+
+
+# --- Page of a fit of any kind: values with intervals, undetermined values, residuals, data.
+
+
+def write_fit_report(fit: Fit, folder: str | Path, more: Iterable[Section] = ()) -> Path:
+    """Write report.html, which loads no other files, and its figures as PNG and SVG.
+
+    Parameters
+    ----------
+    fit : Fit
+        Fit of any kind. A fit from a file has no residuals.
+    folder : path-like
+        Made if it does not exist.
+    more : iterable of Section
+        Further sections, before the data.
+
+    Returns
+    -------
+    pathlib.Path
+        Folder of report.html.
+
+    Raises
+    ------
+    CommandError
+        The folder cannot be written to.
+    """
+    data, view = Topic("fit", "data"), fit.view()
+    # Recordings and nested tables of the provenance are shown elsewhere.
+    plain = {k: str(v) for k, v in fit.provenance.items() if not isinstance(v, list | tuple | dict)}
+    facts = [*fit.statistics.items(), *plain.items()]
+    rows = [(k, v if isinstance(v, str) else f"{v:.6g}") for k, v in facts]
+    words = [data.text("intervals"), *([] if view.figures else [data.text("none")])]
+    recordings = data.listed(fit.recordings, "recordings")
+    about = data.section(*words, data.table(rows), *recordings, synthetic=False)
+    return view_report(view, *more, about, synthetic=fit.synthetic).write(folder)
+
+
+# --- Additions of a study to the report of recordings.
+
+
+@dataclass(frozen=True)
+class Addition:
+    """The addition of a study to a report.
+
+    Attributes
+    ----------
+    title : str
+        Title of a report that contains only the study.
+    verdict : tuple of str
+        Lines of the verdict.
+    sections : tuple of Section
+        Sections that follow those of the recordings. A section with an existing key continues that section.
+    validity : str
+        Text on validation with real data, and its limits.
+    settings : tuple
+        Rows of the table of software: name, value.
+    sources : tuple
+        Sources of the study's values.
+    cited, laws : tuple of str
+        Keys of references.bib, and friction laws whose sources are named.
+    """
+
+    title: str
+    verdict: tuple[str, ...]
+    sections: tuple[Section, ...]
+    validity: str
+    settings: tuple[tuple[str, str], ...] = ()
+    sources: tuple[Block, ...] = ()
+    cited: tuple[str, ...] = ()
+    laws: tuple[str, ...] = ()
+
+
+class Study(Protocol):
+    """An object that adds to the report of recordings."""
+
+    def addition(self, found: Characterisation | None) -> Addition:
+        """Return the sections that this study adds to a report, with or without recordings."""
+        ...
+
+
+# --- Provenance: software, data, sources, and validation on real data.
+
+SOURCE_NOTE = "SOURCE.md"
+METHODS = ("gum2008", "paule1982", "huber2009", "bates1988", "smyth2004", "armstrong1994")
+PACKAGES = ("numpy", "scipy", "xarray", "polars", "matplotlib")
+
+
+def provenance_section(found: Characterisation | None, study: Addition | None) -> Section:
+    """Return the section on provenance of the report."""
+    topic = Topic("recordings", "provenance")
+    lines: list[str] = []
+    keys: list[str] = []
+    blocks: list[Block] = []
+    rows = [("pneudrive", __version__), *software()]
+    if found is not None:
+        lines.append(topic.say("synthetic" if found.synthetic else "real"))
+        rows.append(("protocol of the characterisation", found.protocol))
+        blocks += _notes(topic, found)
+        keys += METHODS
+    if study is not None:
+        laws = friction_laws()
+        lines.append(study.validity)
+        rows += study.settings
+        blocks += study.sources
+        keys += [*study.cited, *(laws[name]["source"] for name in study.laws if name in laws)]
+    blocks += topic.listed(references(dict.fromkeys(keys)), "sources")
+    return topic.section(Items(tuple(lines)), topic.table(rows), *blocks, synthetic=False)
+
+
+def _notes(topic: Topic, found: Characterisation) -> Iterator[Block]:
+    """Yield the files SOURCE.md next to the recordings or one folder above."""
+    sources = (Path(recording.source) for recording in found.recordings if recording.source is not None)
+    for folder in dict.fromkeys(folder for source in sources for folder in source.parents[:2]):
+        if (folder / SOURCE_NOTE).is_file():
+            yield topic.text("note", note=f"{folder.name}/{SOURCE_NOTE}")
+            yield Paragraph(_head(folder / SOURCE_NOTE), "code")
+
+
+def _head(path: Path) -> str:
+    try:
+        return path.read_text(encoding="utf-8", errors="replace")[:3000].strip()
+    except OSError as error:
+        return f"(it cannot be read: {error.strerror})"
+
+
+def reference(key: str) -> str | None:
+    """Return an entry of references.bib as one line; None if the key is unknown."""
+    entry = entries().get(key)
+    if entry is None:
+        return None
+    fields = {
+        name.lower(): _from_tex(value) for name, value in re.findall(r"(\w+)\s*=\s*[{\"](.*?)[}\"],?\s*(?:\n|$)", entry)
+    }
+    where = fields.get("journal") or fields.get("publisher") or fields.get("institution") or fields.get("school")
+    number = fields.get("number") if "institution" in fields else None
+    parts = (fields.get("author"), fields.get("title"), where, number, fields.get("year"), fields.get("note"))
+    return f"[{key}] " + ". ".join(p.rstrip(".") for p in parts if p) + "."
+
+
+def software() -> list[tuple[str, str]]:
+    """Return the versions of Python and of the packages that compute and draw."""
+    return [("Python", platform.python_version()), *((package, version(package)) for package in PACKAGES)]
+
+
+def references(keys: Iterable[str]) -> tuple[str, ...]:
+    """Return entries of references.bib, one line each. Unknown keys are left out."""
+    return tuple(line for key in keys if (line := reference(key)))
+
+
+_ACCENTS = {'"': "\u0308", "'": "\u0301"}  # of TeX -> combining signs
+
+
+def _from_tex(text: str) -> str:
+    text = re.sub(r"""\\(["'])\{?(\w)\}?""", lambda found: normalize("NFC", found[2] + _ACCENTS[found[1]]), text)
+    text = text.replace("\\AA", "Å").replace("\\l", "ł")
+    return re.sub(r"[{}]", "", text).replace("--", "–").replace("\\&", "&").replace("~", " ").strip()

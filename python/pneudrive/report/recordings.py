@@ -6,19 +6,19 @@ import math
 import re
 from contextlib import suppress
 from dataclasses import replace
+from textwrap import fill
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from pneudrive.errors import RecordingError
-from pneudrive.figures import MEASURED, THIN, Axis, Band, Bars, Figure, Line, Look, Markers, Panel, Rule, look
+from pneudrive.figures import MEASURED, THIN, Axis, Band, Figure, Line, Look, Markers, Panel, Rule, look
 from pneudrive.friction.budget import COVERAGE_FACTOR
 from pneudrive.friction.friction_map import group_of
 from pneudrive.friction.pressure import MINIMUM_RANGE_PA, NET, ClosureFit, LevelPoint, PressureLine
 from pneudrive.friction.sentences import flag_findings
-from pneudrive.numbers import fixed, plain, with_u
+from pneudrive.numbers import fixed, plain
 from pneudrive.report import campaign, page, strokes
-from pneudrive.report.fit import Study, provenance_section
 from pneudrive.report.layout_figure import is_open, record_figure, recorded_rig
 from pneudrive.report.page import MOST_SHOWN, Report, Topic, by_seal, figure_of, gauge_bar, plural, spread_evenly
 from pneudrive.report.render import DrawnFigure, draw_figure
@@ -36,7 +36,7 @@ if TYPE_CHECKING:
     from pneudrive.friction.campaign.result import CampaignCharacteristics
     from pneudrive.friction.characterisation import Characterisation
     from pneudrive.friction.level import Level
-    from pneudrive.report.fit import Fits
+    from pneudrive.report.page import Fits, Study
 
 #: Functions for sections common to recordings and campaigns. A section without data is None.
 CURVES = (
@@ -192,7 +192,7 @@ def _loop(level: Level) -> Panel:
     )
     lines = [Line(p.position_m, values, label, own, width) for label, values, own, width in means]
     pressure, speed = fixed(gauge_bar(level), 1), 1e3 * level.speed_m_s
-    title = f"{page.broken(level.recording, NAME_LETTERS)}\n{pressure} bar, {speed:.3g} mm/s"
+    title = f"{fill(level.recording, NAME_LETTERS)}\n{pressure} bar, {speed:.3g} mm/s"
     return Panel([Rule(level.window_m), *every, Rule(y=0.0), *lines], title)
 
 
@@ -316,7 +316,7 @@ def recordings_report(
     study: Study | None = None,
     curves: CampaignCharacteristics | None = None,
 ) -> Report:
-    """Return the report: view, and sections on measurement, record, strokes, budget. Sections of equal key are merged.
+    """Return the report: view, and sections on measurement, record, strokes, budget, and curves over speed.
 
     The parameters are those of `write_report`; `study` is its `reproduction`.
     """
@@ -324,22 +324,18 @@ def recordings_report(
     parts: list[page.Section | None] = []
     if found is not None:
         sections = (measured, record, strokes.drift, strokes.peaks, budget)
-        parts += [*(part(found) for part in sections), recovered_section(found, fits), strokes.stick_slip(found)]
+        parts += [*(part(found) for part in sections), recovered_section(found), strokes.stick_slip(found)]
     parts += addition.sections if addition is not None else ()
-    parts += [] if curves is None else [part(curves) for part in CURVES]
-    joined: dict[str, page.Section] = {}
-    is_synthetic = found is not None and found.synthetic
-    for part in (page.with_pictures(one, is_synthetic) for one in parts if one is not None):
-        before = joined.pop(part.key, None)
-        joined[part.key] = part if before is None else replace(before, blocks=before.blocks + part.blocks)
-    last = provenance_section(found, addition)
+    over_speed = () if curves is None else filter(None, (part(curves) for part in CURVES))
+    parts += [replace(part, key=f"{part.key}-over-speed") for part in over_speed]
+    parts.append(page.provenance_section(found, addition))
     if found is None:
         title = "Nothing" if addition is None else addition.title
-        return Report(title, () if addition is None else addition.verdict, [*joined.values(), last])
+        return Report(title, () if addition is None else addition.verdict, parts)
     title = "Friction of simulated recordings" if found.synthetic else "Friction of a pneumatic piston from recordings"
     title += ", with a simulated rig" if addition is not None and not found.synthetic else ""
     view = replace(characterisation_view(found, fits), title=title)
-    report = page.view_report(view, *joined.values(), last, synthetic=found.synthetic)
+    report = page.view_report(view, *parts, synthetic=found.synthetic)
     report.verdict = [*report.verdict, *(() if addition is None else addition.verdict)]
     return report
 
@@ -449,28 +445,9 @@ def budget(found: Characterisation) -> page.Section:
     assumed = ", ".join(sorted({e.source for level in levels for e in level.budget if e.basis == "assumed"}))
     return topic.section(
         topic.text(),
-        topic.figure("budget", contributions(shown)),
         *(topic.table(_sources(level), recording=level.recording) for level in shown),
         topic.text("assumed", "note", sources=assumed) if assumed else None,
     )
-
-
-def contributions(levels: list[Level]) -> Figure:
-    """Draw standard uncertainties of friction by source, a bar for each level."""
-    parts: list[dict[str, float]] = []
-    for level in levels:
-        parts.append({STATISTICAL: float(np.nan_to_num(level.stderr_n))})
-        for e in level.budget:
-            parts[-1][e.source] = float(np.hypot(parts[-1].get(e.source, 0.0), e.friction_n))
-    names = sorted({s for part in parts for s in part}, key=lambda s: max(part.get(s, 0.0) for part in parts))
-    height, bars = 0.8 / len(levels), []
-    for index, (level, part) in enumerate(zip(levels, parts, strict=True)):
-        at = np.arange(len(names)) + (index - (len(levels) - 1) / 2) * height
-        label = f"{level.recording}: {with_u(level.friction_n, level.expanded_n)}"
-        values = [part.get(name, 0.0) for name in names]
-        bars.append(Bars(at, values, label, thickness=height, across=True, hatched=bool(index)))
-    axes = {"x": "standard uncertainty of friction / N", "y": Axis(names=names), "legend": "panel"}
-    return Figure([Panel(bars, **axes)], row_in=0.27 * len(names) + 1.1, rest_in=0.0)
 
 
 def _sources(level: Level) -> Iterator[tuple]:

@@ -16,9 +16,8 @@ from pneudrive.describe.files import toml
 from pneudrive.figures import Figure, Line, Look, Markers, Panel, Rule
 from pneudrive.files.writing import make_subfolder
 from pneudrive.report.circuit.svg import draw_circuit
-from pneudrive.report.fit import references
 from pneudrive.report.layout_figure import sketch
-from pneudrive.report.page import Items, Paragraph, Report, Section, Topic, figure_of, view_section
+from pneudrive.report.page import Items, Paragraph, Report, Section, Topic, figure_of, references, view_section
 from pneudrive.report.render import DrawnFigure, draw_figure
 from pneudrive.sizing.checks import READ, SizedDrive, read
 from pneudrive.sizing.choices import WITHOUT
@@ -243,9 +242,8 @@ def sheet_report(found: SizingResult) -> Report:
     topic, view = Topic("sizing", "sheet"), sizing_sheet(found)
     verdict = [Finding(found.answer, view.state), *view.findings]
     given = "; ".join(f"{one.key} {one.text}" for one in task_values(found.task) if one.is_given)
-    sketch = topic.picture("sketch", view.figures[0].figure, False)
     note = topic.text(version=__version__, sources="; ".join(_cited(found)) or "none")
-    parts = topic.section(Paragraph(given), sketch, *view.tables, Items(view.notes), note)
+    parts = topic.section(Paragraph(given), *view.figures, *view.tables, Items(view.notes), note)
     return Report(view.title, verdict, [parts], synthetic=True)
 
 

@@ -11,12 +11,10 @@ import polars as pl
 from pneudrive.figures import THIN, Axis, Band, Figure, Line, Look, Markers, Panel, Rule, ramp
 from pneudrive.friction.friction_map import ALL_RECORDINGS, PA_PER_BAR, MapGroup, bar, groups_of
 from pneudrive.friction.sentences import flag_findings
-from pneudrive.friction.stick_slip import NEEDED_RISE_SAMPLES, ReversalPeak, StickSlip, offset_line
-from pneudrive.identify.static.model import unit_of
-from pneudrive.numbers import fixed, with_u
+from pneudrive.friction.stick_slip import NEEDED_RISE_SAMPLES, StickSlip
+from pneudrive.numbers import fixed
 from pneudrive.report.page import Paragraph, Section, Topic, by_seal, figure_of, gauge_bar, plural, spread_evenly
 from pneudrive.signals.motion import local_slope
-from pneudrive.units import readable
 from pneudrive.views import Finding, LeadingValue, ShownCurve, ShownTable, ShownValue, View, worst
 
 if TYPE_CHECKING:
@@ -27,7 +25,7 @@ if TYPE_CHECKING:
     from pneudrive.friction.characterisation import Characterisation
     from pneudrive.friction.level import Level, RecordingResult
     from pneudrive.identify.static.result import FrictionFit
-    from pneudrive.report.fit import Fits
+    from pneudrive.report.page import Fits
 
 
 # --- Friction over speed: views of friction maps and of characterised recordings, and recovered truth.
@@ -182,12 +180,12 @@ def recovered(found: Characterisation) -> pl.DataFrame | None:
     return pl.DataFrame(rows) if rows else None
 
 
-def recovered_section(found: Characterisation, fits: Fits) -> Section | None:
-    """Return the section on recovered friction and parameters; None without simulated recordings."""
+def recovered_section(found: Characterisation) -> Section | None:
+    """Return the section on recovered friction; None without simulated recordings."""
     pairs = recovered(found)
     if pairs is None:
         return None
-    topic, rows = Topic("recordings", "recovered"), list(_recovered_parameters(found, fits))
+    topic = Topic("recordings", "recovered")
     errors_n, expanded = np.abs(pairs["error_n"].to_numpy()), pairs["expanded_n"]
     ends = dict.fromkeys(f"{value:.2f}" for value in (expanded.min(), expanded.max()))
     within = int(np.sum(errors_n <= 2 * np.nan_to_num(pairs["stderr_n"].to_numpy())))
@@ -195,28 +193,8 @@ def recovered_section(found: Characterisation, fits: Fits) -> Section | None:
     return topic.section(
         topic.text(**counts, reach=" to ".join(ends), worst=1e3 * float(errors_n.max())),
         topic.figure("recovered", errors(pairs)),
-        topic.table(rows) if rows else None,
         synthetic=True,
     )
-
-
-def _recovered_parameters(found: Characterisation, fits: Fits) -> Iterator[tuple[str, str, str, str, str]]:
-    """Yield true and recovered value of each parameter of the fit that covers all recordings."""
-    fit = next(iter(fits.values()), {}).get(STRIBECK) if fits else None
-    truth = next((r.truth for r in found.recordings if r.truth), None)
-    if fit is None or truth is None or truth["law"] != STRIBECK:
-        return
-    known = dict(truth["parameters"]) | (truth["pressure"] or {})
-    for name in fit.free:
-        single = name.removesuffix("b") if name.endswith("_ab") else name
-        if single in known and name in fit.intervals:
-            size, unit = readable(unit_of(name))
-            inside = abs(fit.parameters[single] - known[single]) / size <= fit.expanded_uncertainty(name) / size
-            words = single.replace("_", " ") + (" and b" if name.endswith("_ab") else "")
-            low, high = (bound / size for bound in fit.intervals[name])
-            estimate = with_u(fit.parameters[single] / size, fit.expanded_uncertainty(name) / size, unit)
-            interval = f"{low:.4g} … {high:.4g} {unit}".strip()
-            yield words, f"{known[single] / size:.4g} {unit}".strip(), estimate, interval, "yes" if inside else "no"
 
 
 def errors(pairs: pl.DataFrame) -> Figure:
@@ -311,13 +289,13 @@ def _course(level: Level) -> np.ndarray:
 
 def peaks(found: Characterisation) -> Section | None:
     """Return the section on friction peaks after reversals, and doubts about them; None without reversals."""
-    every = [(result, level, peak) for result in found.results for level in result.levels for peak in level.peaks]
+    every = [peak for level in found.levels for peak in level.peaks]
     if not every:
         return None
     topic = Topic("recordings", "reversals")
-    good = [peak for _, _, peak in every if not peak.flags]
+    good = [peak for peak in every if not peak.flags]
     real = [peak for peak in good if peak.significant]
-    counts = {flag: sum(flag in peak.flags for _, _, peak in every) for flag in topic.texts["spoils"]}
+    counts = {flag: sum(flag in peak.flags for peak in every) for flag in topic.texts["spoils"]}
     spoilt = "; ".join(
         f"{words.format(needed=NEEDED_RISE_SAMPLES)}: {counts[flag]}"
         for flag, words in topic.texts["spoils"].items()
@@ -327,35 +305,8 @@ def peaks(found: Characterisation) -> Section | None:
     return topic.section(
         topic.text("spoilt" if spoilt else "text", **numbers, spoilt=spoilt),
         topic.text("few", "note") if len(good) < len(every) / 2 else None,
-        topic.figure("reversals", reversals(every)),
         *topic.listed(topic.say("peak", p=p) for p in real[:MOST_NAMED]),
     )
-
-
-def reversals(every: list[tuple[RecordingResult, Level, ReversalPeak]]) -> Figure:
-    """Draw one reversal in detail, and all peaks over the number of samples on their rise."""
-    result, level, peak = every[int(np.argsort([p.rise_samples for _, _, p in every])[len(every) // 2])]
-    r = result.recording
-    top = int(np.searchsorted(r.time_s, peak.time_s))
-    part = slice(max(top - 40, 0), top + 60)
-    turn = next(stroke.from_m for stroke in level.strokes if stroke.index == peak.stroke)
-    slope, intercept = offset_line(level.profile, turn)
-    friction = peak.direction * (result.balance_n[part] - (slope * r.position_m[part] + intercept))
-    detail = [
-        Markers(r.time_s[part] - peak.time_s, friction, size=2.5, joined=True, filled=True),
-        Rule(y=peak.sliding_n, label="sliding friction in the window", look=Look("blue", "--"), width=0.9),
-        Rule(0.0, label=f"peak, {peak.rise_samples} samples on the rise", look=Look("orange", ":"), width=1.1),
-    ]
-    over = []
-    for label, own, is_good in (("spoilt", Look("grey", "-", "x"), False), ("usable", Look("blue", "-", "o"), True)):
-        group = [(p.rise_samples, p.excess_n) for _, _, p in every if bool(p.flags) != is_good]
-        x, y = np.array(group, dtype=float).reshape(-1, 2).T
-        over.append(Markers(x, y, label, own, size=3.5, filled=True))
-    needed = Rule(float(NEEDED_RISE_SAMPLES), label="samples needed", look=Look("black", "--"), width=0.9)
-    title, x_axis = f"{r.name}, stroke {peak.stroke}", Axis("samples on the rise", low=0.0)
-    left = Panel(detail, title, "time from the peak / s", "friction / N")
-    right = Panel([*over, needed], "", x_axis, "peak over sliding friction / N")
-    return figure_of("reversals", [left, right])
 
 
 # --- stick-slip ------------------------------------------------------------------------------------------------------

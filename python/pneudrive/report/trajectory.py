@@ -16,13 +16,12 @@ from pneudrive.figures import LOOKS, Axis, Band, Bars, Figure, Line, Look, Marke
 from pneudrive.identify.follow.fit import FollowFit, fitted_pressures
 from pneudrive.identify.identified import comparison_figure
 from pneudrive.report.control import view_of_controlled_run
-from pneudrive.report.fit import write_fit_report
-from pneudrive.report.page import Section, Topic, figure_of, inline, plural, svg_text, view_report, view_section
-from pneudrive.report.render import PICTURES, DrawnFigure, applied, draw_figure
+from pneudrive.report.page import Section, Topic, figure_of, plural, view_report, write_fit_report
+from pneudrive.report.render import DrawnFigure, draw_figure
 from pneudrive.simulation.run_view import run_view
-from pneudrive.simulation.trajectory import attributes, check_si, check_target, columns, write_whole
+from pneudrive.simulation.trajectory import attributes, check_si, columns
 from pneudrive.units import readable
-from pneudrive.views import MOST_LEADING, Finding, LeadingValue, ShownFigure, ShownTable, ShownValue, View, worst
+from pneudrive.views import MOST_LEADING, Finding, LeadingValue, ShownFigure, ShownValue, View, worst
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -44,7 +43,7 @@ TITLE_LETTERS = 100  # of a line
 MOST_SHOWN = 4000  # samples of a view
 
 
-def plot(run: xr.Dataset, path: str | Path | None = None, circuit: Circuit | Drive | None = None) -> DrawnFigure:
+def plot(run: xr.Dataset, path: str | Path | None = None) -> DrawnFigure:
     """Draw a trajectory over time: position, velocity, pressures, temperatures, friction, end stops, command.
 
     Parameters
@@ -53,9 +52,7 @@ def plot(run: xr.Dataset, path: str | Path | None = None, circuit: Circuit | Dri
         Result of ``pneudrive.simulate``. Missing variables are left out. For a circuit, the first eight variables of
         each kind are drawn, because more would not be distinguishable.
     path : path-like, optional
-        Picture to write: .png, .svg, .pdf, or .html (a page with the picture and its provenance).
-    circuit : Circuit or Drive, optional
-        Simulated circuit: a page then has a section for each of its platforms.
+        Picture to write: .png, .svg or .pdf.
 
     Returns
     -------
@@ -74,14 +71,7 @@ def plot(run: xr.Dataset, path: str | Path | None = None, circuit: Circuit | Dri
     >>> len(pn.report.plot(run).axes)
     6
     """
-    figure = over_time(run)
-    target = None if path is None else check_target(path, (*PICTURES, ".html"))
-    if target is None or target.suffix.lower() != ".html":
-        return draw_figure(figure, target)
-    made = draw_figure(figure)
-    with applied():
-        _write_page(made, run, target, circuit)
-    return made
+    return draw_figure(over_time(run), path)
 
 
 def over_time(run: xr.Dataset, most: int = 20_000) -> Figure:
@@ -129,23 +119,6 @@ def view_of_run(run: xr.Dataset, described: Circuit | Drive | None = None) -> Vi
         return view_of_controlled_run(run)
     figure = ShownFigure("trajectory", f"{about.get('title') or 'Trajectory'}, simulated.", over_time(run, MOST_SHOWN))
     return replace(run_view(columns(run), about, described), figures=(figure,))
-
-
-def _write_page(figure: DrawnFigure, run: xr.Dataset, target: Path, circuit: Circuit | Drive | None) -> None:
-    """Write a page that loads no other files: platforms, values and picture of the run, then its provenance."""
-    from pneudrive.platforms import platforms
-    from pneudrive.report.platform import platform_run_view
-
-    about, view = attributes(run), view_of_run(run, circuit)
-    names = ("version", "solver", "rtol", "description_hash", "statistics")
-    rows = [(name, str(about[name])) for name in names if name in about]
-    rows += [("assumed", text) for text in about.get("assumed", [])]
-    machines = platforms(circuit) if circuit is not None else []
-    table = ShownTable("Provenance", ("", ""), tuple(rows))
-    sections = [view_section("platform", platform_run_view(platform, columns(run))) for platform in machines]
-    report = view_report(view, *sections, Section("provenance", "Provenance", (table,)), synthetic=True)
-    report.pictures = {shown.name: inline(svg_text(figure), shown.name, shown.caption) for shown in view.figures}
-    write_whole(target, report.alone())
 
 
 def plot_lines(study: xr.Dataset, path: str | Path | None = None) -> DrawnFigure:

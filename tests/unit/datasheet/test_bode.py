@@ -79,12 +79,12 @@ def test_a_slide_behind_a_coupling_moves_with_the_piston():
     assert moving == pytest.approx(joined, rel=1e-3)
 
 
-def test_the_panel_is_a_bode_plot_in_decibels_with_its_phase_over_a_logarithmic_axis():
-    from pneudrive.report.datasheet import characteristic_panel
+def test_the_panels_are_a_bode_plot_in_decibels_and_its_phase_over_a_logarithmic_axis():
+    from pneudrive.report.datasheet import characteristic_panels
 
     found = pn.drive_characteristic(pn.Drive.load("catalogue:reference"), "bode", intervals=False)
     assert found.velocity_magnitude.attrs["units"] == "dB"
     assert np.allclose(10.0 ** (found.velocity_magnitude / 20.0), found.velocity_response)
-    panel = characteristic_panel(found)
-    assert (panel.x.scale, "dB" in panel.y.label, "deg" in panel.right_y.label) == ("log", True, True)
-    assert np.allclose(panel.right[0].y, found.velocity_phase)
+    size, phase = characteristic_panels(found)
+    assert (size.x.scale, "dB" in size.y.label, "deg" in phase.y.label) == ("log", True, True)
+    assert np.allclose(phase.marks[0].y, found.velocity_phase)

@@ -69,7 +69,7 @@ def test_a_wrong_drive_differs_from_the_recording(tmp_path):
 
 def test_the_pdf_has_two_pages(tmp_path, monkeypatch):
     pytest.importorskip("typst")
-    monkeypatch.setattr(sheet, "OF_A_SHEET", ("stiffness",))
+    monkeypatch.setattr(sheet, "OF_A_SHEET", ("natural-frequency",))
     drive = DRIVE.replace({"name": 'A #panic("x") <b>drive</b> \\ $ * _ @'})
     target = write_datasheet(build(drive, [], None, UNWATCHED), tmp_path / "sheet.pdf")
     pdf = target.read_bytes()

@@ -11,8 +11,7 @@ import numpy as np
 from pneudrive.characterise import Characterisation, characterise_recordings
 from pneudrive.figures import MEASURED, MODEL, Figure, Line, Panel, thin
 from pneudrive.identify.static.fit import fit_characterisation
-from pneudrive.report.fit import Addition
-from pneudrive.report.page import Paragraph, Topic, plural, sentence
+from pneudrive.report.page import Addition, Paragraph, Topic, plural, sentence
 from pneudrive.report.strokes import DrawnMotion, in_time, phase_plane, recovered, recovered_section
 from pneudrive.rig import SimulatedRig, shipped_rigs, sweep
 from pneudrive.studies.bracha.figure import EXPERIMENTS, SEED, TEXTS, readable, run_experiments
@@ -30,8 +29,7 @@ from pneudrive.views import ShownFigure
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 
-    from pneudrive.report.fit import Fits
-    from pneudrive.report.page import Block, Section
+    from pneudrive.report.page import Block, Fits, Section
     from pneudrive.rig.description import RigDescription
     from pneudrive.studies.bracha.figure import Claim, PaperFigure
     from pneudrive.studies.bracha.general import ChamberComparison
@@ -78,7 +76,7 @@ class Reproduction:
         """Return the study's addition to the report of `found`; None: a complete report of the study."""
         own = found is not None and found.synthetic  # such recordings have their own comparison with the ground truth
         parts = (
-            None if own else recovered_section(self.found, self.fits),
+            None if own else recovered_section(self.found),
             paper(self.figures, self.claims),
             stick_slip([self.figures[n] for n in STICK_SLIP if n in self.figures]),
             chambers(self.chambers),
