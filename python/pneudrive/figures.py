@@ -181,19 +181,7 @@ class Bars:
     look: Look = RESIDUAL
     thickness: float = 0.8
     across: bool = False
-    hatched: bool = False
     kind: Literal["bars"] = field(default="bars", init=False)
-
-
-@dataclass(frozen=True)
-class Heat:
-    """Values z, shape (len(y), len(x)), as colours."""
-
-    x: Numbers
-    y: Numbers
-    z: Grid
-    label: str = ""
-    kind: Literal["heat"] = field(default="heat", init=False)
 
 
 @dataclass(frozen=True)
@@ -246,19 +234,17 @@ class Drawing:
     kind: Literal["drawing"] = field(default="drawing", init=False)
 
 
-Mark: TypeAlias = Line | Band | Markers | Rule | Bars | Heat | Drawing
+Mark: TypeAlias = Line | Band | Markers | Rule | Bars | Drawing
 
 
 @dataclass(frozen=True)
 class Panel:
-    """Marks on two axes. Axes without a label are those of the figure. `right` has marks for a second y axis."""
+    """Marks on two axes. Axes without a label are those of the figure."""
 
     marks: Sequence[Mark]
     title: str = ""
     x: Axis | str = ""
     y: Axis | str = ""
-    right: Sequence[Mark] = ()
-    right_y: Axis | str = ""
     legend: str | None = None
 
 
@@ -368,7 +354,7 @@ def plain_data(value: Any) -> Any:  # noqa: ANN401 - any data
     """Convert a value to lists, mappings, numbers and texts. Non-finite numbers become None."""
     if is_dataclass(value) and not isinstance(value, type):
         items = {own.name: getattr(value, own.name) for own in fields(value)}
-        items |= {key: axis(items[key]) for key in ("x", "y", "right_y") if isinstance(items.get(key), str)}
+        items |= {key: axis(items[key]) for key in "xy" if isinstance(items.get(key), str)}
         return {key: plain_data(item) for key, item in items.items()}
     if isinstance(value, Mapping):
         return {str(key): plain_data(item) for key, item in value.items()}

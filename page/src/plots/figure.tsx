@@ -2,12 +2,12 @@
 
 import type { ComponentChildren } from "preact";
 import { useState } from "preact/hooks";
-import type { Axis, Bars, Drawing, Heat, Mark, Markers, Panel, ShownFigure } from "../server/generated";
+import type { Axis, Bars, Drawing, Mark, Markers, Panel, ShownFigure } from "../server/generated";
 import { Button } from "../workspace/fields";
 import { Table } from "../workspace/table";
 import { digits, pretty } from "./looks";
 import { saveDrawing, saveRows } from "./saving";
-import { asList, edges, endsOf, isNumber, type Numbers, type Scale, scaleOf } from "./scale";
+import { asList, isNumber, type Numbers, type Scale, scaleOf } from "./scale";
 import { useWidth } from "./width";
 
 const [LEAST_WIDTH, LEAST_OF_MANY] = [230, 150]; // of a panel beside another one, and of many small ones
@@ -17,7 +17,6 @@ const [LEAST_HEIGHT, MOST_HEIGHT] = [110, 460];
 const MOST_LARGE = 3; // panels beyond which they are small multiples
 const MOST_ENDS = 5; // labels at the ends of lines; more stand above
 const LONGEST_END = 24; // characters of such a label
-const MOST_CELLS = 6000;
 const CHARACTER = 6.7; // width of a character of an axis
 
 const colour = (name: string | number): string =>
@@ -114,44 +113,16 @@ function Points({ mark, at }: { mark: Markers & { titles?: string[] }; at: Place
 
 type Ends = [number, number];
 
-/** Return the rectangle between two values of each axis, wider and higher by some pixels. */
-function boxOf({ px, py }: Place, [x0, x1]: Ends, [y0, y1]: Ends, more = 0) {
-  const side = (a: number, b: number) => ({ at: Math.min(a, b), size: Math.abs(b - a) + more });
+/** Return the rectangle between two values of each axis. */
+function boxOf({ px, py }: Place, [x0, x1]: Ends, [y0, y1]: Ends) {
+  const side = (a: number, b: number) => ({ at: Math.min(a, b), size: Math.abs(b - a) });
   const [x, y] = [side(px(x0), px(x1)), side(py(y0), py(y1))];
   return { x: x.at, y: y.at, width: x.size, height: y.size };
 }
 
-function HeatCells({ mark, at }: { mark: Heat; at: Place }) {
-  const values = mark.z.flat().filter(isNumber);
-  const [low, high] = endsOf(values);
-  const thinned = Math.ceil(Math.sqrt(Math.max(values.length / MOST_CELLS, 1)));
-  const [xs, ys] = [mark.x.filter((_, k) => k % thinned === 0), mark.y.filter((_, k) => k % thinned === 0)];
-  const [ex, ey] = [edges(xs), edges(ys)];
-  return (
-    <g>
-      {ys.flatMap((_, row) =>
-        xs.map((_, column) => {
-          const value = mark.z[row * thinned]?.[column * thinned];
-          if (!isNumber(value)) return null;
-          const box = boxOf(at, [ex[column]!, ex[column + 1]!], [ey[row]!, ey[row + 1]!], 0.5);
-          return (
-            <rect {...box} fill={colour(high > low ? (value - low) / (high - low) : 0.5)}>
-              <title>{`${mark.label}: ${digits(value)}`}</title>
-            </rect>
-          );
-        }),
-      )}
-    </g>
-  );
-}
-
 function BarsOf({ mark, at }: { mark: Bars; at: Place }) {
   return (
-    <g
-      fill={mark.hatched ? "var(--surface)" : colour(mark.look[0])}
-      stroke="var(--fig-black)"
-      stroke-width="0.8"
-      stroke-dasharray={mark.hatched ? "3 2" : undefined}>
+    <g fill={colour(mark.look[0])} stroke="var(--fig-black)" stroke-width="0.8">
       {mark.at.map((place, k) => {
         const value = mark.values[k];
         if (!isNumber(place) || !isNumber(value)) return null;
@@ -190,8 +161,6 @@ function Drawn({ mark, at }: { mark: Mark; at: Place }) {
       return <Points mark={mark} at={at} />;
     case "bars":
       return <BarsOf mark={mark} at={at} />;
-    case "heat":
-      return <HeatCells mark={mark} at={at} />;
     case "rule": {
       const [xs, ys] = [asList(mark.x).map((one) => at.px(one!)), asList(mark.y).map((one) => at.py(one!))];
       const [x0 = at.left, x1 = xs.length ? undefined : at.right] = [...xs].sort((a, b) => a - b);
@@ -238,13 +207,9 @@ function lineEnds(panel: Panel, at: Place): { label: string; y: number; ink: str
 /** Marks with a label, one of each label. */
 const labelled = (panel: Panel): Exclude<Mark, Drawing>[] => {
   const seen = new Set<string>();
-  return [...panel.marks, ...panel.right].filter(
+  return panel.marks.filter(
     (mark): mark is Exclude<Mark, Drawing> =>
-      mark.kind !== "drawing" &&
-      mark.kind !== "heat" &&
-      !!mark.label &&
-      !seen.has(mark.label) &&
-      !!seen.add(mark.label),
+      mark.kind !== "drawing" && !!mark.label && !seen.has(mark.label) && !!seen.add(mark.label),
   );
 };
 
@@ -280,17 +245,12 @@ export function PanelDrawing(props: PanelProps) {
   const [sx, sy] = scales;
   const yTicks = ticksOf(sy, height);
   const left = Math.min(14 + CHARACTER * longest, width * 0.4);
-  const rightScale = panel.right.length ? scaleOf(panel.right_y, "y", panel.right) : null;
-  const right = width - (rightScale ? 48 : 12) - (ends ? CHARACTER * ends + 4 : 0);
+  const right = width - 12 - (ends ? CHARACTER * ends + 4 : 0);
   const head = [panel.title, y.is_named ? y.label : ""].filter(Boolean);
   const [top, bottom] = [
     head.length ? 26 : 10,
     height - (isBare ? 8 : 22) - (isBare || !x.label || !x.is_named ? 0 : 18),
   ];
-  const place =
-    (scale: Scale, size: number): Place["py"] =>
-    (value) =>
-      bottom - scale.at(value / size) * (bottom - top);
   const at: Place = {
     left,
     right,
@@ -299,7 +259,7 @@ export function PanelDrawing(props: PanelProps) {
     hasEnds,
     words: (one, other) => `${digits(one / x.size, 4)} ${unitOf(x)}, ${digits(other / y.size, 4)} ${unitOf(y)}`,
     px: (value) => left + sx.at(value / x.size) * (right - left),
-    py: place(sy, y.size),
+    py: (value) => bottom - sy.at(value / y.size) * (bottom - top),
   };
   const xTicks = sx.ticks(Math.max(Math.round((right - left) / (right - left < 240 ? 48 : 84)), 2));
   const widest = Math.max(...xTicks.map(([, words]) => words.length), 1) * CHARACTER + 8;
@@ -323,7 +283,6 @@ export function PanelDrawing(props: PanelProps) {
           {pretty(head.length > 1 || !panel.title ? y.label.replace("\n", " ") : "")}
         </text>
       )}
-      {rightScale && <Words x={right + 44} y={14} side="end" words={panel.right_y.label} />}
       {yTicks.map(([value, words]) => (
         <>
           {!y.names.length && <path d={`M${left} ${at.py(value * y.size)}H${right}`} stroke="var(--grid)" />}
@@ -338,9 +297,6 @@ export function PanelDrawing(props: PanelProps) {
           )}
         </>
       ))}
-      {rightScale?.ticks(4).map(([value, words]) => (
-        <Words x={right + 8} y={bottom - rightScale.at(value) * (bottom - top) + 4} ink="caption" words={words} />
-      ))}
       <path d={`M${left} ${bottom}H${right}`} stroke="var(--edge)" />
       {!isBare && x.is_named && x.label && (
         <Words x={(left + right) / 2} y={height - 5} side="middle" words={pretty(x.label)} />
@@ -352,12 +308,10 @@ export function PanelDrawing(props: PanelProps) {
         {panel.marks.map((mark) => (
           <Drawn mark={mark} at={at} />
         ))}
-        {rightScale &&
-          panel.right.map((mark) => <Drawn mark={mark} at={{ ...at, py: place(rightScale, panel.right_y.size) }} />)}
       </g>
       {hasEnds &&
         lineEnds(panel, at).map((one) => (
-          <text x={right + (rightScale ? 44 : 8)} y={one.y + 4} font-weight="650" fill={one.ink}>
+          <text x={right + 8} y={one.y + 4} font-weight="650" fill={one.ink}>
             {one.label}
           </text>
         ))}
@@ -424,7 +378,7 @@ function Labels({ marks }: { marks: Mark[] }) {
       return <Points mark={{ ...mark, ...alone, ...(mark.joined && { x: [2, 14, 26] }) }} at={at} />;
     if (mark.kind === "rule")
       return <path d="M0 6H28" stroke={colour(mark.look[0])} stroke-dasharray={dashOf(mark.look[1])} />;
-    const fill = mark.kind === "heat" ? "var(--fig-deep)" : mark.look ? colour(mark.look[0]) : "var(--fig-band)";
+    const fill = mark.look ? colour(mark.look[0]) : "var(--fig-band)";
     return <rect width="28" height="12" fill={fill} opacity={mark.kind === "band" && mark.look ? 0.3 : 1} />;
   };
   return (
@@ -526,12 +480,11 @@ export function FigureView({ shown }: { shown: ShownFigure }) {
   const longest = Math.max(...placed.map((one) => one.longest), 1);
   const ends = Math.max(...placed.map((one) => one.ends), 0);
   const marks = drawnPanels.flatMap(({ panel }) => panel.marks);
-  const heat = marks.find((mark) => mark.kind === "heat");
   const points = marks.flatMap((mark) => (mark.kind === "markers" ? mark.x : []));
   return (
     <figure class="figure" data-figure={shown.name} data-points={points.length}>
       {figure.title && <p class="title">{figure.title}</p>}
-      <Labels marks={heat ? [...above, heat] : above} />
+      <Labels marks={above} />
       <div ref={place} class="figure-panels" style={{ gridTemplateColumns: `repeat(${columns}, minmax(0, 1fr))` }}>
         {width > 0 &&
           placed.map((one) => {

@@ -107,7 +107,7 @@ export function pointsFigure(about: {
       const place = shown.indexOf(k);
       return place < 0 ? marksOf({ label: "", points: group.points }, GREY) : marksOf(group, LOOKS[place]!);
     });
-    return { marks, title, x: axis(own.x ?? ""), y: axis(own.y ?? ""), right: [], right_y: axis(""), legend: null };
+    return { marks, title, x: axis(own.x ?? ""), y: axis(own.y ?? ""), legend: null };
   });
   const share = panels.some((panel) => panel.x) ? "" : "all";
   const row = about.row_in ?? (panels.length > 1 ? 1.4 : 2.2);
@@ -178,7 +178,7 @@ export function stripFigure(name: string, x: string, rows: StripRow[], limit = I
     ? [{ x: limit, y: null, label: `goal ${digits(limit)}`, look: ["black", "--", ""], width: 1, kind: "rule" }]
     : [];
   const names = { ...axis(""), names: rows.map((row) => row.name), low: rows.length - 0.5, high: -0.5 };
-  const own = { title: "", right: [], right_y: axis(""), legend: null, x: axis(""), y: names };
+  const own = { title: "", legend: null, x: axis(""), y: names };
   const sizes = { row_in: 0.2 + 0.19 * rows.length, x: { ...figure.figure.x, above: 0.15 } };
   return { ...figure, figure: { ...figure.figure, ...sizes, panels: [{ ...own, marks: [...marks, ...goal] }] } };
 }

@@ -24,14 +24,6 @@ export const endsOf = (values: number[]): [low: number, high: number] => [
   values.reduce((a, b) => Math.max(a, b), -Infinity),
 ];
 
-/** Return the ends of cells around their middles. */
-export function edges(middles: Numbers): number[] {
-  const at = middles.filter(isNumber);
-  const between = at.slice(1).map((value, k) => (value + at[k]!) / 2);
-  const [first, last] = [at[0] ?? 0, at[at.length - 1] ?? 0];
-  return [2 * first - (between[0] ?? first - 0.5), ...between, 2 * last - (between[between.length - 1] ?? last + 0.5)];
-}
-
 /** Return the values of a mark along an axis, SI. */
 function along(mark: Mark, side: "x" | "y"): Numbers {
   switch (mark.kind) {
@@ -47,8 +39,6 @@ function along(mark: Mark, side: "x" | "y"): Numbers {
       return (side === "x") === mark.across
         ? [0, ...mark.values]
         : mark.at.filter(isNumber).flatMap((at) => [at - mark.thickness / 2, at + mark.thickness / 2]);
-    case "heat":
-      return edges(mark[side]);
     case "drawing":
       return [];
   }
@@ -73,8 +63,8 @@ export function scaleOf(axis: Axis, side: "x" | "y", marks: Mark[]): Scale {
     return linear ? Math.sign(value) * Math.log10(1 + Math.abs(value) / linear) : value;
   };
   let [from, to] = [placed(low), placed(high)];
-  const isTight = side === "x" && marks.every((mark) => ["line", "band", "rule", "heat"].includes(mark.kind));
-  const room = isTight || axis.names.length || marks.every((mark) => mark.kind === "heat") ? 0 : ROOM * (to - from);
+  const isTight = side === "x" && marks.every((mark) => ["line", "band", "rule"].includes(mark.kind));
+  const room = isTight || axis.names.length ? 0 : ROOM * (to - from);
   const isGrounded = marks.some((mark) => mark.kind === "bars" && (side === "x") === mark.across) && !isLog;
   [from, to] = [
     from - (isGrounded && low === 0 ? 0 : room) - axis.below * (to - from),

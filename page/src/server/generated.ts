@@ -3,7 +3,7 @@
 /** First words of a severe finding: no view folds or limits it. */
 export const SEVERE = ["Hazard: ", "Open check: ", "Not ready to order: "];
 export type State = "good" | "open" | "bad";
-export type Mark = Line | Band | Markers | Rule | Bars | Heat | Drawing;
+export type Mark = Line | Band | Markers | Rule | Bars | Drawing;
 
 export interface Listed {
   path: string;
@@ -75,16 +75,7 @@ export interface Bars {
   look: [color: string | number, dash: unknown, marker: string];
   thickness: number;
   across: boolean;
-  hatched: boolean;
   kind: "bars";
-}
-
-export interface Heat {
-  x: (number | null)[];
-  y: (number | null)[];
-  z: (number | null)[][];
-  label: string;
-  kind: "heat";
 }
 
 export interface Drawing {
@@ -116,8 +107,6 @@ export interface Panel {
   title: string;
   x: Axis;
   y: Axis;
-  right: (Mark)[];
-  right_y: Axis;
   legend: string | null;
 }
 

@@ -18,7 +18,7 @@ import numpy as np
 
 from pneudrive import figures
 from pneudrive.errors import package_table
-from pneudrive.figures import WIDTH_IN, Axis, Band, Bars, Drawing, Heat, Line, Look, Markers, Panel, PenStroke, Rule
+from pneudrive.figures import WIDTH_IN, Axis, Band, Bars, Drawing, Line, Look, Markers, Panel, PenStroke, Rule
 from pneudrive.simulation.trajectory import check_target, whole
 
 if TYPE_CHECKING:
@@ -328,12 +328,6 @@ def _panel(axis: Axes, panel: Panel, figure: figures.Figure) -> Plain:
     handles = _marks(axis, panel.marks, x, y)
     _scale(axis, "x", x, panel.marks)
     _scale(axis, "y", y, panel.marks)
-    if panel.right:
-        right, own = axis.twinx(), figures.axis(panel.right_y)
-        _marks(right, panel.right, x, own)
-        look = getattr(panel.right[0], "look", None) or figures.MEASURED
-        right.set_ylabel(own.label, color=ink(look.color), fontsize=LABEL_PT * figure.text_scale)
-        right.tick_params(labelsize=TICK_PT * figure.text_scale)
     if figure.text_scale != 1.0:
         axis.tick_params(labelsize=TICK_PT * figure.text_scale)
         for label in (axis.xaxis.label, axis.yaxis.label):
@@ -447,18 +441,10 @@ def _rule(mark: Rule, axis: Axes, x: Axis, y: Axis) -> Handle:
 
 
 def _bars(mark: Bars, axis: Axes, x: Axis, y: Axis) -> Handle:
-    face: Plain = {"color": ink(mark.look.color)}
-    if mark.hatched:
-        face = {"color": ink("paper"), "hatch": "////"}
-    face |= {"edgecolor": ink("black"), "linewidth": 0.6}
+    face: Plain = {"color": ink(mark.look.color), "edgecolor": ink("black"), "linewidth": 0.6}
     if mark.across:
         return axis.barh(y.shown(mark.at), x.shown(mark.values), mark.thickness / y.size, **face)
     return axis.bar(x.shown(mark.at), y.shown(mark.values), mark.thickness / x.size, **face)
-
-
-def _heat(mark: Heat, axis: Axes, x: Axis, y: Axis) -> Handle:
-    values = axis.pcolormesh(x.shown(mark.x), y.shown(mark.y), mark.z, shading="nearest", cmap="cividis")
-    axis.figure.colorbar(values, ax=axis, label=mark.label)
 
 
 def _drawing(mark: Drawing, axis: Axes, x: Axis, y: Axis) -> Handle:
@@ -501,7 +487,6 @@ DRAWN: dict[type, Callable[..., Any]] = {
     Markers: _points,
     Rule: _rule,
     Bars: _bars,
-    Heat: _heat,
     Drawing: _drawing,
 }
 
