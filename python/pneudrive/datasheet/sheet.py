@@ -133,7 +133,7 @@ class Datasheet(Viewed):
                 text = f"{one.value:g}" if isinstance(one.value, float) else str(one.value)
                 if one.key in identified:
                     known = identified[one.key]
-                    ends = f"{known.interval.low} .. {known.interval.high} ({100 * known.confidence:g} %)"
+                    ends = f"{known.interval[0]} .. {known.interval[1]} ({100 * known.confidence:g} %)"
                     origin = f"identified: {ends}, {known.source}"
                 out.append(one._replace(value="table" if isinstance(one.value, np.ndarray) else text, origin=origin))
         return out

@@ -20,19 +20,12 @@ if TYPE_CHECKING:
 ROUNDING = 1e-9
 
 
-class Interval(NamedTuple):
-    """Lower and upper bound as in the file: quantities, or ``-inf`` and ``inf`` for open ends."""
-
-    low: str
-    high: str
-
-
-def _ends(given: object) -> Interval:
-    """Check only the form, because the unit depends on the value."""
+def _ends(given: object) -> tuple[str, str]:
+    """Read both ends as written, quantities or ``-inf`` and ``inf``: their unit depends on the value."""
     is_pair = isinstance(given, list | tuple) and len(given) == 2
     if not is_pair or not all(isinstance(end, str | int | float) and not isinstance(end, bool) for end in given):  # type: ignore[union-attr]
         raise WrongValueError(f"{given!r} is not an interval", remedy='Write interval = ["29.1 N", "31.2 N"].')
-    return Interval(*(str(end) for end in given))  # type: ignore[union-attr]
+    return str(given[0]), str(given[1])  # type: ignore[index]
 
 
 _PAIR = {"type": "array", "items": {"type": ["string", "number"]}, "minItems": 2, "maxItems": 2}
@@ -47,7 +40,7 @@ class Origin(Described):
     """
 
     table_name: ClassVar[str] = "provenance"
-    interval: Annotated[Interval, Reads(_ends, list, _PAIR)]
+    interval: Annotated[tuple[str, str], Reads(_ends, list, _PAIR)]
     confidence: Fraction = 0.95
     source: str
     fit: str = ""
@@ -59,7 +52,7 @@ class Origin(Described):
 
     def bounds_si(self, mark: Quantity | StatedPressure | None) -> tuple[float, float]:
         """Return the interval in SI, pressures absolute or gauge as written."""
-        return _end(self.interval.low, mark), _end(self.interval.high, mark)
+        return _end(self.interval[0], mark), _end(self.interval[1], mark)
 
 
 def _end(text: str, mark: Quantity | StatedPressure | None) -> float:
