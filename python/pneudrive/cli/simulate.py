@@ -364,18 +364,11 @@ def web(folder: Path = Path(), *, port: Port = 0, control: bool = False, browser
             typer.echo(f"{address}\nThe address opens the page for whoever knows it. Ctrl-C ends the server.")
             sys.stdout.flush()
             if browser:
+                # Only the user may read this file. Arguments of the browser's process are visible to all accounts.
                 redirect = Path(private) / "open.html"
-                _write_redirect(redirect, address)
+                redirect.touch(0o600, exist_ok=False)
+                text = f'<meta http-equiv="refresh" content="0;url={address}"><a href="{address}">open</a>\n'
+                redirect.write_text(text, encoding="utf-8")
                 threading.Thread(target=webbrowser.open, args=(redirect.as_uri(),), daemon=True).start()
 
         upper("serve")(folder, port, opened, control=control)
-
-
-def _write_redirect(path: Path, address: str) -> None:
-    """Write a file that redirects a browser to an address.
-
-    Only the user may read the file. The arguments of the browser's process, in contrast, are visible to all accounts.
-    """
-    path.touch(0o600, exist_ok=False)
-    text = f'<meta http-equiv="refresh" content="0;url={address}"><a href="{address}">{path.stem}</a>\n'
-    path.write_text(text, encoding="utf-8")
