@@ -559,7 +559,9 @@ def benchmark(
     count = _count(seeds, members, is_spread=own is not None)
     read, name = read_setup(setup)
     tunings = _tunings(drive, laws, {"setup": read, "allow_code": allow_code})
-    at_once = _threads(threads, tunings)
+    at_once = processors() if threads is None else whole_number("threads", threads, 1, MOST_SEEDS)
+    if any(tuning.own is not None for tuning in tunings.values()):  # all runs share an object of the user
+        at_once = 1
     to_follow = _references(drive, references)
     prepared = {
         (law, along): prepare(drive, None, one, setup=setup, controller=tuning, mismatch=mismatch)
@@ -602,13 +604,6 @@ def _references_told(references: Mapping[str, Reference]) -> Plain:
     missed = {along: one.points_missed_m for along, one in references.items() if one.points_missed_m is not None}
     texts = {along: one.text for along, one in references.items()}
     return {"references": texts} | ({"points_missed_m": missed} if missed else {})
-
-
-def _threads(threads: int | None, tunings: Mapping[str, Tuning]) -> int:
-    """Return the number of simultaneous runs."""
-    at_once = processors() if threads is None else whole_number("threads", threads, 1, MOST_SEEDS)
-    # All runs share an object of the user.
-    return 1 if any(tuning.own is not None for tuning in tunings.values()) else at_once
 
 
 def _folder(out: object) -> Path:

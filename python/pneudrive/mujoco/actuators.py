@@ -114,21 +114,17 @@ class Response:
         mujoco.mj_solveM(model, data, solved, own)
         mobility = own @ solved.T
         if data.ne:
-            rows = self._equalities()
+            rows = np.zeros((data.nefc, model.nv))
+            if mujoco.mj_isSparse(model):
+                mujoco.mju_sparse2dense(rows, data.efc_J, data.efc_J_rownnz, data.efc_J_rowadr, data.efc_J_colind)
+            else:
+                rows[:] = data.efc_J.reshape(rows.shape)
+            rows = np.ascontiguousarray(rows[: data.ne])
             closed = np.zeros_like(rows)
             mujoco.mj_solveM(model, data, closed, rows)
             across = rows @ solved.T
             mobility -= across.T @ np.linalg.solve(rows @ closed.T + np.diag(data.efc_R[: data.ne]), across)
         return mobility
-
-    def _equalities(self) -> Array:
-        model, data = self.model, self.data
-        rows = np.zeros((data.nefc, model.nv))
-        if mujoco.mj_isSparse(model):
-            mujoco.mju_sparse2dense(rows, data.efc_J, data.efc_J_rownnz, data.efc_J_rowadr, data.efc_J_colind)
-        else:
-            rows[:] = data.efc_J.reshape(rows.shape)
-        return np.ascontiguousarray(rows[: data.ne])
 
     def gap(self) -> float:
         """Return the largest residual of an equality constraint at the last evaluated positions, m."""

@@ -207,19 +207,16 @@ class Dragged:
         jerks, ends = [float(jerk) for jerk in jerks_m_s3], np.cumsum(durations_s).tolist()
         session.set("carriage.jerk_m_s3", jerks[0])
         session.schedule("carriage.jerk_m_s3", ends[:-1], jerks[1:])
-        names, around = self._columns(core.columns), f"{AMBIENT}.pressure_pa"
+        of_piston = {short_name(name, "piston"): name for name in core.columns if name.startswith("piston.")}
+        sources = {side: self.sources.get(side, f"piston.{side}") for side in "ab"}
+        fed = {f"supply_pressure_{side}_pa": f"{source}.pressure_pa" for side, source in sources.items()}
+        names = _OTHERS | of_piston | fed
+        around = f"{AMBIENT}.pressure_pa"
         result = session.record(ends[-1], times_s, [name for name in names.values() if name != around], look)
         found = result["columns"] | {around: np.full(len(times_s), self.ambient["pressure_pa"])}
         state, commanded = _at_rest(dict(zip((name for name, _ in core.states), session.state, strict=True)), released)
         columns = {own: found[name] for own, name in names.items()}
         return MotionResult(columns, result["statistics"], state, commanded)
-
-    def _columns(self, known: Sequence[str]) -> dict[str, str]:
-        """Return the columns of a rig, each with its name in the circuit."""
-        of_piston = {short_name(name, "piston"): name for name in known if name.startswith("piston.")}
-        sources = {side: self.sources.get(side, f"piston.{side}") for side in "ab"}
-        fed = {f"supply_pressure_{side}_pa": f"{source}.pressure_pa" for side, source in sources.items()}
-        return _OTHERS | of_piston | fed
 
 
 def _at_rest(state: dict[str, float], released: bool) -> tuple[list[float], float]:

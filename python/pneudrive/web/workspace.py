@@ -191,27 +191,24 @@ class Workspace:
         CommandError
             The file cannot be written.
         """
-        with alone_in(self.root):  # two writers with the same version: the second one gets an error
-            return self._write(name, text, known)
-
-    def _write(self, name: str, text: str, known: str | None) -> str:
         path = self.path(name, DESCRIPTIONS)
-        if exists(path):
-            there = read_text(path, CommandError)
-            if known != fingerprint(there):
-                raise ChangedError(there, fingerprint(there))
-            if "\r\n" in there:  # line ends of the file: an editor in a browser only has "\n"
-                text = text.replace("\r\n", "\n").replace("\n", "\r\n")
-        elif known is not None:
-            raise ChangedError("", fingerprint(""))
-        elif not path.parent.is_dir():
-            raise CommandError(f"there is no folder {path.parent.name}", remedy="Make it first.")
-        try:
-            with whole(path) as temporary:
-                temporary.write_bytes(text.encode())
-        except OSError as error:
-            raise CommandError(f"{name[:80]} cannot be written", rule=error.strerror or str(error)) from None
-        return fingerprint(text)
+        with alone_in(self.root):  # two writers with the same version: the second one gets an error
+            if exists(path):
+                there = read_text(path, CommandError)
+                if known != fingerprint(there):
+                    raise ChangedError(there, fingerprint(there))
+                if "\r\n" in there:  # line ends of the file: an editor in a browser only has "\n"
+                    text = text.replace("\r\n", "\n").replace("\n", "\r\n")
+            elif known is not None:
+                raise ChangedError("", fingerprint(""))
+            elif not path.parent.is_dir():
+                raise CommandError(f"there is no folder {path.parent.name}", remedy="Make it first.")
+            try:
+                with whole(path) as temporary:
+                    temporary.write_bytes(text.encode())
+            except OSError as error:
+                raise CommandError(f"{name[:80]} cannot be written", rule=error.strerror or str(error)) from None
+            return fingerprint(text)
 
 
 class NewNames:

@@ -389,8 +389,13 @@ class _Legs:
         self, payload: str | None, mismatch: Mismatch | str | Path | None, seed: int, watch: Watch
     ) -> tuple[dict[str, Array], float, list[Plain]]:
         """Return columns, consumed air, kg, and events of one run with a payload."""
-        core_json = self._loaded(payload)
-        ambient_pa, axes = self.circuit.ambient.pressure_pa, []
+        loaded = json.loads(self.circuit.core_json())
+        if payload is not None:
+            numbers = next(one["numbers"] for one in loaded["components"] if one["name"] == self.platform.name)
+            numbers["payload"] = numbers.get("payload", 0.0) + units.parse(payload, "kg")
+        core_json = json.dumps(loaded, sort_keys=True)
+        ambient_pa = self.circuit.ambient.pressure_pa
+        axes = []
         start: dict[str, float] = {}
         for i, tuning in enumerate(self.tunings):
             setup = self.setup
@@ -465,14 +470,6 @@ class _Legs:
 
     def _coordinates(self) -> list[tuple[str, str]]:
         return list(zip(self.platform.coordinates, self.platform.units, strict=True))
-
-    def _loaded(self, payload: str | None) -> str:
-        """Return the circuit in the core's form with a payload that no controller knows."""
-        form = json.loads(self.circuit.core_json())
-        if payload is not None:
-            numbers = next(one["numbers"] for one in form["components"] if one["name"] == self.platform.name)
-            numbers["payload"] = numbers.get("payload", 0.0) + units.parse(payload, "kg")
-        return json.dumps(form, sort_keys=True)
 
     def _start(self) -> dict[str, float]:
         """Return the start at rest on the path, each piston in balance."""

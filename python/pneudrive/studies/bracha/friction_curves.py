@@ -16,8 +16,6 @@ if TYPE_CHECKING:
     from pneudrive.arrays import Array
     from pneudrive.characteristics import CampaignCharacteristics
     from pneudrive.friction.campaign.result import AirShare
-    from pneudrive.signals.motion import Stroke
-    from pneudrive.signals.recording import Recording
     from pneudrive.studies.bracha.figure import Experiment
 
 #: Travel after the turn within which the peak must lie, as a fraction of the stroke.
@@ -53,7 +51,9 @@ def figure_5(run: Experiment) -> PaperFigure:
     recording = recording_of(file, run.campaign.identity, file.samples())[0]
     result = characterise_recordings([recording]).results[0]
     stroke = next(s for s in result.strokes if s.index > 0)
-    part = _after_turn(result.recording, stroke)
+    time_s = result.recording.time_s
+    turn = int(np.searchsorted(time_s, time_s[stroke.start] - stroke.dwell_s))
+    part = slice(min(turn, stroke.start), stroke.stop)  # with the rest before the stroke
     time = result.recording.time_s[part] - result.recording.time_s[part.start]
     raw = stroke.direction * (result.balance_n[part] - result.levels[0].offset_n)
     smooth = moving_average(raw, AVERAGE)
@@ -225,12 +225,6 @@ def figure_8(run: Experiment) -> PaperFigure:
         last_total_n=total[-1, -1],
         already="; but our curve is a full Stribeck curve even at the lowest pressure" if has_minimum[0] else "",
     )
-
-
-def _after_turn(recording: Recording, stroke: Stroke) -> slice:
-    """Return the samples from the turn of the carriage on, including the rest before the stroke."""
-    begin = int(np.searchsorted(recording.time_s, recording.time_s[stroke.start] - stroke.dwell_s))
-    return slice(min(begin, stroke.start), stroke.stop)
 
 
 def _by_pressure(found: CampaignCharacteristics) -> list[AirShare]:

@@ -15,7 +15,7 @@ from pneudrive.arrays import Keyed, Plain
 from pneudrive.control.benchmarks import ControlComparison, assumptions, read_comparison, standard
 from pneudrive.control.loop import Prepared, prepare, run_prepared
 from pneudrive.control.mismatch import read_mismatch, ready_mismatches
-from pneudrive.control.references import RECORDS, reference
+from pneudrive.control.references import RECORDS
 from pneudrive.control.scores import SHOWN, Score, view_of_score, written
 from pneudrive.control.setup import ready_setups
 from pneudrive.control.tuning import Controller, laws
@@ -289,16 +289,8 @@ def choices(workspace: Workspace, path: str) -> Plain:
         "setups": sorted(ready_setups()),
         "mismatches": [name for name, is_spread in ready.items() if not is_spread],
         "spreads": [name for name, is_spread in ready.items() if is_spread],
-        "references": [{"name": name, "text": one.text, "usable": _is_text(one.text)} for name, one in usual.items()],
+        "references": [{"name": name, "text": one.text, "usable": not one.pieces} for name, one in usual.items()],
     }
-
-
-def _is_text(text: str) -> bool:
-    try:
-        reference(text)
-    except CommandError:
-        return False
-    return True
 
 
 def _names(given: object, info: ValidationInfo) -> list[str]:

@@ -27,12 +27,8 @@ def starters() -> dict[str, dict[str, Any]]:
 def kinds() -> dict[str, Any]:
     """Return the kinds that can be added, with their titles and ports."""
     every = component_kinds()
-    return {"kinds": [{"kind": one, "title": every[one]["title"], "gas": _gas(one)} for one in starters()]}
-
-
-def _gas(kind: str) -> bool:
-    """Return whether the first port of a kind carries gas."""
-    return component_kinds()[kind]["ports"][0]["kind"] == "gas"
+    has_gas = {one: every[one]["ports"][0]["kind"] == "gas" for one in starters()}
+    return {"kinds": [{"kind": one, "title": every[one]["title"], "gas": gas} for one, gas in has_gas.items()]}
 
 
 def restructured(
