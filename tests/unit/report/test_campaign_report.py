@@ -57,7 +57,7 @@ def test_every_part_has_its_section_and_its_picture(whole, loads_from_elsewhere)
     page = path.read_text(encoding="utf-8")
     keys = set(re.findall(r'<section id="([^"]+)">', page))
     assert {"run", "curves", "air", "pressure", "position", "stops", "drift"} <= keys
-    assert {"loops", "result", "flags", "budget", "provenance"} <= keys
+    assert {"result", "flags", "budget", "provenance"} <= keys
     assert not loads_from_elsewhere(page)
     pictures = set(re.findall(r'href="(figures/[^"]+\.png)"', page))
     assert {f"figures/campaign-{n}.png" for n in ("curves", "air", "dwell", "stop-traces", "drift")} <= pictures
