@@ -283,7 +283,7 @@ def _problem(tank: Tank, records: list[VolumeRecording], names: list[str], watch
     for record in records:
         channels = [Channel(column.removesuffix("_pa"), column, "Pa") for column in record.measured]
         shooter = Shooter(record, list(record.measured), np.zeros(1, np.int64), family, RTOL, 1, watch=watch)
-        state = np.array([[float(np.median(record.pressure_pa[:3])), tank.start_temperature_k]])
+        state = np.array([[np.median(record.pressure_pa[:3]), tank.start_temperature_k]])
         nowhere = np.full(2, np.inf)
         starts = SegmentStarts(state, BELIEF, np.array([1e4, 10.0]), np.zeros(2, dtype=bool), (-nowhere, nowhere))
         experiments.append(
@@ -596,37 +596,32 @@ def identify_regulator(
     if idle:
         raise FitError("the command does not change", value=", ".join(idle), remedy="record steps of the command")
     start = described.start(STANDARD_ATMOSPHERE_PA)
-    best = _fit(records, start)
-    solved = best.x
-    span = float(np.mean([np.ptp(r.pressure_pa) for r in records]))
-    own = {r.name: _fit([r], solved).x for r in records}
+    best, lost, spread = _fit(records, start), [], {}
+    values, span = _named(best.x), float(np.mean([np.ptp(r.pressure_pa) for r in records]))
+    own = {r.name: _fit([r], best.x).x for r in records}
     runs = {name: _named(point) for name, point in own.items()}
     intervals, correlation = _intervals(records, best, own)
-    solved_values, spread = _named(solved), {}
-    if len(records) > 1:
-        spread = {
-            n: float(np.std([run[n] for run in runs.values()], ddof=1) / abs(v)) for n, v in solved_values.items()
-        }
-    predicted = [
-        _residual(_fit([o for o in records if o is not r], solved).x, [r]) for r in records if len(records) > 1
-    ]
-    held = least_squares(lambda lags: _residual(np.r_[start[:2], lags], records).ravel(), solved[2:])
-    dead = _dead_time(records, solved)
-    step = float(np.median(np.diff(records[0].time_s)))
-    lost = [sentence("regulator", "never")]
+    least_s, largest_s = _dead_time(records, best.x)
+    if least_s == 0.0:
+        step = float(np.median(np.diff(records[0].time_s)))
+        lost.append(sentence("regulator", "dead_time", most=largest_s, step=step))
     if abs(correlation) > TIED:
-        lost.insert(0, sentence("regulator", "tied", correlation=correlation))
-    if dead[0] == 0.0:
-        lost.insert(0, sentence("regulator", "dead_time", most=dead[1], step=step))
-    turned = {name: 100 * value for name, value in spread.items() if value > TURNED}
-    lost += [sentence("regulator", "turned", name=name, percent=percent) for name, percent in turned.items()]
-    statistics = {"rms": 1e5 * rms(best.fun) / span, "held": 1e5 * rms(held.fun) / span}
-    if predicted:
-        statistics["predicted"] = 1e5 * rms(np.concatenate(predicted)) / span
-    statistics |= {"correlation": correlation, "least_dead_time_s": dead[0], "largest_dead_time_s": dead[1]}
+        lost.append(sentence("regulator", "tied", correlation=correlation))
+    lost.append(sentence("regulator", "never"))
+    held = least_squares(lambda lags: _residual(np.r_[start[:2], lags], records), best.x[2:])
+    rests = {"rms": best.fun, "held": held.fun}
+    if len(records) > 1:
+        others = ([other for other in records if other is not r] for r in records)
+        predicted = [_residual(_fit(rest, best.x).x, [r]) for rest, r in zip(others, records, strict=True)]
+        rests["predicted"] = np.concatenate(predicted)
+        spread = {n: float(np.std([run[n] for run in runs.values()], ddof=1) / abs(v)) for n, v in values.items()}
+    turned = ((name, 100 * value) for name, value in spread.items() if value > TURNED)
+    lost += [sentence("regulator", "turned", name=name, percent=percent) for name, percent in turned]
+    statistics = {key: 1e5 * rms(rest) / span for key, rest in rests.items()}
+    statistics |= {"correlation": correlation, "least_dead_time_s": least_s, "largest_dead_time_s": largest_s}
     return RegulatorFit(
         name=described.name,
-        values=solved_values,
+        values=values,
         units={**REGULATOR_UNITS},
         free=tuple(REGULATOR_UNITS),
         covariance=np.zeros((0, 0)),
@@ -638,7 +633,7 @@ def identify_regulator(
         details={name: {"run_to_run": value} for name, value in spread.items()},
         fitted={
             r.name: FittedData(
-                "time_s", "pressure_pa", r.time_s, r.pressure_pa, r.pressure_pa - 1e5 * _residual(solved, [r])
+                "time_s", "pressure_pa", r.time_s, r.pressure_pa, r.pressure_pa - 1e5 * _residual(best.x, [r])
             )
             for r in records
         },

@@ -169,7 +169,7 @@ def _noise(found: Validation) -> Section:
     for record in found.records:
         for column, channel in record.channels.items():
             white = channel.whiteness
-            strongest = ", ".join(f"{c.signal} {c.value:+.2f}" for c in channel.cross[:3])
+            strongest = ", ".join(f"{signal} {value:+.2f}" for signal, value in list(channel.cross.items())[:3])
             rows.append((record.recording.name, CHANNELS[column], 100 * white.outside, white.p, strongest))
     pictures = (
         ShownFigure(f"residual-{n}", topic.say("residual", name=r.recording.name), residual_figure(r, found.window_s))
@@ -182,9 +182,9 @@ def balance_figure(drive: Drive, signals: Signals, scene: Scene) -> Figure:
     """Draw terms of the force balance, and residuals of all three balances."""
     part, terms = thin(signals.time_s), scene.terms
     lines = (
-        ("forces but friction", terms.force_n, Look()),
+        ("forces but friction", terms["force_n"], Look()),
         ("m a", moving_mass(drive) * signals.acceleration_m_s2, Look("blue", "--")),
-        ("friction of the model", np.where(signals.moving, terms.friction_n, np.nan), Look("orange", "-.")),
+        ("friction of the model", np.where(signals.moving, terms["friction_n"], np.nan), Look("orange", "-.")),
     )
     marks = [Line(signals.time_s[part], values[part], label, own, 0.9) for label, values, own in lines]
     panels, some = [Panel(marks, y="force / N")], thin(scene.time_s)

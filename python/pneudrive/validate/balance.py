@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.signal import savgol_coeffs, savgol_filter
@@ -84,16 +84,6 @@ class Whiteness:
     p: float
 
 
-@dataclass(frozen=True)
-class CrossCorrelation:
-    """Strongest correlation of a residual with a signal within +/- LAGS samples. `lag_s` > 0: the residual lags."""
-
-    signal: str
-    value: float
-    lag_s: float
-    bound: float
-
-
 def metrics(measured: Array, model: Array) -> Metrics:
     """Return the metrics of a model compared with a measurement, without samples at which the model is NaN.
 
@@ -134,21 +124,22 @@ def whiteness(residual: Array) -> Whiteness:
     return Whiteness(r, bound, outside, statistic, float(chi2.sf(statistic, lags.size)))
 
 
-def cross_correlations(residual: Array, signals: Mapping[str, Array], step_s: float) -> tuple[CrossCorrelation, ...]:
-    """Find the strongest correlation of a residual with each signal that changes; strongest first."""
+def cross_correlations(residual: Array, signals: Mapping[str, Array]) -> dict[str, float]:
+    """Return the strongest correlation of a residual with each signal that changes, within +/- LAGS samples.
+
+    The strongest of all signals comes first. A residual without values has none.
+    """
     there = np.isfinite(residual)
-    e = np.where(there, residual, 0.0) - (residual[there].mean() if there.any() else 0.0)
-    e[~there] = 0.0
-    bound = NORMAL_95 / np.sqrt(max(int(there.sum()), 1))
-    out = []
+    if not there.any():
+        return {}
+    e = np.where(there, residual - residual[there].mean(), 0.0)
+    out = {}
     for name, values in signals.items():
-        s = np.where(there, values - values[there].mean(), 0.0) if there.any() else np.zeros_like(e)
-        scale = float(np.linalg.norm(e) * np.linalg.norm(s))
-        if scale == 0.0:
-            continue
-        best = max(range(-LAGS, LAGS + 1), key=lambda k: abs(_lagged(e, s, k)))
-        out.append(CrossCorrelation(name, _lagged(e, s, best) / scale, best * step_s, bound))
-    return tuple(sorted(out, key=lambda c: -abs(c.value)))
+        s = np.where(there, values - values[there].mean(), 0.0)
+        scale = np.linalg.norm(e) * np.linalg.norm(s)
+        if scale > 0.0:
+            out[name] = max((_lagged(e, s, k) / scale for k in range(-LAGS, LAGS + 1)), key=abs)
+    return dict(sorted(out.items(), key=lambda pair: -abs(pair[1])))
 
 
 def _lagged(e: Array, s: Array, k: int) -> float:
@@ -234,7 +225,7 @@ class Signals:
         channels = ("position_m", "pressure_a_pa", "pressure_b_pa")
         if np.abs(steps - step).max() <= 1e-3 * step:
             return cls(recording, step, time, recording["command"], *(recording[c] for c in channels))
-        step = float(np.median(steps))
+        step = np.median(steps)
         even: Array = np.arange(round(recording.duration_s / step) + 1, dtype=float) * step
         held = recording["command"][np.searchsorted(time, even, side="right") - 1]
         x, a, b = (np.asarray(np.interp(even, time, recording[c]), dtype=float) for c in channels)
@@ -330,10 +321,10 @@ def corrected(
     """
     if not sensors:
         return recording, []
-    delay = command_delay(sensors)
+    delay_s = command_delay(sensors)
     present = [name for name, column in CHANNELS.items() if column in recording]
     columns, said = dict(recording.columns), []
-    if delay.free or any(channel.free for channel in channels_of(present, sensors)):
+    if delay_s is None or any(channel.free for channel in channels_of(present, sensors)):
         raise FitError("validate fits no numbers", remedy="Fit free numbers by identify, and pass its fit to validate.")
     for channel in channels_of(present, sensors):
         if channel.offset != 0.0 or channel.gain != 1.0:
@@ -343,11 +334,11 @@ def corrected(
             said.append(f"{channel.name} offset {plain(channel.offset / factor)} {unit}{gain}")
         if channel.lag > 0.0:
             said.append(f"{channel.name} lag of {plain(1e3 * channel.lag)} ms, which is not corrected")
-    if delay.value_s != 0.0:
+    if delay_s != 0.0:
         time, command = recording.time_s, recording["command"]
-        held = np.searchsorted(time, time - delay.value_s + 1e-9 * recording.duration_s, side="right") - 1
+        held = np.searchsorted(time, time - delay_s + 1e-9 * recording.duration_s, side="right") - 1
         columns["command"] = command[np.clip(held, 0, time.size - 1)]
-        said.append(f"command that acts {plain(1e3 * delay.value_s)} ms late")
+        said.append(f"command that acts {plain(1e3 * delay_s)} ms late")
     if not said:
         return recording, []
     note = f"{recording.name}: corrected for known errors of its sensors: {'; '.join(said)}"
@@ -368,6 +359,8 @@ def corrected(
 
 Values = tuple["Array", "Array", "Array"]
 BALANCES = ("force", "pressure a", "pressure b")
+#: Pressure rates of the energy balance, columns of the core.
+RATES = ("pressure_rate_a_pa_s", "pressure_rate_b_pa_s")
 #: Half width of the kernel, s, and its smallest number of samples (assumed: longer than the window for derivatives,
 #: shorter than a motion).
 HALF_SUPPORT_S, LEAST_SAMPLES = 0.02, 5
@@ -382,28 +375,6 @@ MOST_BENDING_M, LEAST_BENDING_M = 5e-3, 2e-4
 LAG = 0.2
 #: Distance from an end, plus a number of standard deviations of noise, within which a contact is possible.
 STOP_MARGIN_M, MARGIN_NOISE = 1e-4, 5.0
-
-
-class Terms(NamedTuple):
-    """Terms of the balances at each sample.
-
-    Attributes
-    ----------
-    force_n : ndarray
-        All forces in +x except friction: pressures, weight, load, spring, end stops.
-    friction_n : ndarray
-        Friction of steady sliding at the measured velocity, opposing v > 0.
-    pressure_rate_a_pa_s, pressure_rate_b_pa_s : ndarray
-        Pressure rates of the energy balance.
-    mass_flow_a_kg_s, mass_flow_b_kg_s : ndarray
-    """
-
-    force_n: Array
-    friction_n: Array
-    pressure_rate_a_pa_s: Array
-    pressure_rate_b_pa_s: Array
-    mass_flow_a_kg_s: Array
-    mass_flow_b_kg_s: Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -441,16 +412,19 @@ class Scene:
         return replace(self, explained=tuple(a + b for a, b in zip(self.explained, values, strict=True)))
 
     @cached_property
-    def terms(self) -> Terms:
-        """Terms of the balances at each sample: forces of the drive; flows and pressure rates without lines."""
+    def terms(self) -> dict[str, Array]:
+        """Terms of the balances at each sample: forces of the drive; flows and pressure rates without lines.
+
+        ``force_n`` has all forces in +x except friction: pressures, weight, load, spring, end stops. ``friction_n`` is
+        that of steady sliding at the measured velocity, opposing v > 0.
+        """
         signals, equations = self.signals, self.drive.plain.system.compiled()
         along = (signals.time_s, self.position, signals.velocity_m_s, *self.pressures, self.opened)
         temperatures = signals.start_temperatures(self.drive)
         try:
-            out = equations.along(*map(np.ascontiguousarray, along), temperatures)  # pyright: ignore[reportCallIssue]
+            return equations.along(*map(np.ascontiguousarray, along), temperatures)  # pyright: ignore[reportCallIssue]
         except RuntimeError as error:
             raise SimulationError(str(error)) from None
-        return Terms(*(out[name] for name in Terms._fields))
 
     @property
     def half(self) -> int:
@@ -472,10 +446,10 @@ class Scene:
         """Residuals at `time_s`: force N, pressure rates Pa/s."""
         (k0, k1, k2), terms = self.kernel, self.terms
         inertia = moving_mass(self.drive) * np.convolve(self.position, k2, "valid")
-        force = inertia - np.convolve(terms.force_n - terms.friction_n, k0, "valid")
+        force = inertia - np.convolve(terms["force_n"] - terms["friction_n"], k0, "valid")
         a, b = (
-            np.convolve(p, k1, "valid") - np.convolve(rate, k0, "valid")
-            for p, rate in zip(self.pressures, terms[2:4], strict=True)
+            np.convolve(p, k1, "valid") - np.convolve(terms[rate], k0, "valid")
+            for p, rate in zip(self.pressures, RATES, strict=True)
         )
         x, y, z = self.explained
         return force - x, a - y, b - z
@@ -506,24 +480,24 @@ class Scene:
         cylinder, x, unsure = drive.cylinder, signals.position_m, signals.velocity_unsure_m_s
         noise_p = [noise_level(p) for p in self.pressures]
         areas = (cylinder.area_a_m2, cylinder.area_b_m2)
-        push = float(np.hypot(areas[0] * noise_p[0], areas[1] * noise_p[1]) * np.linalg.norm(k0))
-        inertia = moving_mass(drive) * noise_level(x) * float(np.linalg.norm(k2))
-        size = float(np.sqrt(np.mean(terms.friction_n**2) + np.mean((terms.force_n - terms.friction_n) ** 2)))
-        force = np.full(x.size - k0.size + 1, float(np.sqrt(push**2 + inertia**2 + (FLOOR * size) ** 2)))
+        push = np.hypot(areas[0] * noise_p[0], areas[1] * noise_p[1]) * np.linalg.norm(k0)
+        inertia = moving_mass(drive) * noise_level(x) * np.linalg.norm(k2)
+        friction = terms["friction_n"]
+        size = np.sqrt(np.mean(friction**2) + np.mean((terms["force_n"] - friction) ** 2))
+        force = np.full(x.size - k0.size + 1, np.sqrt(push**2 + inertia**2 + (FLOOR * size) ** 2))
         # If pressures are nearly equal, flow changes steeply with them, and noise becomes flow.
         p_a, p_b = self.pressures
         noisy = (p_a + noise_p[0], p_b + noise_p[1])
         shaken = replace(self, pressures=noisy, opened=openings(drive, signals.command)).terms
         out = []
-        for noise, rate, other, p, area, length, dead in zip(
-            noise_p, terms[2:4], shaken[2:4], self.pressures, areas,
-            (x, cylinder.stroke_m - x), cylinder.dead_volume_m3, strict=True,
-        ):  # fmt: skip
+        for noise, rate, p, area, length, dead in zip(
+            noise_p, RATES, self.pressures, areas, (x, cylinder.stroke_m - x), cylinder.dead_volume_m3, strict=True
+        ):
             squeezed = drive.gas.heat_capacity_ratio * p * unsure / np.maximum(length + dead / area, dead / area)
             smeared = np.convolve(squeezed, k0, "valid")
-            slope = noise * float(np.linalg.norm(k1))
-            steep = np.convolve(np.abs(other - rate), k0, "valid")
-            out.append(np.sqrt(slope**2 + steep**2 + FLOOR**2 * np.mean(rate**2) + smeared**2))
+            slope = noise * np.linalg.norm(k1)
+            steep = np.convolve(np.abs(shaken[rate] - terms[rate]), k0, "valid")
+            out.append(np.sqrt(slope**2 + steep**2 + FLOOR**2 * np.mean(terms[rate] ** 2) + smeared**2))
         return force, out[0], out[1]
 
 
@@ -736,12 +710,13 @@ def breakaways(drive: Drive, signals: Signals) -> tuple[RecordedBreakaway, ...]:
     starts = [max(start, onset - round(MOST_STOP_S / signals.step_s)) for start, onset in rests]
     run = run_model(drive, signals, np.unique(np.r_[0, starts]))
     # All forces on the moving mass except friction, minus m a, N in -x.
-    others = signals.smooth(Scene.of(drive, signals).terms.force_n)
+    others = signals.smooth(Scene.of(drive, signals).terms["force_n"])
     measured = others - moving_mass(drive) * signals.acceleration_m_s2
-    model, position = signals.smooth(run["friction_force_n"]), signals.smooth(signals.position_m)
+    model = signals.smooth(run["friction_force_n"])
+    position = signals.smooth(signals.position_m)
     model_position, bend, out = signals.smooth(run["position_m"]), bending_m(drive), []
     for (start, onset), begin, end in zip(rests, starts, [*starts[1:], still.size], strict=True):
-        part, sign = slice(begin + signals.half, end), float(np.sign(signals.velocity_m_s[onset]))
+        part, sign = slice(begin + signals.half, end), np.sign(signals.velocity_m_s[onset])
         peak, moved = _peak(sign * measured[part], position[part], bend)
         model_peak, model_moved = _peak(sign * model[part], model_position[part], bend)
         if moved and peak > 0.0 and np.isfinite(model_peak):

@@ -17,7 +17,7 @@ from pneudrive.arrays import by_name
 from pneudrive.constants import LEAK_CRITICAL_RATIO
 from pneudrive.errors import package_table
 from pneudrive.units import write
-from pneudrive.validate.balance import Scene, Values, at_samples, openings
+from pneudrive.validate.balance import RATES, Scene, Values, at_samples, openings
 
 if TYPE_CHECKING:
     from pneudrive.arrays import Array, Interval, Plain, Row
@@ -196,7 +196,8 @@ def _spring(drive: Drive, amount: float) -> Plain:
 
 
 def _of_valve(drive: Drive) -> Rows:
-    ratio, gauge = drive.valve.critical_pressure_ratio, drive.supply_pressure_pa - drive.ambient.pressure_pa
+    ratio = drive.valve.critical_pressure_ratio
+    gauge = drive.supply_pressure_pa - drive.ambient.pressure_pa
     paths = {"to exhaust": (1, 3), "from supply": (0, 2), "of a": (0, 1), "of b": (2, 3)}
     return {
         "conductance": {
@@ -261,7 +262,8 @@ def _overlap(scene: Scene, amount: float) -> Scene:
 
 def _reopened(scene: Scene, drive: Drive, command: Array) -> Scene:
     """Return the scene of another drive. The openings change by the difference between both valves at this command."""
-    before, after = at_samples(openings(scene.drive, scene.signals.command)), at_samples(openings(drive, command))
+    before = at_samples(openings(scene.drive, scene.signals.command))
+    after = at_samples(openings(drive, command))
     return replace(scene, drive=drive, opened=np.maximum(scene.opened + after - before, 0.0))
 
 
@@ -277,12 +279,11 @@ def _sag(lag_s: float) -> Change:
     def change(scene: Scene, amount: float) -> Scene:
         step = 1e-3 * scene.drive.supply_pressure_pa
         before, after = scene.terms, _supply(scene, -step).terms
-        drawn = np.maximum(before.mass_flow_a_kg_s, 0.0) + np.maximum(before.mass_flow_b_kg_s, 0.0)
-        decay = float(np.exp(-scene.signals.step_s / lag_s)) if lag_s else 0.0
+        drawn = np.maximum(before["mass_flow_a_kg_s"], 0.0) + np.maximum(before["mass_flow_b_kg_s"], 0.0)
+        decay = np.exp(-scene.signals.step_s / lag_s) if lag_s else 0.0
         drawn = np.asarray(lfilter([1.0 - decay], [1.0, -decay], drawn))
         fall, k0 = amount * drawn / max(float(drawn.max()), 1e-30), scene.kernel[0]
-        rates = zip(after[2:4], before[2:4], strict=True)
-        a, b = (np.convolve(fall * (new - old) / step, k0, "valid") for new, old in rates)
+        a, b = (np.convolve(fall * (after[rate] - before[rate]) / step, k0, "valid") for rate in RATES)
         return scene.less((np.zeros_like(a), a, b))
 
     return change

@@ -283,7 +283,7 @@ class _Regression:
         if power == 0.0:
             return np.inf
         blocks = max(int(np.unique(self.blocks).size), 2)
-        return max(float(np.sqrt(score @ score * blocks / (blocks - 1))) / power, 1.0 / float(np.sqrt(power)))
+        return max(np.sqrt(score @ score * blocks / (blocks - 1)) / power, 1.0 / np.sqrt(power))
 
     def is_shown(self, fit: _Fit) -> bool:
         """Return whether a cause is relevant and significant.
@@ -316,7 +316,7 @@ class _Regression:
                 linear += self.profile(cause)
             elif cause.key in columns:
                 column = columns[cause.key]
-                amount = float(np.clip(float(column @ self.left) / float(column @ column), *cause.bounds))
+                amount = float(np.clip((column @ self.left) / (column @ column), *cause.bounds))
                 linear.append(_Fit.single(cause, amount, column, self.left - amount * column, self.left))
         linear.sort(key=lambda fit: -fit.share)
         refined = [fit if fit.cause.profile else self.newton(fit) for fit in linear[:REFINED]]

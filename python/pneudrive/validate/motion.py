@@ -20,6 +20,7 @@ from pneudrive.estimate.estimates import NORMAL_95, Estimate, rms
 from pneudrive.identify.export import steady_friction
 from pneudrive.identify.follow import fit as motions
 from pneudrive.identify.follow.driven import DrivenCircuit, driven_recordings
+from pneudrive.identify.follow.problem import FollowProblem, FollowSolution, solve_follow
 from pneudrive.identify.identified import FittedData, comparison_figure
 from pneudrive.lazy_names import upper
 from pneudrive.progress import Flag, Progress, Watch
@@ -36,7 +37,6 @@ if TYPE_CHECKING:
 
     from pneudrive.arrays import Array, Bools, Pair, Plain
     from pneudrive.describe.drive import Drive
-    from pneudrive.identify.follow.problem import FollowSolution
     from pneudrive.identify.volume import RegulatorFit
     from pneudrive.signals.layout import Layout
 
@@ -187,10 +187,10 @@ def _of_map(drive: Drive, path: Path) -> list[FrictionCurve]:
     out = []
     for a, b in np.unique(rounded[good], axis=0):
         for direction in (0, 1, -1):
-            mine = good & (rounded == (a, b)).all(axis=1) & (direction_of == direction)
-            if not mine.any():
+            mine = np.flatnonzero(good & (rounded == (a, b)).all(axis=1) & (direction_of == direction))
+            if not mine.size:
                 continue
-            order = np.flatnonzero(mine)[np.argsort(np.abs(velocity[mine]))]
+            order = mine[np.argsort(np.abs(velocity[mine]))]
             gauge_a, gauge_b = (float(g[order].mean()) for g in gauges)
             speed = np.abs(velocity[order])
             model = _model(drive, direction, speed, gauge_a, gauge_b)
@@ -363,7 +363,7 @@ class _Sliding(NamedTuple):
 
 
 def _sliding(recording: Recording, time: Array) -> _Sliding:
-    usual = float(np.median(np.diff(time)))
+    usual = np.median(np.diff(time))
     speed = local_slope(time, recording.position_m, max(int(SLOPE_S / usual), 1))
     inside = (recording.position_m - recording.position_m.min()) / np.ptp(recording.position_m)
     use = (inside > INSIDE) & (inside < 1.0 - INSIDE) & (np.abs(speed) > SLOWEST * np.abs(speed).max())
@@ -436,7 +436,7 @@ def _doubts(recording: Recording, sliding: _Sliding, share: float, *, brakes: bo
         others[f'the {force.name} acts in the other direction: change its "positive" in the layout'] = replace(
             recording, parallel=tuple(parallel)
         )
-    span, sizes = float(np.ptp(recording.force_n)) or 1.0, {}
+    span, sizes = np.ptp(recording.force_n) or 1.0, {}
     for words, other in others.items():
         _, rest, power = sliding.closed(other)
         if power > 0.0:
@@ -517,17 +517,10 @@ class MotionValidation(Viewed):
             "verdicts": [{"met": met, "text": text} for met, text in self.verdicts],
             "doubts": list(self.doubts),
             "open": list(self.open),
-            "recordings": [
-                {"name": r.name, "badge": self.badges.get(r.name, ""),
-                 "rms_percent": [100.0 * v for v in r.rms], "delay_s": list(r.delay_s),
-                 "temperature_a_k": list(r.temperature_a_k), "temperature_b_k": list(r.temperature_b_k)}
-                for r in self.records
-            ],
+            "recordings": [vars(r) | {"badge": self.badges.get(r.name, "")} for r in self.records],
             "closures": [
-                {"name": c.name, "rms_n": c.rms_n, "percent": 100.0 * c.share, "offset_n": c.offset_n,
+                {"name": c.name, "rms_n": c.rms_n, "share": c.share, "offset_n": c.offset_n, "text": str(c),
                  "gains": {name: [g.value, g.low, g.high] for name, g in c.gains.items()}}
-                | ({} if c.delay is None else {"delay_s": [c.delay.value_s, c.delay.half_width_s]})
-                | ({} if c.recorded is None else {"percent_as_recorded": 100.0 * c.recorded.share})
                 for c in self.closures
             ],
         }  # fmt: skip
@@ -576,7 +569,7 @@ def validate_motion(
     used = [record for record in records if record not in idle]
     solution, found = None, ()
     if used:
-        solution = motions.hold_values(described, used, watch)
+        solution = solve_follow(FollowProblem(driven, used, [], watch=watch))
         found = tuple(motions.follow_record(solution, at) for at in range(len(used)))
         doubts += [*motions.poor_fit(solution), *motions.other_readings(solution), *_late(found)]
     forces = [record.recording for record in records if np.ptp(record.recording.force_n) > 0.0]
@@ -601,28 +594,27 @@ def _late(records: tuple[motions.FollowRecord, ...]) -> list[str]:
 # --- Validation of the fit of a pressure regulator against further runs.
 
 
-@dataclass(frozen=True)
-class RegulatorRun:
-    """One run: RMS of measured minus simulated pressure (Pa, and relative to the range), badge, both pressures."""
-
-    name: str
-    rms_pa: float
-    share: float
-    badge: str
-    fitted: FittedData = field(repr=False)
-
-
 @dataclass(frozen=True, eq=False, repr=False)
 class RegulatorValidation(Viewed):
-    """The fit of a regulator compared with runs. All values are fixed. A run starts at its first measured pressure."""
+    """The fit of a regulator compared with runs. All values are fixed. A run starts at its first measured pressure.
+
+    Attributes
+    ----------
+    fit : RegulatorFit
+    runs : tuple of dict
+        ``name``, ``rms_pa`` of measured minus simulated pressure, ``percent`` of the range, ``badge``.
+    fitted : dict
+        Name of a run -> both pressures.
+    """
 
     fit: RegulatorFit
-    runs: tuple[RegulatorRun, ...]
+    runs: tuple[Plain, ...]
+    fitted: dict[str, FittedData]
 
     @property
     def notes(self) -> list[str]:
         """Sentences on the held-out runs, and on the residual of the fit itself."""
-        made = all(run.badge == MADE for run in self.runs)
+        made = all(run["badge"] == MADE for run in self.runs)
         size = self.fit.statistics["rms"]
         return [*(NONE_HELD_OUT,) * made, f"the fit itself has an rms of {100 * size:.2f} % of the range"]
 
@@ -630,17 +622,22 @@ class RegulatorValidation(Viewed):
         """Return the residual of each run, and measured and simulated pressures."""
         rows = []
         for run in self.runs:
-            cells = {"rms": (run.rms_pa, "Pa"), "rms, % of the range": (100 * run.share, "")}
-            cells |= {"recording": (run.badge, "")} if run.badge else {}
-            rows += [ShownValue(f"{run.name}.{name}", run.name, name, *cell) for name, cell in cells.items()]
-        worst = max(self.runs, key=lambda run: run.share)
-        figure = comparison_figure({run.name: run.fitted for run in self.runs})
+            own = run["name"]
+            cells = {"rms": (run["rms_pa"], "Pa"), "rms, % of the range": (run["percent"], "")}
+            cells |= {"recording": (run["badge"], "")} if run["badge"] else {}
+            rows += [ShownValue(f"{own}.{name}", own, name, *cell) for name, cell in cells.items()]
+        worst = max(self.runs, key=lambda run: run["percent"])
+        largest = ShownValue("worst", worst["name"], f"largest rms, {worst['name']}", worst["rms_pa"], "Pa")
         return View(
             f"{self.fit.name} against {len(self.runs)} runs",
             tuple(rows),
             notes=tuple(self.notes),
-            leading=(LeadingValue(ShownValue("worst", worst.name, f"largest rms, {worst.name}", worst.rms_pa, "Pa")),),
-            figures=(ShownFigure("runs", "Measured and simulated pressures, and their difference.", figure),),
+            leading=(LeadingValue(largest),),
+            figures=(
+                ShownFigure(
+                    "runs", "Measured and simulated pressures, and their difference.", comparison_figure(self.fitted)
+                ),
+            ),
         )
 
     def report(self, folder: str | Path) -> Path:
@@ -649,8 +646,7 @@ class RegulatorValidation(Viewed):
 
     def write(self, folder: str | Path) -> list[Path]:
         """Write validation.toml into an existing folder."""
-        runs = [{"name": r.name, "rms_pa": r.rms_pa, "percent": 100.0 * r.share, "badge": r.badge} for r in self.runs]
-        tables = {"kind": "regulator-validation", "notes": self.notes, "runs": runs}
+        tables = {"kind": "regulator-validation", "notes": self.notes, "runs": list(self.runs)}
         return [write_whole(Path(folder) / "validation.toml", toml.write(tables))]
 
 
@@ -672,12 +668,12 @@ def validate_regulator(
         A recording cannot be read.
     """
     files = [recordings] if isinstance(recordings, str | Path) else list(recordings)
-    runs, fitted = [], dict.fromkeys(fit.recordings, "") | fit.hashes
+    runs, fitted, made = [], {}, dict.fromkeys(fit.recordings, "") | fit.hashes
     for record in read_volume_recordings(files, layout):
         model = fit.simulate(record)
-        size_pa, span = rms(record.pressure_pa - model), float(np.ptp(record.pressure_pa)) or 1.0
-        data = FittedData("time_s", "pressure_pa", record.time_s, record.pressure_pa, model)
-        runs.append(
-            RegulatorRun(record.name, size_pa, size_pa / span, badge_of(record.name, record.sha256, fitted), data)
-        )
-    return RegulatorValidation(fit, tuple(runs))
+        size_pa = rms(record.pressure_pa - model)
+        span = float(np.ptp(record.pressure_pa)) or 1.0
+        badge = badge_of(record.name, record.sha256, made)
+        runs.append({"name": record.name, "rms_pa": size_pa, "percent": 100.0 * (size_pa / span), "badge": badge})
+        fitted[record.name] = FittedData("time_s", "pressure_pa", record.time_s, record.pressure_pa, model)
+    return RegulatorValidation(fit, tuple(runs), fitted)

@@ -61,24 +61,21 @@ class ChannelResult:
 
     Attributes
     ----------
-    channel : str
-        Column, ``position_m``.
     free, restarted : Metrics
         Metrics of the free run and of the runs from measured states.
     whiteness : Whiteness
-    cross : tuple of CrossCorrelation
-        Correlations of the free run's residual.
+    cross : dict
+        Signal -> strongest correlation of the free run's residual with it.
     window_rms : ndarray
         Root mean square residual of each run from a measured state, SI.
     off_s : float or None
         Time from which the free run deviates, s; None if it does not.
     """
 
-    channel: str
     free: balance.Metrics
     restarted: balance.Metrics
     whiteness: balance.Whiteness
-    cross: tuple[balance.CrossCorrelation, ...]
+    cross: dict[str, float]
     window_rms: Array
     off_s: float | None
 
@@ -372,7 +369,9 @@ def validate(
     if not (np.isfinite(window_s) and window_s > 0.0):
         raise CommandError(f"window = {window_s} s is out of bounds", rule="greater than 0")
     watch = Watch(progress, cancel)
-    read, known, fitted = [], [SWITCHES] * (drive.valve.time_on_s is not None), fitted or balance.sources_of(drive)
+    read = []
+    known = [SWITCHES] * (drive.valve.time_on_s is not None)
+    fitted = fitted or balance.sources_of(drive)
     for recording in read_drive_recordings(recordings, layout):
         check_plausible(recording, drive.cylinder.stroke_m, drive.ambient.pressure_pa, drive.supply_pressure_pa)
         own = sensors.sensors_of(recording.name) if isinstance(sensors, DriveFit) else sensors
@@ -439,13 +438,12 @@ def _record(drive: Drive, signals: balance.Signals, window_s: float) -> RecordRe
         measured = getattr(signals, channel)
         residual = measured - free[channel]
         windows = np.split(measured - restarted[channel], restarted.restarts[1:])
-        beyond = ~(np.abs(residual) <= OFF_SHARE * float(np.ptp(measured)))
+        beyond = ~(np.abs(residual) <= OFF_SHARE * np.ptp(measured))
         channels[channel] = ChannelResult(
-            channel,
             balance.metrics(measured, free[channel]),
             balance.metrics(measured, restarted[channel]),
             balance.whiteness(residual),
-            balance.cross_correlations(residual, stimuli, signals.step_s),
+            balance.cross_correlations(residual, stimuli),
             np.array([rms(window) for window in windows]),
             float(signals.time_s[int(np.argmax(beyond))]) if beyond.any() else None,
         )
@@ -495,7 +493,7 @@ def _record_table(record: RecordResult) -> Plain:
             "restarted": _metrics(channel.restarted),
             "off_s": channel.off_s,
             "whiteness": {"outside": white.outside, "ljung_box": white.ljung_box, "p": white.p},
-            "correlated_with": {c.signal: c.value for c in channel.cross},
+            "correlated_with": channel.cross,
         }
     return out | {"breakaway": [vars(b) | {"error": b.error} for b in record.breakaways]}
 

@@ -53,12 +53,12 @@ def test_a_fit_is_validated_on_further_runs(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     fit.to_toml("lag.toml")
     checked = pn.validate(fit, runs[2:4], layout=layout)
-    assert [r.badge for r in checked.runs] == ["made the fit", "held out"]
-    assert 0.02 < checked.runs[1].share < 0.06
-    assert checked.runs[1].rms_pa == pytest.approx(checked.runs[1].share * 440e3, rel=0.3)
+    assert [r["badge"] for r in checked.runs] == ["made the fit", "held out"]
+    assert 2.0 < checked.runs[1]["percent"] < 6.0
+    assert checked.runs[1]["rms_pa"] == pytest.approx(checked.runs[1]["percent"] * 4400.0, rel=0.3)
     assert not run_command(["validate", "lag.toml", str(runs[3]), "--layout", str(layout), "--out", "check"])
     shown = capsys.readouterr().out
-    assert f"largest rms, run_003 {checked.runs[1].rms_pa / 1e5:.3g} bar" in shown
+    assert f"largest rms, run_003 {checked.runs[1]['rms_pa'] / 1e5:.3g} bar" in shown
     assert "held out" in shown
     assert not run_command(["validate", "lag.toml", str(runs[0]), "--layout", str(layout), "--out", "check"])
     assert "no recording was held out" in capsys.readouterr().out

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from pneudrive.identify.dynamic.fit import Presliding, identify, identify_presliding
+from pneudrive.identify.dynamic.fit import identify, identify_presliding
 from pneudrive.identify.dynamic.result import DriveFit
-from pneudrive.identify.dynamic.search import Progress
 from pneudrive.identify.dynamic.sensors import Sensor
 
-__all__ = ["DriveFit", "Presliding", "Progress", "Sensor", "identify", "identify_presliding"]
+__all__ = ["DriveFit", "Sensor", "identify", "identify_presliding"]

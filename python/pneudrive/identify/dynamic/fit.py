@@ -207,7 +207,7 @@ def identify(
     if not isinstance(drive, Circuit):
         drive = with_shape(drive, free)
     described = {c.name: c for c in sensing.channels_of(names, sensors)}
-    options.delay = sensing.command_delay(sensors)
+    options.delay_s = sensing.command_delay(sensors)
     options.axis = axis
     parameters = _resolvable(drive, chosen(drive, free), records, described, options)
     watcher = search.Watcher(progress, Watch(cancel=cancel))
@@ -250,7 +250,8 @@ def _best_of_attempts(
         helped = not best.converged or nearest.score < best.score - GAIN
         if options.interrupted or best.good or not helped:
             break
-        options.lengths_s, options.last_attempt = lengths_s, lengths_s == search.SECOND_LADDER_S
+        options.lengths_s = lengths_s
+        options.last_attempt = lengths_s == search.SECOND_LADDER_S
         if options.last_attempt:
             options.rtol *= LAST_RTOL
         try:
@@ -276,7 +277,7 @@ def _resolvable(
     force = numbers.get(f"{of}.breakaway", numbers[f"{of}.coulomb"]).value
     position = described["position"]
     noise = [shooting.white_noise(r["position_m"]) for r in records if "position_m" in r]
-    step = max(position.resolution, float(np.median(noise)) if noise else 0.0)
+    step = max(position.resolution, np.median(noise) if noise else 0.0)
     lost = unresolved_damping(step, force, numbers[f"{of}.bristle_stiffness"].value)
     if lost is None:
         return parameters
@@ -306,7 +307,7 @@ def _problem(
         own = [described[name] for name in names]
         starts = shooting.segment_starts(record.time_s, options.first_segment_s(record))
         outputs = [c.column for c in own]
-        delay_s, threads = options.delay.value_s, options.threads
+        delay_s, threads = options.delay_s or 0.0, options.threads
         shooter = shooting.Shooter(record, outputs, starts, family, options.rtol, threads, delay_s, watch)
         noise = np.array([noise_of(c, record, options.rtol) for c in own])
         inner = shooter.inner_states(values)
@@ -315,7 +316,7 @@ def _problem(
             shooting.FittedRecording(shooter, own, shooting.observed(shooter, values, state, spread, inner), noise)
         )
     free_sensors = sensing.sensor_parameters(
-        list(described.values()), [r.name for r in records], [set(p) for p in present], delay=options.delay.free
+        list(described.values()), [r.name for r in records], [set(p) for p in present], delay=options.delay_s is None
     )
     transforms = transforms_of(parameters, free_sensors, drive)
     problem = shooting.FitProblem(parameters, free_sensors, transforms, experiments)

@@ -119,33 +119,23 @@ class Shooter:
         try:
             core = self.family.core(values)
             found = self._shoot(core, initial, delay_s, derivatives=derivatives, by_start=by_start)
-            step = COMMAND_STEPS["delay"]
-            beside = [] if delay_s is None or not derivatives else [delay_s + step, delay_s - step]
-            shifted = [self._shoot(core, initial, delay) for delay in beside]
             slopes = self._slopes_by_command(values, initial, delay_s) if derivatives else []
         except ValueError as error:
             raise FitError(f"the core rejects a drive of the search: {error}") from None
-        p = self.family.size if derivatives else 0
+        p = self.family.size + (delay_s is not None) if derivatives else 0
         sensitivities, ends = found["sensitivities"], found["end_sensitivities"]
         if derivatives:
-            exact = len(self.family.exact)
-            paths = len(self.family.paths)
+            exact, paths = len(self.family.exact), len(self.family.paths)
             if by_start is not None:
                 sensitivities, ends = (_spread(d, exact, by_start, initial.shape[1]) for d in (sensitivities, ends))
             for k, by_values, by_ends in slopes:
                 sensitivities = np.insert(sensitivities, k, by_values, axis=2)
                 ends = np.insert(ends, k, by_ends, axis=2)
-            if paths > p:
+            if paths > self.family.size:
                 by_free = self.family.by_free(values)
                 sensitivities, ends = (
                     np.concatenate([d[..., :paths] @ by_free, d[..., paths:]], axis=-1) for d in (sensitivities, ends)
                 )
-        if shifted:
-            later, sooner = shifted
-            by_delay, ends_by_delay = _slope(later, sooner, step)
-            sensitivities = np.insert(sensitivities, p, by_delay, axis=2)
-            ends = np.insert(ends, p, ends_by_delay, axis=2)
-            p += 1
         return Shot(
             outputs=found["values"],
             by_parameter=sensitivities[:, :, :p],
@@ -159,16 +149,22 @@ class Shooter:
     def _slopes_by_command(
         self, values: Array, initial: Array, delay_s: float | None
     ) -> list[tuple[int, Array, Array]]:
-        """Return index and derivatives of outputs and ends for hysteresis and delay of the valve, if these are free."""
-        out = []
+        """Return index and central differences of outputs and ends for what acts on the command, if it is free.
+
+        These are hysteresis and delay of the valve, and the delay of the recorded command, which follows the paths.
+        """
+        at, steps, out = np.r_[values, self.delay_s if delay_s is None else delay_s], {}, []
         for k, path in enumerate(self.family.paths):
-            if path in self.family.exact:
-                continue
-            step = min(COMMAND_STEPS[path.rpartition(".")[2]], 0.5 * values[k])
-            change = step * (np.arange(values.size) == k)
-            after = self._shoot(self.family.core(values + change), initial, delay_s)
-            before = self._shoot(self.family.core(values - change), initial, delay_s)
-            out.append((k, *_slope(after, before, step)))
+            if path not in self.family.exact:
+                steps[k] = min(COMMAND_STEPS[path.rpartition(".")[2]], 0.5 * values[k])
+        if delay_s is not None:
+            steps[values.size] = COMMAND_STEPS["delay"]
+        for k, step in steps.items():
+            change = step * (np.arange(at.size) == k)
+            ends = (self._shoot(self.family.core(x[:-1]), initial, x[-1]) for x in (at + change, at - change))
+            after, before = ([run["values"], run["ends"]] for run in ends)
+            by_values, by_ends = ((b - a) / (2.0 * step) for a, b in zip(before, after, strict=True))
+            out.append((k if k < values.size else len(self.family.paths), by_values, by_ends))
         return out
 
     def _shoot(
@@ -203,14 +199,6 @@ def delayed(times: Array, commands: Array, delay_s: float) -> tuple[Array, Array
     shifted = times + delay_s
     first = max(int(np.searchsorted(shifted, times[0], side="right")) - 1, 0)
     return np.r_[times[0], shifted[first + 1 :]], commands[first:]
-
-
-def _slope(after: CoreShot, before: CoreShot, step: float) -> tuple[Array, Array]:
-    """Return the central differences of outputs and ends, from runs a step above and below a value."""
-    width = 2.0 * step
-    by_values = (after["values"] - before["values"]) / width
-    by_ends = (after["ends"] - before["ends"]) / width
-    return by_values, by_ends
 
 
 def _spread(derivatives: Array, p: int, columns: Ints, states: int) -> Array:
@@ -289,6 +277,8 @@ class FitProblem:
         self.experiments = experiments
         self.drive_size = len(parameters)
         self.size = self.drive_size + len(sensors)
+        #: Recording -> index of the free delay of its command among the coordinates.
+        self.delays = {s.recording: i for i, s in enumerate(sensors, self.drive_size) if s.kind == "delay"}
         #: Prior precision of the coordinates: 0 without prior knowledge.
         self.prior = np.zeros(self.size)
         for i, s in enumerate(sensors, start=self.drive_size):
@@ -330,7 +320,7 @@ class FitProblem:
         count: dict[str, float] = {}
         for experiment, residual in zip(self.experiments, residuals, strict=True):
             for c, channel in enumerate(experiment.channels):
-                own = float(np.sum((residual[:, c] * experiment.noise[c]) ** 2))
+                own = np.sum((residual[:, c] * experiment.noise[c]) ** 2)
                 power[channel.name] = power.get(channel.name, 0.0) + own
                 count[channel.name] = count.get(channel.name, 0.0) + float(experiment.weight[:, c].sum())
         return {name: float(np.sqrt(power[name] / max(count[name], 1.0))) for name in power}
@@ -344,8 +334,7 @@ class FitProblem:
         values = self.values(point.eta)
         shots = []
         for i, (experiment, states) in enumerate(zip(self.experiments, point.states, strict=True)):
-            place = self._delay_of(i)
-            delay_s = None if place is None else float(values[place])
+            delay_s = float(values[self.delays[i]]) if i in self.delays else None
             hidden = np.flatnonzero(~experiment.starts.measured) if reset else None
             shot = experiment.shooter.run(
                 values[: self.drive_size], states, derivatives=derivatives, by_start=hidden, delay_s=delay_s
@@ -368,14 +357,9 @@ class FitProblem:
         jacobian = self.transforms.jacobian(eta)[:p, :p]
         out = np.zeros((*shot_by_parameter.shape[:-1], self.size))
         out[..., :p] = shot_by_parameter[..., :p] @ jacobian
-        if (place := self._delay_of(index)) is not None:
+        if (place := self.delays.get(index)) is not None:
             out[..., place] = shot_by_parameter[..., p] * self.sensors[place - p].size
         return out
-
-    def _delay_of(self, index: int) -> int | None:
-        """Return the index of the free delay of a recording's command among the coordinates."""
-        places = (i for i, s in enumerate(self.sensors, start=self.drive_size) if s.kind == "delay")
-        return next((i for i in places if self.sensors[i - self.drive_size].recording == index), None)
 
     def measure(self, index: int, eta: Array, where: slice, outputs: Array, derivatives: Array) -> tuple[Array, Array]:
         """Pass outputs through the sensors and compare them with the measurements, in units of the noise.
@@ -402,7 +386,8 @@ class FitProblem:
         time = experiment.shooter.recording.time_s[where]
         model, slopes = np.empty_like(outputs), np.empty_like(derivatives)
         for c, channel in enumerate(experiment.channels):
-            number = {s.kind: i for i, s in enumerate(self.sensors) if self._is_of(s, channel.name, index)}
+            own = ((i, s) for i, s in enumerate(self.sensors) if s.channel == channel.name)
+            number = {s.kind: i for i, s in own if s.recording in (None, index)}
             gain, lag, offset = (
                 float(values[self.drive_size + number[k]]) if k in number else getattr(channel, k)
                 for k in ("gain", "lag", "offset")
@@ -421,10 +406,6 @@ class FitProblem:
         weight = experiment.weight[where] / experiment.noise
         residual = np.where(weight > 0.0, experiment.measured[where] - model, 0.0) * weight
         return residual, slopes * weight[:, :, None]
-
-    @staticmethod
-    def _is_of(s: SensorParameter, channel: str, index: int) -> bool:
-        return s.channel == channel and s.recording in (None, index)
 
 
 POSITION, VELOCITY, PRESSURE_A, TEMPERATURE_A, PRESSURE_B, TEMPERATURE_B = range(6)
@@ -594,7 +575,7 @@ def _smoothed(time_s: Array, values: Array, at: Ints, noise: float, watch: Watch
     the standard error of a slope over the narrowest used window.
     """
     good = np.isfinite(values)
-    step = float(np.median(np.diff(time_s)))
+    step = np.median(np.diff(time_s))
     widest = max(LEAST_HALF_WIDTH, round(WINDOW_S / step))
     widths = sorted({max(LEAST_HALF_WIDTH, widest >> k) for k in range(6)}, reverse=True)
     level, slope = np.empty(at.size), np.zeros(at.size)
@@ -609,7 +590,7 @@ def _smoothed(time_s: Array, values: Array, at: Ints, noise: float, watch: Watch
         if not left.size:
             break
         narrowest = LEAST_HALF_WIDTH
-    return level, slope, 1.0 / (step * float(np.sqrt(2.0 * np.sum(np.arange(narrowest + 1.0) ** 2))))
+    return level, slope, 1.0 / (step * np.sqrt(2.0 * np.sum(np.arange(narrowest + 1.0) ** 2)))
 
 
 def _parabolas(

@@ -477,7 +477,9 @@ SENSELESS_PERCENT = 0.0
 def assembled(drive: Drive | Circuit, attempt: Attempt, options: SearchOptions, steps: int) -> DriveFit:
     """Return the fit of the best search, after a number of steps."""
     solved = attempt.solved
-    problem, parameters, records = solved.problem, solved.problem.parameters, solved.problem.records
+    problem = solved.problem
+    parameters = solved.problem.parameters
+    records = solved.problem.records
     values, names = problem.values(solved.point.eta), problem.names
     covariance, reach = solved.covariance, student(solved.freedom)
     every = [*parameters, *problem.sensors]
@@ -487,9 +489,12 @@ def assembled(drive: Drive | Circuit, attempt: Attempt, options: SearchOptions, 
     usual = [p.size if np.isinf(p.lower) else 0.0 for p in parameters] + [s.size for s in problem.sensors]
     sizes = np.array([max(abs(v), s) for v, s in zip(values, usual, strict=True)])
     for k, p in enumerate(parameters):  # next to nothing: no share of itself, but the data exclude the start value
-        end, is_wide = values[k] + reach * spread[k], high[k] - values[k] > LARGEST_REACH * sizes[k]
+        end = values[k] + reach * spread[k]
+        is_wide = high[k] - values[k] > LARGEST_REACH * sizes[k]
         if np.isfinite(p.lower) and is_wide and end < LARGEST_REACH * p.value:
-            low[k], high[k], sizes[k] = max(p.lower, values[k] - reach * spread[k]), end, p.value
+            low[k] = max(p.lower, values[k] - reach * spread[k])
+            high[k] = end
+            sizes[k] = p.value
     intervals = by_name(names, zip(low.tolist(), high.tolist(), strict=True))
     statistics = _statistics(solved, steps)
     fit = DriveFit(

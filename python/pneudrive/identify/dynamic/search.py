@@ -20,7 +20,6 @@ from pneudrive.errors import FitError
 from pneudrive.estimate.estimates import student
 from pneudrive.estimate.profile import profile_interval
 from pneudrive.identify.dynamic.problem import FitProblem, Iterate, Shot
-from pneudrive.identify.dynamic.sensors import Delay
 from pneudrive.identify.identified import stated
 from pneudrive.progress import Watch
 
@@ -137,7 +136,7 @@ def bounded_step(information: Array, gradient: Array, longest: float) -> Array:
     damping = DAMPING_LEAST
     while True:
         step = axes @ (along / (np.maximum(power, 0.0) + damping))
-        if float(np.abs(step).max(initial=0.0)) <= longest:
+        if np.abs(step).max(initial=0.0) <= longest:
             return step
         damping *= 2.0
 
@@ -321,7 +320,9 @@ def predict_segments(problem: FitProblem, point: Iterate, watcher: Watcher) -> I
             if closings == MOST_CLOSINGS:
                 break
             states = [s + closing for s, (_, closing) in zip(point.states, at.carried, strict=True)]
-            point, longest, closings = problem.possible(replace(point, states=states)), LONGEST, closings + 1
+            point = problem.possible(replace(point, states=states))
+            longest = LONGEST
+            closings = closings + 1
             shots = _run(problem, point, "reached", reset=True)
             continue
         point, standing, longest = found
@@ -551,8 +552,8 @@ def profile(solved: Solved, name: str, least: float | None = None) -> Interval:
     """
     problem, point, found, reach = solved.problem, solved.point, solved.information, student(solved.freedom)
     index = problem.names.index(name)
-    spread = float(np.sqrt(found.covariance(problem)[index, index]))
-    plain = float(np.sqrt(found.inverse[index, index]))
+    spread = np.sqrt(found.covariance(problem)[index, index])
+    plain = np.sqrt(found.inverse[index, index])
     allowed = reach**2 * (spread / plain) ** 2 if plain > 0.0 else reach**2
 
     def held(value: float, start: Iterate) -> tuple[float, Iterate]:
@@ -631,7 +632,8 @@ class SearchOptions:
     interrupted: bool = False
     last_attempt: bool = False
     lengths_s: tuple[float, ...] = LADDER_S
-    delay: Delay = field(default_factory=Delay)
+    #: Delay of the valve after the recorded command, s; None: free.
+    delay_s: float | None = 0.0
     #: Names of a circuit's axis. The search of a circuit ends with one segment, because a start does not contain the
     #: spool's position.
     axis: ShortNames | None = None

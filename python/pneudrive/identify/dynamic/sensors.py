@@ -139,25 +139,21 @@ def channel(name: str, sensor: Sensor) -> Channel:
     FitError
         A quantity has another dimension, or is out of bounds.
     """
-    unit, stated = meaning(CHANNELS[name])[1], {key: given for key, given in vars(sensor).items() if given is not None}
+    unit = meaning(CHANNELS[name])[1]
+    stated = {key: given for key, given in vars(sensor).items() if given is not None}
     values = {key: START[key] for key, given in stated.items() if given == "free" and key in START}
     free = frozenset(values)
     for key in (key for key in stated if key not in free):
-        own, least = {"gain": "", "lag": "s"}.get(key, unit), -np.inf if key in ("offset", "gain") else 0.0
+        own = {"gain": "", "lag": "s"}.get(key, unit)
+        least = -np.inf if key in ("offset", "gain") else 0.0
         values[key] = _si(stated[key], own, f"{name}.{key}", least)
     return Channel(name, CHANNELS[name], unit, **values, free=free)
 
 
-@dataclass(frozen=True)
-class Delay:
-    """Delay of the valve after the recorded command, s. A free delay is fitted for each recording."""
+def command_delay(sensors: Mapping[str, Sensor | Keyed] | None) -> float | None:
+    """Return the delay of the valve after the recorded command, s, from ``{"command": {"delay": "2 ms"}}``.
 
-    value_s: float = 0.0
-    free: bool = False
-
-
-def command_delay(sensors: Mapping[str, Sensor | Keyed] | None) -> Delay:
-    """Return the delay of the command: ``{"command": {"delay": "free"}}``, or a time.
+    None stands for ``"free"``: a delay is fitted for each recording.
 
     Raises
     ------
@@ -168,7 +164,7 @@ def command_delay(sensors: Mapping[str, Sensor | Keyed] | None) -> Delay:
     if isinstance(said, Sensor) or set(said) - {"delay"}:
         raise FitError.of("identify.command_sensor")
     given = said.get("delay", 0.0)
-    return Delay(free=True) if given == "free" else Delay(_si(given, "s", "command.delay", -np.inf))
+    return None if given == "free" else _si(given, "s", "command.delay", -np.inf)
 
 
 def _si(given: Any, unit: str, what: str, least: float) -> float:  # noqa: ANN401 - checked here

@@ -116,10 +116,10 @@ def driven_recording(recording: Recording) -> DrivenRecording:
     if time.size < 100:
         raise RecordingError(f"{time.size} samples are left", where=recording.name, rule="at least 100")
     pressures = np.array([recording.pressure_a_pa, recording.pressure_b_pa])
-    usual = float(np.median(np.diff(time)))
+    usual = np.median(np.diff(time))
     stride = max(int(np.ceil(time.size / MOST_GRID)), int(COARSEST_S / usual), 1)
     noise = np.array([max(noise_level(pressure), _step(pressure) / np.sqrt(12.0), 1.0) for pressure in pressures])
-    travel = float(np.ptp(position))
+    travel = np.ptp(position)
     kept = straight_lines(time, position, max(TOLERANCE * travel, NOISE_FACTOR * noise_level(position)))
     begins = position[time <= AT_REST_S]
     return DrivenRecording(
@@ -364,7 +364,8 @@ class DrivenCircuit:
         None without a tank, or if the coefficient is not constant.
         """
         tank = self.tanks[side]
-        numbers, faces = self.parts[tank or self.piston]["numbers"], 2.0 * self.areas_m2[SIDES.index(side)]
+        numbers = self.parts[tank or self.piston]["numbers"]
+        faces = 2.0 * self.areas_m2[SIDES.index(side)]
         if tank is None or "heat_transfer" not in numbers:
             return None
         return float(numbers["heat_transfer"]) * (float(numbers.get("wall_area", 0.0)) + faces)
@@ -399,7 +400,8 @@ class DrivenCircuit:
 
         The run starts with the measured pressures at wall temperature.
         """
-        start, end = [*record.pressures_pa[:, 0], *self.wall_k.values()], float(record.grid_s[-1])
+        start = [*record.pressures_pa[:, 0], *self.wall_k.values()]
+        end = float(record.grid_s[-1])
         core = _core.Circuit(json.dumps(self.form))
         columns = [name for name in core.columns if name != "time_s"]
         return {"time_s": record.grid_s, **self._recorded(core, record, start, end, columns)}

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pneudrive import __version__
+from pneudrive.arrays import by_name
 from pneudrive.constants import STANDARD_ATMOSPHERE_PA
 from pneudrive.describe.circuit import Circuit
 from pneudrive.errors import FitError, RecordingError
@@ -16,7 +17,7 @@ from pneudrive.estimate.estimates import rms
 from pneudrive.files.inputs import INPUTS, inputs_of, origin
 from pneudrive.identify.base import Fit, FitFile, Undetermined
 from pneudrive.identify.follow.driven import GROUPS, SIDES, UNITS, DrivenCircuit, DrivenRecording, driven_recordings
-from pneudrive.identify.follow.problem import LOCAL, FollowPoint, FollowProblem, FollowSolution, solve_follow
+from pneudrive.identify.follow.problem import LOCAL, FollowPoint, FollowProblem, FollowSolution, simulated, solve_follow
 from pneudrive.identify.identified import FittedData, number_table, remedy_for, sentence, stated
 from pneudrive.lazy_names import upper
 from pneudrive.numbers import plain
@@ -39,7 +40,6 @@ TOGETHER = 0.5  # least correlation of a pressure with the position that counts
 BETTER = 0.8  # another reading is named if its residuals are below this ratio
 POOR = 0.03  # of the range: larger residuals mean that the model or the reading is wrong
 NEAR_AMBIENT = 0.1  # of the ambient pressure: largest distance of an open chamber from it (assumed)
-OPEN_TOGETHER = 0.2  # least correlation of an open chamber's pressure with the rate of its volume that counts (assumed)
 
 
 def check_readings(driven: DrivenCircuit, records: Sequence[DrivenRecording]) -> list[str]:
@@ -77,7 +77,7 @@ def check_readings(driven: DrivenCircuit, records: Sequence[DrivenRecording]) ->
 def _refuse_swapped(record: DrivenRecording) -> None:
     """Reject pressures that rise while the gas of their chamber expands."""
     ranges = record.ranges_pa / record.pressures_pa.mean(axis=1)
-    together = [float(np.corrcoef(p, record.positions_m)[0, 1]) for p in record.pressures_pa]
+    together = [np.corrcoef(p, record.positions_m)[0, 1] for p in record.pressures_pa]
     wrong = [together[0] > TOGETHER and ranges[0] > BEYOND, together[1] < -TOGETHER and ranges[1] > BEYOND]
     if any(wrong):
         said = stated("readings", "swapped" if all(wrong) else "reversed", side="a" if wrong[0] else "b")
@@ -85,43 +85,21 @@ def _refuse_swapped(record: DrivenRecording) -> None:
 
 
 def _open_doubts(driven: DrivenCircuit, record: DrivenRecording) -> list[str]:
-    """Return warnings on chambers that seem open: pressure near ambient, and slightly lower during expansion."""
+    """Return a warning on chambers that seem open, but whose pressure is not near that of the ambient air."""
     ambient = float(driven.form["ambient"]["pressure_pa"])
     means = record.pressures_pa.mean(axis=1)
-    far = {side: float(mean) for side, mean in zip(SIDES, means, strict=True)
-           if abs(mean - ambient) > NEAR_AMBIENT * ambient}  # fmt: skip
-    found = []
-    if far:
-        twice = all(abs(mean - 2.0 * ambient) < NEAR_AMBIENT * ambient for mean in means)
-        shown = " and ".join(f"{mean / 1e5:.4g} bar in {side}" for side, mean in far.items())
-        cause = "the pressures are read as gauge, but seem to be absolute" if twice else "check the unit"
-        found.append(f"the chambers are open, but have {shown} at {ambient / 1e5:.4g} bar of the ambient air: {cause}")
-    speed = np.gradient(record.positions_m, record.grid_s)
-    moving = [side for side, p, way in zip(SIDES, record.pressures_pa, (1.0, -1.0), strict=True)
-              if np.ptp(p) > 0.0 and np.corrcoef(p, way * speed)[0, 1] > OPEN_TOGETHER]  # fmt: skip
-    if moving:
-        found.append(sentence("notes", "open_swapped", sides=" and ".join(moving)))
-    return found
+    far = np.abs(means - ambient) > NEAR_AMBIENT * ambient
+    if not far.any():
+        return []
+    twice = (np.abs(means - 2.0 * ambient) < NEAR_AMBIENT * ambient).all()
+    shown = " and ".join(f"{mean / 1e5:.4g} bar in {'ab'[k]}" for k, mean in enumerate(means) if far[k])
+    cause = "the pressures are read as gauge, but seem to be absolute" if twice else "check the unit"
+    return [f"the chambers are open, but have {shown} at {ambient / 1e5:.4g} bar of the ambient air: {cause}"]
 
 
 def open_recordings(driven: DrivenCircuit, records: Sequence[DrivenRecording]) -> list[DrivenRecording]:
     """Return the recordings whose chambers are open: their pressures stay constant."""
     return [r for r in records if r.is_open(np.array([*driven.volumes_m3(r.positions_m).values()]))]
-
-
-def refuse_open(driven: DrivenCircuit, records: Sequence[DrivenRecording]) -> list[DrivenRecording]:
-    """Return the recordings with closed chambers.
-
-    Raises
-    ------
-    FitError
-        No recording has closed chambers.
-    """
-    idle = open_recordings(driven, records)
-    used = [record for record in records if record not in idle]
-    if not used:
-        raise FitError(value=", ".join(record.name for record in idle), **stated("readings", "open"))
-    return used
 
 
 def other_readings(solution: FollowSolution) -> list[str]:
@@ -344,8 +322,11 @@ def identify_motion(
     records = driven_recordings(recordings, layout)
     driven = DrivenCircuit(described)
     notes = check_readings(driven, records)
-    used = refuse_open(driven, records)
-    notes += [f"{r.name} is not used: its chambers are open" for r in records if r not in used]
+    idle = open_recordings(driven, records)
+    notes += [f"{r.name} is not used: its chambers are open" for r in idle]
+    used = [record for record in records if record not in idle]
+    if not used:
+        raise FitError(value=", ".join(record.name for record in idle), **stated("readings", "open"))
     problem = FollowProblem(driven, used, driven.numbers_of(free), watch=watch)
     solution = solve_follow(problem, _first_point(described, used, free, problem))
     notes += [*poor_fit(solution), *other_readings(solution)]
@@ -363,7 +344,7 @@ def _first_point(
     driven = DrivenCircuit(described)
     own = FollowProblem(driven, records, driven.numbers_of(first), watch=problem.watch)
     found = solve_follow(own, passes=1).point
-    values = {n.name: v for n, v in zip(own.numbers, found.shared, strict=True)}
+    values = by_name([n.name for n in own.numbers], found.shared)
     shared = [values.get(n.name, start) for n, start in zip(problem.numbers, problem.begin().shared, strict=True)]
     return FollowPoint(np.array(shared), found.local)
 
@@ -375,27 +356,20 @@ def _result(
     beside: tuple[Rival, ...],
     parts: dict[str, tuple[float, ...]],
 ) -> FollowFit:
-    problem = solution.problem
-    values, intervals = _shared(solution)
-    reach = [solution.deviation(place) for place in range(len(values))]
-    spreads, stated = {}, {}
-    for name, value in values.items():
+    problem, values = solution.problem, solution.values
+    intervals, details, lost = {}, {}, []
+    for place, (name, value) in enumerate(values.items()):
         alike = [r for r in beside if name in r.values and r.gain < AS_WELL]
-        if alike:
-            values_alike = [value, *(r.values[name] for r in alike)]
-            spreads[name] = (min(values_alike), max(values_alike))
-        lows, highs = zip(intervals[name], *(r.intervals[name] for r in alike), strict=True)
+        near = [value, *(r.values[name] for r in alike)]
+        own = solution.intervals[name]
+        lows, highs = zip(own, *(r.intervals[name] for r in alike), strict=True)
         change = max((max(part / value, value / part) for part in parts.get(name, ())), default=1.0)
-        stated[name] = (min(*lows, value / change), max(*highs, value * change))
-    lost = tuple(
-        Undetermined(
-            n.name,
-            f"anything from {plain(stated[n.name][0])} to {plain(stated[n.name][1])} {n.unit} fits",
-            remedy_for(n.name),
-        )
-        for n, r in zip(problem.numbers, reach, strict=True)
-        if r > np.log1p(LARGEST_REACH)
-    )
+        low, high = intervals[name] = (min(*lows, value / change), max(*highs, value * change))
+        spread = (min(near), max(near)) if alike else None
+        details[name] = {"model_interval": own, "spread": spread, "parts": parts.get(name)}
+        if solution.deviation(place) > np.log1p(LARGEST_REACH):
+            reason = f"anything from {plain(low)} to {plain(high)} {problem.numbers[place].unit} fits"
+            lost.append(Undetermined(name, reason, remedy_for(name)))
     records = tuple(follow_record(solution, at) for at in range(len(problem.records)))
     problem.driven.values_form(problem.numbers, np.exp(solution.point.shared))
     heat = {side: problem.driven.heat_w_k(side) for side in SIDES}
@@ -410,8 +384,8 @@ def _result(
         units={n.name: n.unit for n in problem.numbers},
         free=tuple(values),
         covariance=np.zeros((0, 0)),
-        intervals=stated,
-        undetermined=lost,
+        intervals=intervals,
+        undetermined=tuple(lost),
         statistics={"recordings": float(len(records))},
         provenance=origin(
             described, [record.recording for record in problem.records], recordings=[vars(record) for record in records]
@@ -422,21 +396,8 @@ def _result(
         notes=tuple(notes),
         converged=solution.converged,
         solution=solution,
-        details={
-            name: {"model_interval": intervals[name], "spread": spreads.get(name), "parts": parts.get(name)}
-            for name in values
-        },
+        details=details,
     )
-
-
-def _shared(solution: FollowSolution) -> tuple[dict[str, float], dict[str, Interval]]:
-    """Return the shared parameters of a solution, and their 95 % intervals for its model."""
-    values, intervals = {}, {}
-    for place, (number, log) in enumerate(zip(solution.problem.numbers, solution.point.shared, strict=True)):
-        half = solution.deviation(place)
-        values[number.name] = float(np.exp(log))
-        intervals[number.name] = (float(np.exp(log - half)), float(np.exp(log + half)))
-    return values, intervals
 
 
 def _parts(solution: FollowSolution) -> dict[str, tuple[float, ...]]:
@@ -460,7 +421,7 @@ def _parts(solution: FollowSolution) -> dict[str, tuple[float, ...]]:
             solved = solve_follow(piece, FollowPoint(point.shared.copy(), local.copy()), passes=1)
         except FitError:
             continue  # this part does not depend on a number
-        for place, (name, value) in enumerate(_shared(solved)[0].items()):
+        for place, (name, value) in enumerate(solved.values.items()):
             if solved.deviation(place) < np.log1p(LARGEST_REACH):
                 found.setdefault(name, []).append(value)
     return {name: tuple(values) for name, values in found.items()}
@@ -538,7 +499,8 @@ def _rivals(described: Circuit, solution: FollowSolution, free: list[str]) -> tu
                 predictions = tuple(_predict(rival, solved.point, fold) / base for fold, base in pairs)
         except FitError:
             continue  # the circuit has no such number, or the recordings do not depend on it
-        found.append(Rival(name, words, 100.0 * float(np.max(solved.every_rms)), gain, predictions, *_shared(solved)))
+        worst = 100.0 * float(np.max(solved.every_rms))
+        found.append(Rival(name, words, worst, gain, predictions, solved.values, solved.intervals))
     return tuple(found)
 
 
@@ -558,9 +520,7 @@ def _predict(problem: FollowProblem, point: FollowPoint, fold: tuple[list[Interv
     own = replace(problem, parts=fold[0])
     solved = solve_follow(own, point, passes=1)
     every = replace(own, parts=[(0.0, np.inf)] * len(problem.records))
-    form = every.driven.values_form(every.numbers, np.exp(solved.point.shared))
-    raws = [every.raw(at, form, solved.point.local[at]) for at in range(len(every.records))]
-    whole_run = replace(solved, problem=every, raws=raws)
+    whole_run = replace(solved, problem=every, raws=simulated(every, solved.point)[0])
     return float(np.sum([np.square(whole_run.rms(at, part)) for at, part in enumerate(fold[1])]))
 
 
@@ -580,13 +540,6 @@ def described_circuit(circuit: FollowFit | Circuit | str | Path) -> tuple[Circui
     if isinstance(fit, FollowFit):
         return fit.circuit, fit
     return (circuit, None) if isinstance(circuit, Circuit) else (Circuit.load(str(circuit)), None)
-
-
-def hold_values(fit: FollowFit | Circuit, records: Sequence[DrivenRecording], watch: Watch | None) -> FollowSolution:
-    """Fit start and delay of further recordings, with all shared parameters held."""
-    circuit = fit.circuit if isinstance(fit, FollowFit) else fit
-    problem = FollowProblem(DrivenCircuit(circuit), records, [], watch=watch or Watch())
-    return solve_follow(problem)
 
 
 def simulate_motion(

@@ -135,7 +135,7 @@ class FollowProblem:
 def _first_weights(record: DrivenRecording) -> Array:
     """Return the weights of both pressures before the first fit."""
     size = np.maximum(FIRST_ERROR * record.ranges_pa, record.noise_pa)
-    step = float(np.median(np.diff(record.grid_s)))
+    step = np.median(np.diff(record.grid_s))
     return 1.0 / (size * np.sqrt(max(FIRST_TIME_S / step, 1.0)))
 
 
@@ -147,8 +147,6 @@ class FollowSolution:
     ----------
     problem : FollowProblem
     point : FollowPoint
-    cost : float
-        Half the sum of squared weighted residuals and priors.
     raws : list of ndarray
         Simulated pressures of each recording before its delay.
     covariance : ndarray
@@ -159,7 +157,6 @@ class FollowSolution:
 
     problem: FollowProblem
     point: FollowPoint
-    cost: float
     raws: list[Array]
     covariance: Array
     freedom: float
@@ -182,6 +179,19 @@ class FollowSolution:
         """RMS residuals of all recordings; see `rms`."""
         return [self.rms(at) for at in range(len(self.problem.records))]
 
+    @property
+    def values(self) -> dict[str, float]:
+        """Shared parameters by name, SI."""
+        return {n.name: float(np.exp(log)) for n, log in zip(self.problem.numbers, self.point.shared, strict=True)}
+
+    @property
+    def intervals(self) -> dict[str, Interval]:
+        """95 % intervals of the shared parameters, for the model of this solution."""
+        every = zip(
+            self.problem.numbers, self.point.shared, map(self.deviation, range(len(self.point.shared))), strict=True
+        )
+        return {n.name: (float(np.exp(log - half)), float(np.exp(log + half))) for n, log, half in every}
+
     def deviation(self, place: int) -> float:
         """Return the half width of the 95 % interval of a number, or of the logarithm of a shared number."""
         half = float(student(self.freedom) * np.sqrt(self.covariance[place, place]))
@@ -198,34 +208,27 @@ def solve_follow(problem: FollowProblem, begin: FollowPoint | None = None, passe
     """
     point = begin or problem.begin()
     with ThreadPoolExecutor(2) as pool:
-        point, raws, cost, converged = _search(problem, point, pool, is_first=True)
-        for _ in range(passes - 1):
+        raws, converged = [], False
+        for number in range(passes):
+            point, raws, converged = _search(problem, point, pool, is_first=number == 0)
             _reweight(problem, point, raws)
-            point, raws, cost, converged = _search(problem, point, pool, is_first=False)
-        _reweight(problem, point, raws)
-        residuals = [problem.residual(i, raws[i], point.local[i, 4]) for i in range(len(raws))]
+        residuals = [problem.residual(at, raw, point.local[at, 4]) for at, raw in enumerate(raws)]
         jacobians = _jacobians(problem, point, raws, residuals, pool)
     covariance, freedom = _covariance(problem, residuals, jacobians)
-    return FollowSolution(problem, point, cost, raws, covariance, freedom, converged)
+    return FollowSolution(problem, point, raws, covariance, freedom, converged)
 
 
-def _simulate(problem: FollowProblem, point: FollowPoint) -> list[Array]:
-    form = problem.driven.values_form(problem.numbers, np.exp(point.shared))
-    return [problem.raw(at, form, point.local[at]) for at in range(len(problem.records))]
-
-
-def _cost(problem: FollowProblem, point: FollowPoint, raws: list[Array]) -> float:
-    total = 0.0
-    for at, raw in enumerate(raws):
-        total += float(np.sum(problem.residual(at, raw, point.local[at, 4]) ** 2))
-        total += float(np.sum(_prior_rows(problem, at, point.local[at]) ** 2))
-    return 0.5 * total
-
-
-def _prior_rows(problem: FollowProblem, at: int, local: Array) -> Array:
-    spread = problem.priors(at)
-    there = np.isfinite(spread) & (spread > 0.0)
-    return np.where(there, local / np.where(there, spread, 1.0), 0.0)
+def simulated(problem: FollowProblem, point: FollowPoint) -> tuple[list[Array], list[Array], float]:
+    """Return simulated pressures, weighted residuals, and half the sum of their squares and those of the priors."""
+    form, total = problem.driven.values_form(problem.numbers, np.exp(point.shared)), 0.0
+    raws = [problem.raw(at, form, local) for at, local in enumerate(point.local)]
+    residuals = [problem.residual(at, raw, point.local[at, 4]) for at, raw in enumerate(raws)]
+    for at, residual in enumerate(residuals):
+        spread = problem.priors(at)
+        there = np.isfinite(spread) & (spread > 0.0)
+        total += np.sum(residual**2)
+        total += np.sum((point.local[at][there] / spread[there]) ** 2)
+    return raws, residuals, 0.5 * total
 
 
 def _jacobians(
@@ -305,18 +308,16 @@ def _places(shared: int, at: int) -> NDArray[np.intp]:
 
 def _search(
     problem: FollowProblem, point: FollowPoint, pool: ThreadPoolExecutor, *, is_first: bool
-) -> tuple[FollowPoint, list[Array], float, bool]:
+) -> tuple[FollowPoint, list[Array], bool]:
     """Return the minimum by damped Gauss-Newton steps."""
     try:
-        raws = _simulate(problem, point)
+        raws, residuals, cost = found = simulated(problem, point)
     except (ValueError, RuntimeError) as error:
         raise FitError(f"the circuit cannot be simulated at the start values: {error}") from None
-    cost, damping, small = _cost(problem, point, raws), 1e-3, 0
-    found, value = raws, cost
+    damping, small = 1e-3, 0
     low, high = problem.begin().shared - REACH, problem.begin().shared + REACH
     for step in range(MOST_STEPS):
         problem.watch.tell(step, MOST_STEPS, f"{problem.model}: steps of a search, most")
-        residuals = [problem.residual(i, raws[i], point.local[i, 4]) for i in range(len(raws))]
         matrix, gradient = _normal(problem, point, residuals, _jacobians(problem, point, raws, residuals, pool))
         diagonal = np.diag(matrix).copy()
         if is_first and step == 0:
@@ -330,20 +331,20 @@ def _search(
             trial.shared = np.clip(trial.shared, low, high)
             trial.local = np.clip(trial.local, -FARTHEST, FARTHEST)
             try:
-                found = _simulate(problem, trial)
-                value = _cost(problem, trial, found)
+                found = simulated(problem, trial)
             except (ValueError, RuntimeError):
-                value = np.inf
-            if value < cost:
+                found = [], [], np.inf
+            if found[2] < cost:
                 break
             damping = min(damping * 5.0, 1e6)
         else:
-            return point, raws, cost, True
-        gain, point, raws, cost, damping = (cost - value) / cost, trial, found, value, max(damping / 5.0, 1e-9)
+            return point, raws, True
+        gain, point, damping = (cost - found[2]) / cost, trial, max(damping / 5.0, 1e-9)
+        raws, residuals, cost = found
         small = small + 1 if gain < CONVERGED else 0
         if small >= 2 or gain < 1e-3 * CONVERGED:
-            return point, raws, cost, True
-    return point, raws, cost, False
+            return point, raws, True
+    return point, raws, False
 
 
 def _refuse_idle(problem: FollowProblem, diagonal: Array) -> None:
@@ -389,7 +390,8 @@ def _covariance(problem: FollowProblem, residuals: list[Array], jac: list[Array]
     meat, blocks = np.zeros((n, n)), 0
     for at, (rest, columns) in enumerate(zip(residuals, jac, strict=True)):
         grid, places = problem.records[at].grid_s, _places(shared, at)
-        begin, end = max(problem.parts[at][0], 0.0), min(problem.parts[at][1], float(grid[-1]))
+        begin = max(problem.parts[at][0], 0.0)
+        end = min(problem.parts[at][1], float(grid[-1]))
         count = max(int((end - begin) / BLOCK_S), LEAST_BLOCKS)
         edges = np.searchsorted(grid, np.linspace(begin, end, count + 1))
         for a, b in pairwise(edges):
