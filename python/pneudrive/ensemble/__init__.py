@@ -10,10 +10,7 @@ with lazily(__name__):
     from pneudrive.ensemble.design import Normal as Normal
     from pneudrive.ensemble.design import Triangular as Triangular
     from pneudrive.ensemble.design import Uniform as Uniform
-    from pneudrive.ensemble.design import grid as grid
     from pneudrive.ensemble.many import DaskExecutor as DaskExecutor
     from pneudrive.ensemble.many import Executor as Executor
-    from pneudrive.ensemble.many import simulate_many as simulate_many
     from pneudrive.ensemble.outputs import Output as Output
     from pneudrive.ensemble.outputs import own as own
-    from pneudrive.ensemble.sensitivity import sensitivity as sensitivity

@@ -19,7 +19,6 @@ import numpy as np
 from pneudrive import __version__
 from pneudrive.ensemble import engine
 from pneudrive.ensemble.design import EnsembleDesign, Rows, design_of
-from pneudrive.ensemble.engine import DONE
 from pneudrive.ensemble.outputs import SignalNames, member_plans, parted_starts, reductions
 from pneudrive.ensemble.variation import CircuitVariation, Variation
 from pneudrive.errors import CommandError, SimulationError, warn
@@ -107,7 +106,8 @@ class EnsembleStudy:
         """Return chunks with this number of members each."""
         sampled = [output for output in self.outputs if output.word in ("samples", "own")]
         samples = sum(len(output.columns) * self.sample_times(output.rate_hz).size for output in sampled)
-        size, step = self.rows.size, members or max(1, min(CHUNK, MOST_SAMPLES // max(samples, 1)))
+        size = self.rows.size
+        step = members or max(1, min(CHUNK, MOST_SAMPLES // max(samples, 1)))
         return [Chunk(first, min(first + step, size)) for first in range(0, size, step)]
 
     def part(self, chunk: Chunk) -> EnsembleStudy:
@@ -429,7 +429,7 @@ class ChunkStore:
         import polars as pl
 
         frames = (pl.read_parquet(self.path(chunk), columns=["status"]) for chunk in self.chunks)
-        return sum(int((frame["status"] != DONE).sum()) for frame in frames)
+        return sum(int((frame["status"] != engine.DONE).sum()) for frame in frames)
 
     def remove(self) -> None:
         """Remove the folder with all chunks."""

@@ -15,6 +15,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
+from scipy.linalg import cho_solve, cholesky, solve_triangular
 
 from pneudrive.estimate.estimates import MOST_FREEDOM, NORMAL_95, Estimate, FTest, student
 
@@ -160,55 +161,6 @@ def corrected_criterion(deviance: float, parameters: int, n: int) -> float:
     return float(deviance + 2 * parameters + 2 * parameters * (parameters + 1) / spare) if spare > 0 else np.inf
 
 
-# --- Positive definite and triangular systems with LAPACK only.
-#
-# Arguments are not checked, because small systems are solved very often and the checks would take most of the time.
-
-
-def factorise(matrix: Array) -> Array:
-    """Return the lower Cholesky factor L of a symmetric positive definite matrix L L^T, shape (n, n).
-
-    Raises
-    ------
-    numpy.linalg.LinAlgError
-        The matrix is not positive definite.
-    """
-    from scipy.linalg.lapack import dpotrf  # pyright: ignore[reportAttributeAccessIssue] - it has no stub
-
-    lower, info = dpotrf(matrix, lower=True, clean=True)
-    if info:
-        raise np.linalg.LinAlgError(f"the leading minor of order {info} is not positive definite")
-    return lower
-
-
-def solve_factorised(lower: Array, right: Array) -> Array:
-    """Return the solution of ``L L^T x = right``, shape (n,) or (n, m)."""
-    from scipy.linalg.lapack import dpotrs  # pyright: ignore[reportAttributeAccessIssue] - it has no stub
-
-    return dpotrs(lower, right, lower=True)[0]
-
-
-def solve_triangle(triangle: Array, right: Array, *, is_lower: bool = True) -> Array:
-    """Return the solution of ``L x = right`` with a lower or upper triangle, shape (n,) or (n, m).
-
-    Examples
-    --------
-    >>> solve_triangle(np.array([[2.0, 0.0], [1.0, 1.0]]), np.array([4.0, 5.0]))
-    array([2., 3.])
-    """
-    from scipy.linalg.lapack import dtrtrs  # pyright: ignore[reportAttributeAccessIssue]
-
-    if not right.size:
-        return np.empty_like(right)
-    if triangle.flags.f_contiguous:
-        found, info = dtrtrs(triangle, right, lower=is_lower)
-    else:  # LAPACK reads columns: the transposed triangle
-        found, info = dtrtrs(triangle.T, right, lower=not is_lower, trans=1)
-    if info:
-        raise np.linalg.LinAlgError(f"the triangle has a zero in row {info - 1}")
-    return found
-
-
 # --- Linear mixed models: restricted likelihood, with the uncertainty of the standard deviations.
 
 #: Bounds of a standard deviation, as factors of its component's scale.
@@ -293,7 +245,7 @@ class MixedModel:
             Standard deviation of the difference.
         """
         state = _State.of(self, sd)
-        inverse = solve_factorised(state.lower, np.eye(self.y.size))
+        inverse = state.solve(np.eye(self.y.size))
         vx = inverse @ self.x
         diagonal = np.diag(inverse) - np.einsum("ij,jk,ik->i", vx, state.beta_covariance, vx)
         # Zero if a column of x belongs to a single observation, because the others do not predict it.
@@ -343,12 +295,19 @@ class _State:
 
     @classmethod
     def of(cls, model: MixedModel, sd: Array) -> _State:
-        lower = factorise(model.covariance(sd))
-        half_x, half_y = solve_triangle(lower, model.x), solve_triangle(lower, model.y)
+        lower = cholesky(model.covariance(sd), lower=True, check_finite=False)
+        half_x, half_y = (
+            solve_triangular(lower, right, lower=True, check_finite=False) for right in (model.x, model.y)
+        )
         q, r = np.linalg.qr(half_x)
-        beta, inverse = (solve_triangle(r, right, is_lower=False) for right in (q.T @ half_y, np.eye(r.shape[0])))
-        solved = solve_factorised(lower, model.y - model.x @ beta)
+        rights = q.T @ half_y, np.eye(r.shape[0])
+        beta, inverse = (solve_triangular(r, right, check_finite=False) for right in rights)
+        solved = cho_solve((lower, True), model.y - model.x @ beta, check_finite=False)
         return cls(sd, solved, beta, inverse @ inverse.T, lower, half_x, r)
+
+    def solve(self, right: Array) -> Array:
+        """Return V^-1 times `right`, shape (n,) or (n, m)."""
+        return cho_solve((self.lower, True), right, check_finite=False)
 
     def deviance(self, model: MixedModel) -> float:
         """Twice the negative logarithm of the restricted likelihood."""
@@ -421,7 +380,7 @@ class MixedFit:
                 cross += s2 * kernel
                 own += s2 * prior[name]
             means.append(x @ state.beta + cross @ state.solved)
-            half = solve_triangle(state.lower, cross.T)
+            half = solve_triangular(state.lower, cross.T, lower=True, check_finite=False)
             left = x - half.T @ state.half_x
             own = own - np.sum(half**2, axis=0) + np.einsum("ij,jk,ik->i", left, state.beta_covariance, left)
             variances.append(np.maximum(own, 0.0))
@@ -567,7 +526,7 @@ def _cost(model: MixedModel, log_sd: Array, scales: Array) -> tuple[float, Array
     """Return the negative log posterior of the log standard deviations and its gradient."""
     sd = np.exp(log_sd)
     state = _State.of(model, sd)
-    inverse = solve_factorised(state.lower, np.eye(model.y.size))
+    inverse = state.solve(np.eye(model.y.size))
     vx = inverse @ model.x
     p = inverse - vx @ state.beta_covariance @ vx.T
     gradient = np.empty(sd.size)
