@@ -91,7 +91,7 @@ def fit(
     --------
     pneudrive fit map.parquet --hold-out pressure --out fit.toml
     """
-    names = [one_of("--laws", name, law_choice.NAMES) for name in names_in(laws) or law_choice.CANDIDATES]
+    names = [one_of("--laws", name, model.NAMES) for name in names_in(laws) or model.CANDIDATES]
     if pressure:
         one_of("--pressure", pressure, dict.fromkeys(("none", *model.PRESSURE_FORMS)))
     if out.suffix != ".toml" or not out.parent.is_dir():

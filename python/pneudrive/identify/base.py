@@ -283,7 +283,8 @@ class Fit(Viewed):
 
     def __post_init__(self) -> None:
         """Remove the intervals of undetermined values."""
-        lost, every = names_of(self.undetermined), self.intervals.items() if self.converged else ()
+        lost = names_of(self.undetermined)
+        every = self.intervals.items() if self.converged else ()
         ends = {name: (float(low), float(high)) for name, (low, high) in every if name not in lost}
         object.__setattr__(self, "intervals", Intervals(ends))
 

@@ -15,8 +15,8 @@ from pneudrive.estimate.estimates import rms, student
 from pneudrive.friction.pressure import MINIMUM_RANGE_PA
 from pneudrive.identify.identified import sentence
 from pneudrive.identify.static import model as sliding
-from pneudrive.identify.static.diagnose import Support, choose_model, estimated, with_knee
-from pneudrive.identify.static.fit import NAMES, assembled, fit_values
+from pneudrive.identify.static.diagnose import choose_model, estimated, with_knee
+from pneudrive.identify.static.fit import assembled, fit_values
 from pneudrive.identify.static.result import FrictionFit
 from pneudrive.identify.static.survey import SPEED_SPAN, of_values, pressure_levels, row_labels
 from pneudrive.progress import Flag, Watch
@@ -30,19 +30,10 @@ if TYPE_CHECKING:
     import xarray as xr
 
     from pneudrive.arrays import Array, Ints, Plain
-    from pneudrive.identify.static.model import Observations
 
 
 # --- Comparison of laws and dependences on pressure by cross-validation over conditions.
 
-#: Compared laws by name.
-CANDIDATES = {
-    "coulomb": sliding.FrictionModel("coulomb"),
-    "stribeck gaussian": sliding.FrictionModel("stribeck"),
-    "stribeck exponential": sliding.FrictionModel("stribeck", exponent=1.0),
-    "stribeck lorentzian": sliding.FrictionModel("stribeck", lorentzian=True),
-    "stribeck free": sliding.FrictionModel("stribeck", exponent=None),
-}
 #: Probability of the intervals in which held-out values are counted.
 PROBABILITY = 0.9
 #: Relative error of a straight line above which it is reported.
@@ -137,7 +128,7 @@ class LawComparison(Viewed):
 
 def select_friction_law(
     friction_map: xr.Dataset,
-    laws: Sequence[str] = tuple(CANDIDATES),
+    laws: Sequence[str] = tuple(sliding.CANDIDATES),
     *,
     pressure: Sequence[str] | None = None,
     hold_out: str | Sequence[str] | None = None,
@@ -176,12 +167,12 @@ def select_friction_law(
         A name is unknown, or there are fewer than three conditions to hold out.
     """
     for name in laws:
-        if name not in NAMES:
-            raise FitError(f"the law {name!r} cannot be compared", remedy=nearest(name, NAMES))
+        if name not in sliding.NAMES:
+            raise FitError(f"the law {name!r} cannot be compared", remedy=nearest(name, sliding.NAMES))
     data, _, selected = sliding.selected(friction_map, exclude_flags=exclude_flags)
     forms = _forms(data, pressure)
     held_out, folds = _folds(friction_map, data, hold_out)
-    wanted = [(name, form) for name in dict.fromkeys(NAMES[law] for law in laws) for form in forms]
+    wanted = [(name, form) for name in dict.fromkeys(sliding.NAMES[law] for law in laws) for form in forms]
     each = Watch(progress, cancel).each(wanted, "laws fitted, each with every condition left out once")
     tried = [_compared(name, form, data, folds, selected) for name, form in each]
     rows = [row for row in tried if isinstance(row, Compared)]
@@ -217,7 +208,7 @@ def _distinct(rows: list[Compared]) -> tuple[list[Compared], list[str]]:
     return kept, [words[what].format(names) for what, names in told.items() if names]
 
 
-def _forms(data: Observations, wanted: Sequence[str] | None) -> tuple[str | None, ...]:
+def _forms(data: sliding.Observations, wanted: Sequence[str] | None) -> tuple[str | None, ...]:
     if wanted is not None:
         for form in wanted:
             if form not in sliding.PRESSURE_FORMS:
@@ -230,7 +221,9 @@ def _forms(data: Observations, wanted: Sequence[str] | None) -> tuple[str | None
     return (None, *(forms if any(varied) else ()))
 
 
-def _folds(friction_map: xr.Dataset, data: Observations, wanted: str | Sequence[str] | None) -> tuple[str, Ints]:
+def _folds(
+    friction_map: xr.Dataset, data: sliding.Observations, wanted: str | Sequence[str] | None
+) -> tuple[str, Ints]:
     """Return the kind of held-out conditions, and for each value the index of its group."""
     if wanted is None:
         wanted = "pressure" if pressure_levels(data).max() >= 2 else "speed"
@@ -249,11 +242,11 @@ def _folds(friction_map: xr.Dataset, data: Observations, wanted: str | Sequence[
     return name, np.asarray(folds, dtype=np.int64)
 
 
-def _compared(name: str, form: str | None, data: Observations, folds: Ints, selected: Plain) -> Compared | str:
+def _compared(name: str, form: str | None, data: sliding.Observations, folds: Ints, selected: Plain) -> Compared | str:
     """Fit and predict, or return the reason why this is not possible."""
     wide = float(data.speed_m_s.max() / data.speed_m_s.min()) >= SPEED_SPAN
     try:
-        wanted = replace(CANDIDATES[name], viscous=wide)
+        wanted = replace(sliding.CANDIDATES[name], viscous=wide)
         fit = fit_values(wanted, data, pressure=form, options=selected)
     except FitError as problem:
         return f"{name} is not compared: {problem.what}"
@@ -291,15 +284,15 @@ def _compared(name: str, form: str | None, data: Observations, folds: Ints, sele
     )
 
 
-def _without(model: sliding.FrictionModel, form: str | None, rest: Observations) -> FrictionFit:
+def _without(model: sliding.FrictionModel, form: str | None, rest: sliding.Observations) -> FrictionFit:
     """Fit a subset of the values with the model that all values together determine."""
     plain = replace(model, chambers=(), pressure="linear", knee_pa=None)
     chosen, lost = choose_model(plain, rest, pressure=form)
     found, scatter = estimated(with_knee(chosen, rest), rest)
-    return assembled(model.law, Support(found, scatter, {}, []), lost, [], {"direction": "both"})
+    return assembled(model.law, found, scatter, {}, lost, [], {"direction": "both"})
 
 
-def _condition(at: Observations) -> str:
+def _condition(at: sliding.Observations) -> str:
     def span(values: Array, factor: float, unit: str) -> str:
         low, high = factor * float(values.min()), factor * float(values.max())
         return f"{low:.3g} {unit}" if f"{low:.3g}" == f"{high:.3g}" else f"{low:.3g} to {high:.3g} {unit}"
@@ -595,7 +588,7 @@ def _noise(source: FrictionFit | Prior) -> float:
     return float(np.sqrt(source.statistics["variance"])) * typical
 
 
-def _grid(limits: Limits, count: int = SPEEDS) -> Observations:
+def _grid(limits: Limits, count: int = SPEEDS) -> sliding.Observations:
     speeds = np.geomspace(*limits.speed_m_s, count)
     speeds[1:-1] = [float(f"{v:.{DIGITS}g}") for v in speeds[1:-1]]
     pairs = np.array(limits.gauges_pa, dtype=float).reshape(-1, 2)
@@ -604,7 +597,7 @@ def _grid(limits: Limits, count: int = SPEEDS) -> Observations:
     )
 
 
-def _gradients(prior: Prior, at: Observations) -> Array:
+def _gradients(prior: Prior, at: sliding.Observations) -> Array:
     return np.array([prior.model.value_and_jacobian(q, at)[1] for q in prior.draws])
 
 

@@ -12,8 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from pneudrive import units
 from pneudrive.describe import Circuit
-from pneudrive.describe.files.provenance import marks as marks_of
-from pneudrive.describe.files.provenance import values as values_of
+from pneudrive.describe.files import provenance
 from pneudrive.describe.marks import Quantity, StatedPressure, parameter_quantities
 from pneudrive.describe.tables.dependences import SealPressure
 from pneudrive.describe.tables.friction import assumed_with, friction_laws, has_bristles
@@ -222,7 +221,7 @@ def apply_identified(
     if beside is not None:
         found = found.lowered({f"friction.{name}": force for name, force in beside.sliding.items()})
     drive = with_shape(drive, found.values)
-    known = marks_of(drive)
+    known = provenance.marks(drive)
     law = changes.get("friction.law")
     entry = drive.friction.entry if law is None else friction_laws()[str(law)]
     known |= {f"friction.{key}": mark for key, mark in parameter_quantities(entry).items()}
@@ -247,7 +246,7 @@ def apply_identified(
     if beside is not None:
         changes |= {f"friction.{key}": table for key, table in beside.tables.items()}
     after = drive.replace(changes)
-    marks = marks_of(after)
+    marks = provenance.marks(after)
     origins = found.origins(marks)
     if beside is not None:
         values = {name: value for name, (value, *_) in beside.intervals.items()}
@@ -312,17 +311,18 @@ def _within_limits(found: Identified, drive: Drive, changed: Keyed) -> dict[str,
     known = drive.friction.parameters
     if len(kept) != 1 or kept[0].removeprefix("friction.") not in known or "friction.law" in changed:
         return {}
-    own, limit = known[kept[0].removeprefix("friction.")], found.values[breakaway if kept == [coulomb] else coulomb]
+    own = known[kept[0].removeprefix("friction.")]
+    limit = found.values[breakaway if kept == [coulomb] else coulomb]
     if own <= limit if kept == [coulomb] else own >= limit:
         return {}
     warn(sentence("notes", "limit", name=kept[0], own=own, limit=limit))
     other = breakaway if kept == [coulomb] else coulomb
-    return {kept[0]: _rounded(limit, found.intervals.get(other), marks_of(drive)[other])}
+    return {kept[0]: _rounded(limit, found.intervals.get(other), provenance.marks(drive)[other])}
 
 
 def _chamber(drive: Drive, name: str) -> Quantity | None:
     """Return the annotation of a value of one chamber, even if the drive does not state the value."""
-    known = values_of(drive)
+    known = provenance.values(drive)
     if name in known:
         mark = known[name].mark
         return mark if isinstance(mark, Quantity) else None
@@ -334,7 +334,7 @@ def _chamber(drive: Drive, name: str) -> Quantity | None:
 
 def _both(drive: Drive, table: str) -> dict[str, str]:
     """Return the present values of both chambers; empty without values."""
-    known = values_of(drive)
+    known = provenance.values(drive)
     out = {}
     for c in "ab":
         mark = _chamber(drive, f"{table}.{c}")

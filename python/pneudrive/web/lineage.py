@@ -25,10 +25,9 @@ from pneudrive.files.content import read_json
 from pneudrive.files.inputs import INPUTS
 from pneudrive.files.tables import open_table
 from pneudrive.friction.friction_map import read_map
-from pneudrive.identify.design import CANDIDATES
 from pneudrive.identify.dynamic.result import DriveFit
 from pneudrive.identify.files import AnyFit, read_fit
-from pneudrive.identify.static.model import NOT_SLIDING, FrictionModel, fingerprint
+from pneudrive.identify.static.model import CANDIDATES, NOT_SLIDING, FrictionModel, fingerprint
 from pneudrive.identify.static.result import FrictionFit, values_of_fit
 from pneudrive.signals.drive_recording import NEEDED, read_drive_recordings, read_volume_recordings
 from pneudrive.signals.layout import stem

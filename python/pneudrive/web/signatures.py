@@ -19,8 +19,7 @@ from pneudrive.describe.files.catalogue import entries
 from pneudrive.errors import CommandError, PneudriveError, package_table
 from pneudrive.files.writing import is_held
 from pneudrive.fmu.package import VERSIONS
-from pneudrive.identify.design import CANDIDATES
-from pneudrive.identify.static.model import PRESSURE_FORMS
+from pneudrive.identify.static.model import CANDIDATES, PRESSURE_FORMS
 from pneudrive.signals.drive_recording import NEEDED
 from pneudrive.signals.load import is_trajectory
 from pneudrive.simulation.trajectory import SUFFIXES, columns_in, meaning

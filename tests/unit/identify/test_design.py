@@ -10,8 +10,8 @@ import pytest
 from pneudrive.errors import FitError
 from pneudrive.estimate.design import DesignSpace, exchange, information
 from pneudrive.identify import fit_friction
-from pneudrive.identify.design import CANDIDATES, Limits, Prior, _gradients, _half_widths, next_measurements
-from pneudrive.identify.static.model import at_conditions
+from pneudrive.identify.design import Limits, Prior, _gradients, _half_widths, next_measurements
+from pneudrive.identify.static.model import CANDIDATES, at_conditions
 
 RANGE = (1e-3, 0.45)
 

@@ -352,7 +352,7 @@ def best_scale(
     from scipy.optimize import fminbound, nnls
 
     def away(log_scale: float) -> float:
-        return float(nnls(columns(float(np.exp(log_scale))), curve.friction_n)[1])
+        return float(nnls(columns(np.exp(log_scale)), curve.friction_n)[1])
 
     grid = np.linspace(np.log(lowest), np.log(highest), SCALES)
     distances = [away(float(g)) for g in grid]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -178,7 +178,7 @@ def without_support(found: RobustEstimate, intervals: Ends) -> tuple[FrictionMod
     smaller = replace(model, viscous=False)
     if not changed(data.speed_m_s):
         return smaller, _lost(["viscous"], "same_speeds", mean=_mm_s(float(data.speed_m_s.mean())))
-    typical = float(np.median(np.abs(data.friction_n)))
+    typical = np.median(np.abs(data.friction_n))
     reach = fastest * (intervals["viscous"][1] - max(intervals["viscous"][0], 0.0))
     beyond = _mm_s(3.0 * fastest)
     if found.active[model.names.index("viscous")] and reach < 1e-3 * typical:
@@ -229,25 +229,25 @@ SHAPES = ((0.5, False), (1.0, False), (2.0, False), (2.0, True))
 NEIGHBOURS = np.geomspace(1.0, 40.0, 61)[1:]
 
 
-@dataclass(frozen=True)
-class Support:
-    """Estimate of the supported part of a law. The standard errors of the data include the scatter."""
+def shrunk_to_the_data(
+    model: FrictionModel, stated: Observations
+) -> tuple[RobustEstimate, float, Ends, list[Undetermined]]:
+    """Fit a law without unsupported parts, which would only widen the intervals of the other parameters.
 
-    found: RobustEstimate
-    scatter_n: float
-    intervals: Ends
-    lost: list[Undetermined]
-
-
-def shrunk_to_the_data(model: FrictionModel, stated: Observations) -> Support:
-    """Fit a law without unsupported parts, which would only widen the intervals of the other parameters."""
+    Returns
+    -------
+    RobustEstimate, float
+        Estimate of the supported part, whose standard errors include the scatter; and the scatter, N.
+    dict, list of Undetermined
+        Intervals, and statements on the unsupported parts.
+    """
     lost: list[Undetermined] = []
     while True:
         found, scatter = estimated(model, stated)
         intervals = interval_over_knees(found, student(found.dof))
         smaller, statements = without_support(found, intervals)
         if smaller == model:
-            return Support(found, scatter, intervals, lost)
+            return found, scatter, intervals, lost
         model, lost = smaller, lost + statements
 
 
@@ -300,13 +300,13 @@ def interval_over_knees(found: RobustEstimate, quantile: float) -> Ends:
     return out
 
 
-def interval_over_shapes(support: Support) -> Ends:
+def interval_over_shapes(found: RobustEstimate, intervals: Ends) -> Ends:
     """Return the intervals of the forces over all Stribeck shapes that fit as well as the chosen shape.
 
     The breakaway force depends on the unknown shape at low speed. At a single exponent, the intervals of the forces
     would be too narrow. Parameters of the shape keep their own intervals.
     """
-    found, model, out = support.found, support.found.model, dict(support.intervals)
+    model, out = found.model, dict(intervals)
     if not model.stribeck or model.exponent is None or found.dof < 1:
         return out
     for exponent, lorentzian in SHAPES:
@@ -326,5 +326,5 @@ def _excess_p_value(found: RobustEstimate) -> float | None:
         return None
     without = found.pseudo_fit(found.model.without_stribeck())
     extra = len(found.model.names) - len(without.model.names)
-    gain = float(np.sum(without.residual**2)) - found.pseudo_cost
+    gain = np.sum(without.residual**2) - found.pseudo_cost
     return float(fdtrc(extra, found.dof, max(gain, 0.0) / extra / found.variance))

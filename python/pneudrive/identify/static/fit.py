@@ -30,7 +30,7 @@ from pneudrive.identify.static.result import LAWS, FrictionFit, LawFit
 from pneudrive.identify.static.robust import RobustEstimate, estimate
 
 if TYPE_CHECKING:
-    from collections.abc import Collection, Mapping, Sequence
+    from collections.abc import Collection, Iterator, Mapping, Sequence
 
     import xarray as xr
 
@@ -38,13 +38,6 @@ if TYPE_CHECKING:
     from pneudrive.describe.tables.friction import Friction
     from pneudrive.friction.characterisation import Characterisation
     from pneudrive.identify.base import Undetermined
-
-#: Names of laws in commands and options -> law with its shape.
-NAMES = {
-    "coulomb": "coulomb",
-    "stribeck": "stribeck gaussian",
-}
-NAMES |= {f"stribeck {shape}": f"stribeck {shape}" for shape in sliding.STRIBECK_SHAPES}
 
 
 def fit_friction(
@@ -99,26 +92,18 @@ def fit_friction(
     all rows, is given separately for each parameter (`FrictionFit.systematic`). Methods: [huber2009], [bates1988],
     [smyth2004], [paule1982].
     """
-    name, _, shape = law.partition(" ")
-    known = (
-        (name, LAWS, "sliding law"),
-        (pressure, sliding.PRESSURE_FORMS, "dependence on pressure"),
-        (shape or "free", sliding.STRIBECK_SHAPES, "Stribeck shape"),
-    )
-    for given, names, what in known:
+    forms = sliding.PRESSURE_FORMS
+    for given, names, what in ((law, sliding.NAMES, "sliding law"), (pressure, forms, "dependence on pressure")):
         if given not in names:
             raise FitError(f"there is no {what} {given!r}", remedy=nearest(str(given), names))
     if direction not in (None, 1, -1):
         raise FitError("direction must be None, +1 or -1", value=f"direction = {direction!r}")
-    if name == "coulomb" and shape:
-        raise FitError.of("identify.no_curve", shape=shape)
-    exponent = {"exponential": 1.0, "free": None}.get(shape, 2.0)
     data, notes, provenance = sliding.selected(
         friction_map, direction, exclude_flags, needs_ambient=pressure_dependence
     )
     notes += sliding.simulated(friction_map)
     form = pressure if pressure_dependence else None
-    wanted = sliding.FrictionModel(name, exponent, viscous=viscous, lorentzian=shape == "lorentzian")
+    wanted = replace(sliding.CANDIDATES[sliding.NAMES[law]], viscous=viscous)
     options = {"pressure_dependence": pressure_dependence} | provenance
     return fit_values(wanted, data, pressure=form, notes=notes, options=options)
 
@@ -143,15 +128,13 @@ def fit_values(
     notes, options
         Added to the result and to its provenance.
     """
-    said = [*notes, *_confounding(data, pressure is not None)]
     model, lost = selection.choose_model(wanted, data, pressure=pressure)
-    support = selection.shrunk_to_the_data(selection.with_knee(model, data), data)
-    support = replace(support, intervals=selection.interval_over_shapes(support))
-    lost += support.lost + selection.diagnose(support.found, support.intervals)
-    said += _remarks(support)
-    provenance = {"version": __version__, "map_sha256": sliding.fingerprint(data), **_ranges(data)}
-    provenance |= options
-    fit = assembled(wanted.law, support, lost, said, provenance)
+    found, scatter_n, intervals, unsupported = selection.shrunk_to_the_data(selection.with_knee(model, data), data)
+    intervals = selection.interval_over_shapes(found, intervals)
+    lost += unsupported + selection.diagnose(found, intervals)
+    said = [*notes, *_confounding(data, pressure is not None), *_remarks(found, scatter_n)]
+    provenance = {"version": __version__, "map_sha256": sliding.fingerprint(data), **_ranges(data), **options}
+    fit = assembled(wanted.law, found, scatter_n, intervals, lost, said, provenance)
     return replace(fit, notes=(*fit.notes, *fit.correlated()))
 
 
@@ -162,36 +145,38 @@ def _ranges(data: sliding.Observations) -> dict[str, list[float]]:
     return {n: [float(values.min()), float(values.max())] for n, values in columns.items() if values.size} | levels
 
 
-def _remarks(support: selection.Support) -> list[str]:
-    said, found = [], support.found
-    if support.scatter_n > 0.0:
-        said.append(sentence("notes", "scatter", scatter=support.scatter_n))
+def _remarks(found: RobustEstimate, scatter_n: float) -> Iterator[str]:
+    if scatter_n > 0.0:
+        yield sentence("notes", "scatter", scatter=scatter_n)
     if len(found.data) == len(found.model.names):
-        said.append(sentence("notes", "no_freedom"))
+        yield sentence("notes", "no_freedom")
     if np.isfinite(found.rival):
-        said.append(sentence("notes", "rival", velocity=1e3 * found.rival))
-    return said
+        yield sentence("notes", "rival", velocity=1e3 * found.rival)
 
 
-def _confounding(data: sliding.Observations, pressure_dependence: bool) -> list[str]:
-    notes = []
+def _confounding(data: sliding.Observations, pressure_dependence: bool) -> Iterator[str]:
     pressure = data.gauge_a_pa + data.gauge_b_pa
     if len(data) < 3 or np.ptp(pressure) < 1e4:
-        return notes
+        return
     if not pressure_dependence:
-        notes.append(sentence("notes", "averaged", span=1e-5 * np.ptp(pressure)))
+        yield sentence("notes", "averaged", span=1e-5 * np.ptp(pressure))
     if changed(data.speed_m_s):
-        correlation = float(np.corrcoef(np.log(data.speed_m_s), pressure)[0, 1])
+        correlation = np.corrcoef(np.log(data.speed_m_s), pressure)[0, 1]
         if abs(correlation) > CONFOUNDED:
-            notes.append(sentence("notes", "confounded", correlation=correlation))
-    return notes
+            yield sentence("notes", "confounded", correlation=correlation)
 
 
 def assembled(
-    law: str, support: selection.Support, lost: list[Undetermined], notes: list[str], provenance: dict
+    law: str,
+    found: RobustEstimate,
+    scatter_n: float,
+    intervals: selection.Ends,
+    lost: list[Undetermined],
+    notes: list[str],
+    provenance: dict,
 ) -> FrictionFit:
     """Return the fit of an estimate: natural parameters with covariance, intervals and statistics."""
-    found, model = support.found, support.found.model
+    model = found.model
     parameters = _parameters(law, model, found.natural)
     return FrictionFit(
         law=law,
@@ -199,26 +184,23 @@ def assembled(
         units={n: sliding.unit_of(n) for n in (*parameters, *model.names)},
         free=model.names,
         covariance=found.covariance,
-        intervals=support.intervals,
+        intervals=intervals,
         systematic=found.systematic,
         undetermined=tuple(lost),
         notes=tuple(notes),
-        statistics=found.statistics(support.scatter_n),
+        statistics=found.statistics(scatter_n),
         provenance=provenance,
         model=model,
         observations=found.data,
         weights=found.weight,
-        profiler=support.intervals.__getitem__,
+        profiler=intervals.__getitem__,
     )
 
 
 def _parameters(law: str, model: sliding.FrictionModel, theta: dict[str, float]) -> dict[str, float]:
     """Return every parameter of the requested law; NaN if its value is not determined."""
-    names = ["coulomb", "viscous"]
-    if law == "stribeck":
-        names = ["coulomb", "breakaway", "stribeck_velocity", "stribeck_exponent", "viscous"]
-        if model.lorentzian:
-            names.remove("stribeck_exponent")
+    curve = ("breakaway", "stribeck_velocity", "stribeck_exponent") if law == "stribeck" else ()
+    names = ("coulomb", *(curve[:2] if model.lorentzian else curve), "viscous")
     parameters = {name: theta.get(name, np.nan) for name in names}
     if "stribeck_exponent" in parameters and model.stribeck and model.exponent is not None:
         parameters["stribeck_exponent"] = float(model.exponent)
@@ -311,7 +293,7 @@ def _profile(found: RobustEstimate, name: str) -> Interval:
         cost = float(np.sum(((found.pseudo - tried.value(q, data)) / data.stderr_n) ** 2))
         return cost, np.insert(tried.natural(q), k, natural(coordinate))
 
-    at, step = (float(np.log(theta[k])), spread / theta[k]) if is_positive else (float(theta[k]), spread)
+    at, step = (np.log(theta[k]), spread / theta[k]) if is_positive else (float(theta[k]), spread)
     farthest = FARTHEST_LOG if is_positive else np.inf
     low, high = profile_interval(held, theta, at, reach * step, found.pseudo_cost, found.variance * reach**2, farthest)
     return natural(low), natural(high)
@@ -326,7 +308,7 @@ def _with_sizes(model: sliding.AnyLaw, data: sliding.Observations) -> sliding.An
     q = model.internal(start)
     value, jac = model.value_and_jacobian(q, data)
     slope = np.abs(jac).max(axis=0) / np.diag(model.natural_jacobian(q))
-    sizes = 0.1 * float(np.median(np.abs(value))) / np.where(slope > 0.0, slope, np.inf)
+    sizes = 0.1 * np.median(np.abs(value)) / np.where(slope > 0.0, slope, np.inf)
     uppers = [entry["upper"] for entry in model.entries()]
     most = np.array([np.inf if top is None else 0.5 * top for top in uppers])
     return replace(model, start=tuple(np.where(zero, np.minimum(sizes, most), start).tolist()))
@@ -372,26 +354,24 @@ def fit_file(group: str) -> str:
 def fit_groups(
     table: xr.Dataset, names: Sequence[str], exclude_flags: Sequence[str] = sliding.NOT_SLIDING
 ) -> tuple[dict[str, dict[str, FrictionFit]], list[str]]:
-    """Fit each law to each group of rows of a map. Return group -> law -> fit, and failed fits."""
+    """Fit each law to each group of rows of a map. Return group -> law -> fit, and failed fits.
+
+    Friction may depend on pressure if the group has several pressures.
+    """
     fits: dict[str, dict[str, FrictionFit]] = {}
     problems: list[str] = []
     for group in dict.fromkeys(names):
         part = table.isel(row=np.flatnonzero(np.array(names) == group))
+        is_varied = any(float(np.ptp(part[f"pressure_{side}_pa"].to_numpy())) > MINIMUM_RANGE_PA for side in "ab")
         for law in LAWS:
             label = f"{group}, {law}"
             try:
-                found = fit_map(part, law, exclude_flags)
+                found = fit_friction(part, law, pressure_dependence=is_varied, exclude_flags=exclude_flags)
             except FitError as error:
                 problems.append(f"{label}: {error.what}")
             else:
                 fits.setdefault(group, {})[law] = found
     return fits, problems
-
-
-def fit_map(table: xr.Dataset, law: str, exclude_flags: Sequence[str]) -> FrictionFit:
-    """Fit a law to a friction map. Friction may depend on pressure if the map has several pressures."""
-    spread = max(float(np.ptp(table[f"pressure_{side}_pa"].to_numpy())) for side in ("a", "b"))
-    return fit_friction(table, law, pressure_dependence=spread > MINIMUM_RANGE_PA, exclude_flags=exclude_flags)
 
 
 def row_seals_and_runs(characterisation: Characterisation) -> tuple[list[str], list[str]]:

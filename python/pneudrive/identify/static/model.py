@@ -45,8 +45,6 @@ PRESSURE_NAMES = ("coulomb_a", "coulomb_b", "breakaway_a", "breakaway_b")
 #: Terms of the gauge pressures g of the chambers: linear only; with squares; with g/(1 + |g|/knee) instead of g; with
 #: the product of both.
 PRESSURE_FORMS = ("linear", "quadratic", "saturating", "interaction")
-#: Shapes of the Stribeck curve, by their names in the core.
-STRIBECK_SHAPES = ("gaussian", "exponential", "lorentzian", "free")
 UNITS: dict[str, str] = number_table("friction_units")
 #: Bounds of the Stribeck exponent; values in the literature lie in 0.5 to 2 [armstrong1994].
 EXPONENT_BOUNDS = (0.3, 4.0)
@@ -214,17 +212,6 @@ class FrictionModel(StaticLaw):
         """Number of values chosen from candidates in addition to the free parameters: 1 for a knee."""
         return int(self.knee_pa is not None)
 
-    @property
-    def title(self) -> str:
-        """Name of the law in tables."""
-        shape = ""
-        if self.stribeck:
-            shape = {1.0: " exponential", 2.0: " gaussian", None: " free exponent"}.get(
-                self.exponent, f" exponent {self.exponent:g}" if self.exponent else ""
-            )
-            shape = " lorentzian" if self.lorentzian else shape
-        return self.law + shape + (f", {self.pressure} in pressure" if self.chambers else "")
-
     def table(self) -> dict[str, object]:
         """Return the model as a table for a file."""
         exponent = "free" if self.exponent is None else self.exponent
@@ -235,16 +222,9 @@ class FrictionModel(StaticLaw):
     @classmethod
     def of_table(cls, table: Keyed) -> FrictionModel:
         """Return the model of a table."""
-        exponent = table["stribeck_exponent"]
-        return cls(
-            table["law"],
-            None if exponent == "free" else float(exponent),
-            tuple(table["chambers"]),
-            table["viscous"],
-            bool(table.get("lorentzian", False)),
-            str(table.get("pressure", "linear")),
-            table.get("knee_pa"),
-        )
+        known: Plain = {**table, "chambers": tuple(table["chambers"])}
+        exponent = known.pop("stribeck_exponent")
+        return cls(exponent=None if exponent == "free" else float(exponent), **known)
 
     @cached_property
     def transforms(self) -> Transforms:
@@ -262,7 +242,7 @@ class FrictionModel(StaticLaw):
         lower = np.full(len(self.names), -np.inf)
         upper = np.full(len(self.names), np.inf)
         lower[0] = 0.0
-        top = float(np.max(np.abs(data.friction_n)))
+        top = np.max(np.abs(data.friction_n))
         if self.stribeck:
             lower[1], upper[1] = np.log(top * EXCESS_FLOOR), np.log(top * 1e3)
             lower[2] = np.log(data.speed_m_s.min() / 30.0)
@@ -305,7 +285,8 @@ class FrictionModel(StaticLaw):
     def force_and_slopes(self, theta: Array, data: Observations) -> tuple[Array, Array]:
         """Return friction and its derivatives with respect to the parameters, shapes (n,) and (n, p)."""
         value = by_name(self.names, theta)
-        velocity, exponent = value.get("stribeck_velocity", 1.0), value.get("stribeck_exponent", self.exponent)
+        velocity = value.get("stribeck_velocity", 1.0)
+        exponent = value.get("stribeck_exponent", self.exponent)
         curve = self._curve(np.ascontiguousarray(data.speed_m_s), velocity, exponent)
         columns = self._by_force(curve, data)
         force = np.sum([value[name] * column for name, column in columns.items()], axis=0)
@@ -378,8 +359,8 @@ class FrictionModel(StaticLaw):
         value = dict(zip(names, forces / size, strict=True))
         if self.stribeck:
             value["breakaway"] += value["coulomb"]
-            value["stribeck_velocity"] = float(np.exp(log_velocity))
-            value["stribeck_exponent"] = 2.0 if log_exponent is None else float(np.exp(log_exponent))
+            value["stribeck_velocity"] = np.exp(log_velocity)
+            value["stribeck_exponent"] = 2.0 if log_exponent is None else np.exp(log_exponent)
         q = self.internal(np.array([value[n] for n in self.names]))
         return float(np.sum(np.abs(residual))), q
 
@@ -394,6 +375,16 @@ class FrictionModel(StaticLaw):
         return {"": np.ones(len(data))} | {f"_{term}": of[term] for term in self.terms}
 
 
+#: Laws by name, without a dependence on pressure.
+CANDIDATES = {
+    "coulomb": FrictionModel("coulomb"),
+    "stribeck gaussian": FrictionModel("stribeck"),
+    "stribeck exponential": FrictionModel("stribeck", exponent=1.0),
+    "stribeck lorentzian": FrictionModel("stribeck", lorentzian=True),
+    "stribeck free": FrictionModel("stribeck", exponent=None),
+}
+#: Names of laws in commands and options -> name of the law.
+NAMES = {"stribeck": "stribeck gaussian"} | {name: name for name in CANDIDATES}
 #: Number of starts of a search, including the given values; and range of further starts, as a factor.
 STARTS, FACTOR = 5, 5.0
 
@@ -455,7 +446,8 @@ class AnyLaw(StaticLaw):
         del data
         given = self.internal(self.given)
         lower, upper = np.full(given.size, -np.inf), np.full(given.size, np.inf)
-        lower[self.positive], upper[self.positive] = given[self.positive] - 14.0, given[self.positive] + 14.0
+        lower[self.positive] = given[self.positive] - 14.0
+        upper[self.positive] = given[self.positive] + 14.0
         for k, entry in enumerate(self.entries()):
             if entry["upper"] is not None and np.isfinite(entry["upper"]):
                 top = self.internal(np.full(given.size, float(entry["upper"])))[k]
@@ -472,7 +464,8 @@ class AnyLaw(StaticLaw):
     def without(self, name: str, value: float, start: Array) -> AnyLaw:
         """Return the law with one parameter held. `start`, shape (p,), has the start values of all parameters, SI."""
         keep = [k for k, n in enumerate(self.names) if n != name]
-        names, others = tuple(self.names[k] for k in keep), tuple(float(start[k]) for k in keep)
+        names = tuple(self.names[k] for k in keep)
+        others = tuple(float(start[k]) for k in keep)
         return replace(self, names=names, start=others, held=self.held | {name: value})
 
     def force_and_slopes(self, theta: Array, data: Observations) -> tuple[Array, Array]:
@@ -644,7 +637,7 @@ def _standard_errors(column: dict[str, NDArray], pairs: Ints, friction: Array, s
     strokes = column["strokes"][first] + np.where(first == second, 0.0, column["strokes"][second])
     known = np.isfinite(stated) & (stated > 0.0)
     if not known.any():
-        typical = max(float(np.max(np.abs(friction))), 1e-12)
+        typical = max(np.max(np.abs(friction)), 1e-12)
         return np.full(friction.size, 0.01 * typical), ["the map has no standard errors: all rows have the same weight"]
     notes = []
     if not known.all():

@@ -26,15 +26,14 @@ if TYPE_CHECKING:
 
     from pneudrive.arrays import Array, Keyed, Plain
     from pneudrive.describe.drive import Drive
-    from pneudrive.identify.static.model import Observations, StaticLaw
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
 class SlidingFit(Fit):
     """Fit of a law of steady sliding to a friction map. A fit from a file does not contain `observations`."""
 
-    model: StaticLaw
-    observations: Observations | None = field(default=None, repr=False)
+    model: sliding.StaticLaw
+    observations: sliding.Observations | None = field(default=None, repr=False)
 
     @property
     def parameters(self) -> dict[str, float]:
@@ -492,7 +491,7 @@ Sliding = TypeVar("Sliding", bound=SlidingFit)
 PROBABILITIES = (0.1, 0.25, 0.4, 0.5, 0.6, 0.7, 0.8, 0.875, 0.925, CONFIDENCE, 0.97, 0.985, 0.99)
 
 
-def values_of_fit(friction_map: xr.Dataset, provenance: Keyed) -> Observations | None:
+def values_of_fit(friction_map: xr.Dataset, provenance: Keyed) -> sliding.Observations | None:
     """Select the values of a map as the fit with this provenance did; None for a map of other recordings.
 
     Parameters
@@ -506,7 +505,8 @@ def values_of_fit(friction_map: xr.Dataset, provenance: Keyed) -> Observations |
     FitError
         No row of the map can be used.
     """
-    names, of_row = list(provenance.get("recordings", ())), friction_map["recording"].to_numpy().astype(str)
+    names = list(provenance.get("recordings", ()))
+    of_row = friction_map["recording"].to_numpy().astype(str)
     if names and sliding.recordings_of(friction_map) != names:
         if not set(names) <= set(of_row):
             return None
@@ -538,7 +538,7 @@ def with_map(fit: Sliding, friction_map: xr.Dataset) -> Sliding:
     return replace(fit, observations=_values(fit, friction_map))
 
 
-def _values(fit: SlidingFit, friction_map: xr.Dataset) -> Observations:
+def _values(fit: SlidingFit, friction_map: xr.Dataset) -> sliding.Observations:
     data = values_of_fit(friction_map, fit.provenance)
     if data is None or sliding.fingerprint(data) != fit.provenance["map_sha256"]:
         raise FitError(**identified.stated("application", "other_map"))

@@ -103,7 +103,7 @@ class RobustEstimate:
 
         The density is normal for a quadratic loss.
         """
-        return 2.0 * (self.cost + len(self.data) * np.log(self.scale) + float(np.sum(np.log(self.data.stderr_n))))
+        return 2.0 * (self.cost + len(self.data) * np.log(self.scale) + np.sum(np.log(self.data.stderr_n)))
 
     @property
     def pseudo_cost(self) -> float:
@@ -133,11 +133,11 @@ class RobustEstimate:
     def statistics(self, scatter_n: float = 0.0) -> dict[str, float]:
         """Return the statistics of a fit; AICc and BIC come from the deviance."""
         residual, n, stderr = self.residual, len(self.data), self.data.stderr_n
-        weighted_mean = float(np.average(self.data.friction_n, weights=stderr**-2))
-        spread = float(np.sum(((self.data.friction_n - weighted_mean) / stderr) ** 2))
+        weighted_mean = np.average(self.data.friction_n, weights=stderr**-2)
+        spread = np.sum(((self.data.friction_n - weighted_mean) / stderr) ** 2)
         k = n - self.dof + 1
         small = 2.0 * k * (k + 1) / (n - k - 1) if n > k + 1 else np.inf
-        explained = 1.0 - float(np.sqrt(np.sum(residual**2) / spread)) if spread > 0.0 else np.nan
+        explained = 1.0 - np.sqrt(np.sum(residual**2) / spread) if spread > 0.0 else np.nan
         return {
             "values": float(n),
             "degrees_of_freedom": float(self.dof),
@@ -150,7 +150,7 @@ class RobustEstimate:
             "starts": float(self.starts),
             "starts_agreeing": float(self.agreeing),
             "aicc": self.deviance + 2.0 * k + small,
-            "bic": self.deviance + k * float(np.log(n)),
+            "bic": self.deviance + k * np.log(n),
         }
 
 
@@ -180,9 +180,9 @@ def estimate(
     RobustEstimate
     """
     dof = _freedom(model, data)
-    floor = SCALE_FLOOR * float(np.max(np.abs(data.friction_n)) / np.median(data.stderr_n))
+    floor = SCALE_FLOOR * (np.max(np.abs(data.friction_n)) / np.median(data.stderr_n))
     starts = starts or model.starting_points(data)
-    small_sample = float(np.sqrt(len(data) / dof))
+    small_sample = np.sqrt(len(data) / dof)
     scale = 1.0 if fixed_scale else max(robust_deviation(_residual(model, starts[0], data)) * small_sample, floor)
     candidates = [_polish(model, data, q, kind, scale) for q in starts]
     q, best = min(candidates, key=lambda c: c[1])
@@ -216,20 +216,10 @@ def _polish(model: StaticLaw, data: Observations, q: Array, kind: Loss, scale: f
     from scipy.optimize import least_squares
 
     lower, upper = model.bounds(data)
-    memo: dict[bytes, tuple[Array, Array]] = {}
-
-    def both(x: Array) -> tuple[Array, Array]:
-        key = x.tobytes()
-        if key not in memo:
-            memo.clear()
-            value, jac = model.value_and_jacobian(x, data)
-            memo[key] = (value - data.friction_n) / data.stderr_n, jac / data.stderr_n[:, None]
-        return memo[key]
-
     found = least_squares(
-        lambda x: both(x)[0],
+        lambda x: -_residual(model, x, data),
         np.clip(q, lower, upper),
-        jac=lambda x: both(x)[1],  # pyright: ignore[reportArgumentType]
+        jac=lambda x: model.value_and_jacobian(x, data)[1] / data.stderr_n[:, None],  # pyright: ignore[reportArgumentType]
         bounds=(lower, upper),
         x_scale="jac",
         loss=kind.name,  # pyright: ignore[reportArgumentType]
@@ -254,7 +244,7 @@ def proposal_2(residual: Array, scale: float, dof: int, k: float) -> float:
         if scale <= 0.0:
             return 0.0
         psi = np.clip(residual / scale, -k, k)
-        factor = float(np.sqrt(np.sum(psi**2) / (dof * expected)))
+        factor = np.sqrt(np.sum(psi**2) / (dof * expected))
         scale *= factor
         if abs(factor - 1.0) < 1e-9:
             break
@@ -333,10 +323,10 @@ def with_scatter(found: RobustEstimate) -> tuple[RobustEstimate, float]:
         return estimate(found.model, wider, starts=starts)
 
     def excess(log_scatter: float) -> float:
-        return float(np.log(widened(float(np.exp(log_scatter)), [found.q]).scale))
+        return np.log(widened(np.exp(log_scatter), [found.q]).scale)
 
-    most = 2.0 * found.scale * float(data.stderr_n.max()) + 2.0 * float(np.ptp(data.friction_n))
-    low, high = float(np.log(0.1 * data.stderr_n.min())), float(np.log(most))
+    most = 2.0 * found.scale * data.stderr_n.max() + 2.0 * np.ptp(data.friction_n)
+    low, high = np.log(0.1 * data.stderr_n.min()), np.log(most)
     if excess(low) <= 0.0 or excess(high) >= 0.0:  # a scatter does not explain them
         return found, 0.0
     scatter = float(np.exp(brentq(excess, low, high, xtol=1e-2)))  # pyright: ignore[reportCallIssue, reportArgumentType]
@@ -379,20 +369,13 @@ def profile_intervals(found: RobustEstimate, quantile: float, least: float | Non
         return {}
     velocities, exponents = _grid(found, quantile)
     linear = [n for n in model.names if not n.startswith("stribeck_")]
-    slack = np.empty((velocities.size, exponents.size))
-    low = dict.fromkeys(model.names, np.inf)
-    high = dict.fromkeys(model.names, -np.inf)
-    for j, log_exponent in enumerate(exponents):
-        parts = np.array_split(velocities, -(-velocities.size * len(data) // MOST_AT_ONCE))
-        parts_of_grid = [_forces(found, linear, part, log_exponent, most) for part in parts]
-        cost, lowest, highest = (np.concatenate(part) for part in zip(*parts_of_grid, strict=True))
-        slack[:, j] = most - cost
-        inside = slack[:, j] >= 0.0
-        if not inside.any():
-            continue
-        for k, name in enumerate(linear):
-            low[name] = min(low[name], float(np.min(lowest[inside, k])))
-            high[name] = max(high[name], float(np.max(highest[inside, k])))
+    parts = np.array_split(velocities, -(-velocities.size * len(data) // MOST_AT_ONCE))
+    grid = [_forces(found, linear, part, exponent, most) for exponent in exponents for part in parts]
+    cost, lowest, highest = (np.concatenate(part) for part in zip(*grid, strict=True))
+    slack = (most - cost).reshape(exponents.size, velocities.size).T
+    inside = cost <= most
+    low = by_name(linear, lowest[inside].min(axis=0, initial=np.inf))
+    high = by_name(linear, highest[inside].max(axis=0, initial=-np.inf))
     if model.stribeck:
         low["stribeck_velocity"], high["stribeck_velocity"] = _crossings(velocities, slack.max(axis=1))
         if model.exponent is None:
@@ -428,7 +411,7 @@ def _grid(found: RobustEstimate, quantile: float) -> tuple[Array, Array]:
     covariance = found.variance * np.linalg.pinv(information, rcond=1e-12, hermitian=True) / np.outer(size, size)
 
     def around(k: int, coarse: int, fine: int) -> Array:
-        half = 1.6 * quantile * float(np.sqrt(max(covariance[k, k], 0.0)))
+        half = 1.6 * quantile * np.sqrt(max(covariance[k, k], 0.0))
         half = min(max(half, 1e-9), float(upper[k] - lower[k]))
         near = np.linspace(found.q[k] - half, found.q[k] + half, fine)
         far = np.linspace(lower[k], upper[k], coarse)

@@ -396,7 +396,8 @@ def grouped(
     friction_map: xr.Dataset, seals: str | Sequence[str], runs: str | Sequence[str] | None, options: Keyed
 ) -> tuple[dict[str, Observations], dict[str, list[str]], dict[str, dict[str, object]]]:
     """Return values, runs and provenance of each seal. `options` are arguments of `selected`."""
-    seal_of, run_of = row_labels(friction_map, seals), row_labels(friction_map, "" if runs is None else runs)
+    seal_of = row_labels(friction_map, seals)
+    run_of = row_labels(friction_map, "" if runs is None else runs)
     groups: dict[str, Observations] = {}
     of_run: dict[str, list[str]] = {}
     origins: dict[str, dict[str, object]] = {}
@@ -412,7 +413,8 @@ def grouped(
 def of_values(friction_map: xr.Dataset, labels: NDArray[np.str_], data: Observations) -> list[str]:
     """Return the label of each value of a fit, from the labels of the rows of its map."""
     recordings = friction_map["recording"].to_numpy().astype(str)
-    of_recording, names = by_name(recordings.tolist(), labels.tolist()), np.unique(recordings)
+    of_recording = by_name(recordings.tolist(), labels.tolist())
+    names = np.unique(recordings)
     return [of_recording[names[g]] for g in data.group]
 
 
