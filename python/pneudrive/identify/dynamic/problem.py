@@ -149,9 +149,9 @@ class Shooter:
     def _slopes_by_command(
         self, values: Array, initial: Array, delay_s: float | None
     ) -> list[tuple[int, Array, Array]]:
-        """Return index and central differences of outputs and ends for what acts on the command, if it is free.
+        """Return index, and central differences of outputs and ends, of each free number that acts on the command.
 
-        These are hysteresis and delay of the valve, and the delay of the recorded command, which follows the paths.
+        Hysteresis and delay of the valve are such numbers. The delay of the recorded command follows the paths.
         """
         at, steps, out = np.r_[values, self.delay_s if delay_s is None else delay_s], {}, []
         for k, path in enumerate(self.family.paths):
