@@ -5,7 +5,6 @@ from __future__ import annotations
 import hashlib
 import json
 import math
-import reprlib
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
@@ -164,12 +163,11 @@ class SharedChannel:
 
 @dataclass(frozen=True)
 class _OpenTable:
-    """A table with the units of its file, the names of its columns in the layout, and its columns of texts."""
+    """A table with the units of its file, and the names of its columns in the layout."""
 
     table: Table
     units: dict[str, str] = field(default_factory=dict)
     roles: dict[str, str] = field(default_factory=dict)
-    texts: Sequence[str] = ()
 
 
 def open_channels(path: Path, layout: Layout | None, cache: Path) -> ChannelFile:
@@ -221,9 +219,6 @@ def open_channels(path: Path, layout: Layout | None, cache: Path) -> ChannelFile
     notes += () if time is not None else ("no time column: sample numbers replace the time",)
     if late := [role for role, column in (said.channels.items() if said else ()) if column.delay_s]:
         notes += (f"shown as recorded, without the layout's delay_s: {', '.join(late)}",)
-    shown = {one.column for one in (*found, *([time] if time else []))}
-    if others := [*opened.texts, *(name for name in opened.table.names[:MOST_COLUMNS] if name not in shown)]:
-        notes += (f"not shown, because they hold no numbers: {reprlib.repr(', '.join(others))[1:-1]}",)
     if len(found) > MOST_CHANNELS:
         notes += (f"the first {MOST_CHANNELS} of {len(found)} channels are shown",)
     return ChannelFile(path.name, opened.table, time, tuple(found[:MOST_CHANNELS]), first, origin, notes)
@@ -302,8 +297,7 @@ def _converted(path: Path, said: FileLayout | None) -> tuple[dict[str, Array], d
         form, values = read_foreign(path)
         names = form.names if len(set(form.names)) == len(values) else [f"column {at}" for at in range(len(values))]
         numbers = {name: values[at] for at, name in enumerate(names) if at not in form.words}
-        units = dict(zip(names, form.units, strict=False))
-        return numbers, {"units": units, "texts": [names[at] for at in sorted(form.words)]}
+        return numbers, {"units": dict(zip(names, form.units, strict=False))}
     table, channels = read_channels(path, said, others=True)
     # A time at a rate has no column.
     names = {role: table.places.get(column.column, "time at a rate") for role, column in said.channels.items()}

@@ -294,6 +294,8 @@ def find_cycles(file: RecordingFile) -> CampaignFile:
     RecordingError
         If the file is not Parquet, has no such column or no rows, or if the rows of a cycle are not together.
     """
+    import polars as pl
+
     path, said = file.path, file.said
     assert said is not None
     if said.format != "parquet":
@@ -302,16 +304,13 @@ def find_cycles(file: RecordingFile) -> CampaignFile:
         raise RecordingError.of("signals.cycles-without-columns", where=str(path))
     table = open_table(path, "parquet")
     column = table.names[column_number(said.columns.cycle or 0, table.names, len(table.names), path)]
-    numbers = table.get([column])[column]
-    if numbers.size == 0:
+    runs = pl.Series(table.get([column])[column]).rle().struct.unnest()
+    if runs.is_empty():
         raise RecordingError("there are no rows", where=str(path))
-    starts = np.concatenate(([0], np.flatnonzero(numbers[1:] != numbers[:-1]) + 1))
-    found = numbers[starts]
-    values, counts = np.unique(found, return_counts=True)
-    if (counts > 1).any():
-        raise RecordingError.of("signals.cycle-apart", where=str(path), cycle=values[counts > 1][0])
-    bounds = np.concatenate((starts, [numbers.size])).astype(np.int64)
-    return CampaignFile(path, file.layout, file.name, bounds, found)
+    again = runs["value"].filter(runs["value"].is_duplicated())
+    if len(again):
+        raise RecordingError.of("signals.cycle-apart", where=str(path), cycle=again.min())
+    return CampaignFile(path, file.layout, file.name, np.cumsum([0, *runs["len"]]), runs["value"].to_numpy())
 
 
 # Columns that identify a trajectory file; other files lack some.

@@ -231,7 +231,7 @@ def clean(recording: Recording, places: dict[str, list[Interval]] | None = None)
         if number := int(mask.sum()):
             counts[kind] = counts.get(kind, 0) + number
         if places is not None:
-            edges = np.flatnonzero(np.diff(np.concatenate(([False], mask, [False]))))
+            edges = np.flatnonzero(np.diff(mask, prepend=False, append=False))
             ends = zip(recording.time_s[edges[::2]], recording.time_s[edges[1::2] - (kind != "gap")], strict=True)
             places[kind] = [(float(first), float(last)) for first, last in ends if np.isfinite(first + last)]
 
@@ -243,7 +243,7 @@ def clean(recording: Recording, places: dict[str, list[Interval]] | None = None)
     if not finite.any():
         raise RecordingError.of("signals.no-finite-sample", where=recording.name, count=len(recording))
     recording = recording.at(finite)
-    fresh = np.concatenate(([True], np.diff(recording.time_s) > 0))
+    fresh = np.diff(recording.time_s, prepend=-np.inf) > 0.0
     count("repeated_time", ~fresh)
     recording = recording.at(fresh)
 
@@ -338,15 +338,15 @@ def _upper(steps: Array, share: float) -> float:
 
 def equal_runs(values: Array) -> Runs:
     """Return start and length of each run of equal samples."""
-    starts = np.concatenate(([0], np.flatnonzero(np.diff(values) != 0) + 1))
-    return starts, np.diff(np.concatenate((starts, [values.size])))
+    starts = np.flatnonzero(np.diff(values, prepend=np.nan) != 0.0)
+    return starts, np.diff(starts, append=values.size)
 
 
 def _fill(size: int, starts: NDArray[np.intp], lengths: NDArray[np.intp]) -> Bools:
-    edges = np.zeros(size + 1, dtype=np.int64)
-    np.add.at(edges, starts, 1)
-    np.add.at(edges, starts + lengths, -1)
-    return np.cumsum(edges[:-1]) > 0
+    mask = np.zeros(size, dtype=bool)
+    for start, length in zip(starts, lengths, strict=True):
+        mask[start : start + length] = True
+    return mask
 
 
 def _usual_run(lengths: NDArray[np.intp]) -> float:

@@ -150,7 +150,6 @@ def test_columns_of_texts_are_no_signals(make, tmp_path):
     assert found == {"time": "t [s]", "position": "x [mm]", "pressure_b": "p_b [bar]", "force": "f [N]"}
     shown = open_channels(tmp_path / "a.csv", None, tmp_path / "cache")
     assert [one.column for one in shown.channels] == ["t [s]", "x [mm]", "p_b [bar]", "f [N]"]
-    assert shown.notes[-1:] == ("not shown, because they hold no numbers: state, position state",)
 
 
 def test_a_picture_shows_what_was_understood(make, tmp_path):
