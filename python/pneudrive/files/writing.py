@@ -84,20 +84,12 @@ def take(file: int) -> bool:
     """
     import fcntl
 
-    def attempt() -> bool:
-        try:
+    for _ in range(TRIES):
+        with suppress(BlockingIOError):
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except OSError as error:
-            if error.errno in (errno.EAGAIN, errno.EACCES):
-                return False
-            raise
-        return True
-
-    for _ in range(TRIES - 1):
-        if attempt():
             return True
         time.sleep(TRY_AGAIN_S)
-    return attempt()
+    return False
 
 
 def is_held(path: Path) -> bool:
@@ -111,7 +103,7 @@ def is_held(path: Path) -> bool:
     try:
         fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)
     except OSError as error:
-        return error.errno in (errno.EAGAIN, errno.EACCES)
+        return isinstance(error, BlockingIOError)
     else:
         return False
     finally:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from fnmatch import fnmatchcase
 from functools import cached_property, lru_cache, partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, NamedTuple
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
 from pydantic import Field, StrictBool, create_model, model_validator
 
@@ -43,17 +43,10 @@ if TYPE_CHECKING:
     from pneudrive.arrays import Array, Plain
 
 
-class RecordingKind(NamedTuple):
-    """Kind of recording: SI units of its channels, required channels, and requirements in words."""
-
-    units: dict[str, str]
-    needed: list[str]
-    needs: str
-
-
-KINDS = {kind: RecordingKind(**table) for kind, table in package_table(__file__, "columns.toml")["kinds"].items()}
+#: Kind of recording -> SI units of its channels, required channels, and requirements in words.
+KINDS: dict[str, Plain] = package_table(__file__, "columns.toml")["kinds"]
 #: Channel -> SI unit.
-UNITS = KINDS["drive"].units | KINDS["fixed-volume"].units
+UNITS: dict[str, str] = KINDS["drive"]["units"] | KINDS["fixed-volume"]["units"]
 RIG_TABLES = ("geometry", "chamber_a", "chamber_b", "force", "window")  # not used by other kinds of recordings
 DELIMITERS = {"whitespace": None, "tab": "\t", "comma": ",", "semicolon": ";", "space": " "}
 #: SI unit -> example of a unit of a column.
@@ -302,7 +295,7 @@ class FileLayout(Described):
     @cached_property
     def channels(self) -> dict[str, Column]:
         """Columns by channel; those of parallel forces are ``force 1: pressure`` and ``force 1: against``."""
-        found = {name: self._channel(name) for name in KINDS[self.kind or "rig"].units}
+        found = {name: self._channel(name) for name in KINDS[self.kind or "rig"]["units"]}
         for number, force in enumerate(self.force, 1):
             found |= {f"force {number}: pressure": force.pressure, f"force {number}: against": force.against}
         return {name: column for name, column in found.items() if column is not None}
@@ -348,10 +341,10 @@ class FileLayout(Described):
 
     def problems(self, kind: str, *, is_part: bool) -> Iterator[DescriptionError]:
         """Yield errors for values given twice, and for missing keys unless the layout may be incomplete."""
-        channels, read = KINDS[kind], dict[int | str, str]()
-        for channel in channels.units:
+        read = dict[int | str, str]()
+        for channel in KINDS[kind]["units"]:
             column: Column | None = getattr(self.columns, channel)
-            if column is None and channel in channels.needed and not is_part:
+            if column is None and channel in KINDS[kind]["needed"] and not is_part:
                 unit = f', unit = "{EXAMPLES[UNITS[channel]]}"' if UNITS[channel] else ""
                 remedy = f"{channel} = {{ column = 0{unit} }}"
                 yield wrong("columns", f"[columns] does not name the column of the {channel}", remedy=remedy)
@@ -467,7 +460,7 @@ class Layout(Shown):
             raise self.fail(
                 f"this layout is for recordings of a {self.kind.replace('-', ' ')}, not {other}",
                 *(["kind"] if "kind" in self.tree else []),
-                rule=KINDS[kind].needs,
+                rule=KINDS[kind]["needs"],
                 remedy='use kind = "fixed-volume" for `pneudrive identify TANK.toml RECORDING`, and only there',
             )
         names = (path.name, stem(path))

@@ -219,7 +219,7 @@ def to_recording(
 ) -> Recording:
     """Return the recording from SI columns that were imported through a layout."""
     curve = layout.force_calibration if "force" in layout.channels else None
-    _, *rig_channels = KINDS["rig"].units
+    _, *rig_channels = KINDS["rig"]["units"]
     measured = {SI_NAMES[name]: layout.channels[name] for name in rig_channels if name in layout.channels}
     limits = {name: column.range for name, column in measured.items() if column.range is not None}
     if curve is not None and "force_n" in limits:

@@ -257,6 +257,12 @@ def test_channels_with_columns_of_times_of_their_own(table, tmp_path):
     assert "clock = 5" in proposed(tmp_path / "a.csv").text
 
 
+def test_a_time_of_twice_the_step_is_another_clock(table, tmp_path):
+    rows = [[row[0], row[1], f"{2 * t[0]:.3f}", *row[2:]] for row, t in zip(fields(table), table, strict=True)]
+    (tmp_path / "a.csv").write_text(text_of([["Time [s]", BRACKETS[1], "Time 2 [s]", *BRACKETS[2:]]], rows))
+    assert 'clock = "Time 2 [s]"' in propose_layout(tmp_path / "a.csv").text
+
+
 def test_spaces_before_units_do_not_split_the_names_of_a_header(table, tmp_path):
     """Names and units have as many words as there are columns."""
     rows = [" ".join(row) for row in fields(table, (3, 5, 4, 4, 4))]
