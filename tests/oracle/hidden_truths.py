@@ -175,7 +175,7 @@ def study(world: World, seed: int) -> Folder:
         errors += (curve.friction_n / true - 1.0)[m].tolist()
     friction: Hidden = world.friction  # type: ignore[assignment]
     excluded = sum(p.reason == "outlier" for c in found.curves if c.direction == 0 for p in c.excluded)
-    trend = next((p.trend_per_m.p for p in found.position if p.condition is None), float("nan"))
+    trend = next((p.trend_per_m.p for p in found.position), float("nan"))
     warned = [s.text for s in found.statements if not s.carried]
     causes = [cause for cause in CAUSES if any(cause in text for text in warned)]
     line = (
