@@ -10,15 +10,13 @@ from __future__ import annotations
 import hashlib
 import sys
 import traceback
+from collections.abc import Callable
 from importlib import import_module
 from pathlib import Path
 from types import ModuleType
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from pneudrive.errors import ErrorKind, PneudriveError, nearest
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
 
 
 def split(source: str) -> tuple[str, str] | None:

@@ -9,12 +9,13 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import polars as pl
 import xarray as xr
 
+from pneudrive.arrays import Array, Plain
 from pneudrive.campaign.planning.protocol import read_protocol
 from pneudrive.control.benchmarks import read_comparison
 from pneudrive.describe.all_values import values_of
@@ -50,9 +51,6 @@ from pneudrive.units import in_unit, readable
 from pneudrive.units.table import TABLE
 from pneudrive.validate.validation import CHANNELS
 from pneudrive.views import ShownCurve, ShownValue, View, Viewed
-
-if TYPE_CHECKING:
-    from pneudrive.arrays import Array, Plain
 
 #: Column -> kind of the table with this column.
 _MARKS = {"law": "comparison of controllers", "friction_n": "friction map", "time_s": "run", "member": "ensemble"}

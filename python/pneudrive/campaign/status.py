@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import numpy as np
 
@@ -13,10 +14,6 @@ from pneudrive.campaign.storage.folder import CYCLES, Campaign, CycleFile, Probl
 from pneudrive.errors import CampaignError, ProtocolError, RecordingError
 from pneudrive.repr_tables import Shown
 from pneudrive.rig.interface import Identity, Samples
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-    from pathlib import Path
 
 
 @dataclass(frozen=True, repr=False)

@@ -14,12 +14,10 @@ Candidates with a weight above zero have equality [fedorov1972].
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-if TYPE_CHECKING:
-    from pneudrive.arrays import Array, Ints
+from pneudrive.arrays import Array, Ints
 
 #: Largest number of repeats that is tried for a given time.
 MOST_REPEATS = 12

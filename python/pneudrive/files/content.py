@@ -9,14 +9,12 @@ import math
 import re
 import stat
 import zlib
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, BinaryIO, cast
+from typing import Any, BinaryIO, cast
 
 from pneudrive.errors import ErrorKind, PneudriveError, package_table
 from pneudrive.files.bounds import bound, within
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Iterator, Mapping
 
 
 def rendered(

@@ -8,13 +8,11 @@ labels of a description therefore do not change an input.
 from __future__ import annotations
 
 import os
+from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from pneudrive import __version__
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping
 
 #: Key of the list in a provenance.
 INPUTS = "inputs"

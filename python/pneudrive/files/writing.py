@@ -6,15 +6,12 @@ import errno
 import os
 import threading
 import time
+from collections.abc import Iterator
 from contextlib import contextmanager, suppress
-from typing import TYPE_CHECKING, TextIO
+from pathlib import Path
+from typing import TextIO
 
 from pneudrive.errors import CommandError
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-    from pathlib import Path
-
 
 #: Flag of `os.open` that refuses a symbolic link; 0 on Windows, where only administrators create links.
 NO_FOLLOW = getattr(os, "O_NOFOLLOW", 0)

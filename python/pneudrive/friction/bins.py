@@ -7,8 +7,8 @@ number would be many times too small.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -16,10 +16,6 @@ from pneudrive import _core
 from pneudrive.arrays import Array, Bools, evenly
 from pneudrive.estimate.autocorrelation import stderr_of_mean, stderrs_of_means
 from pneudrive.signals.motion import straight_line
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
 
 ALTERNATIONS, CONVERGED = 50, 1e-9
 MIDDLE = (0.2, 0.8)  # of the way: the window, if the layout does not state it

@@ -10,11 +10,12 @@ import re
 from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import numpy as np
 from pydantic import Field, create_model
 
+from pneudrive.arrays import Array, Plain
 from pneudrive.describe.base import Described
 from pneudrive.describe.files import toml
 from pneudrive.describe.formulas.law import law_of
@@ -26,9 +27,6 @@ from pneudrive.errors import DescriptionError, Problems, WrongValueError, packag
 from pneudrive.rig.interface import Sampling
 from pneudrive.rig.motion import MotionLimits
 from pneudrive.rig.rig_file import RigFile, shipped_rigs
-
-if TYPE_CHECKING:
-    from pneudrive.arrays import Array, Plain
 
 
 @dataclass(frozen=True)

@@ -3,20 +3,17 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cache
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
+from pneudrive.arrays import Array
 from pneudrive.errors import DescriptionError, package_table
 from pneudrive.units import converter, parse
 from pneudrive.units.table import MARKED, split_mark
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable
-
-    from pneudrive.arrays import Array
 
 #: Units in headers, roles of columns, and words that exclude a role.
 _TABLES = package_table(__file__, "columns.toml")

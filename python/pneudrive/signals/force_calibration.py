@@ -7,17 +7,15 @@ and does not average out. Limits of a certificate are taken as rectangular [gum2
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Annotated, ClassVar
+from typing import Annotated, ClassVar
 
 import numpy as np
 from pydantic import ConfigDict, Field, Strict
 
+from pneudrive.arrays import Array
 from pneudrive.describe.base import Described
 from pneudrive.describe.marks import NOT_NEGATIVE, Accuracy, Quantity, Text
 from pneudrive.errors import DescriptionError
-
-if TYPE_CHECKING:
-    from pneudrive.arrays import Array
 
 RECTANGULAR = float(np.sqrt(3.0))
 PLAUSIBLE_GAIN = (0.5, 2.0)  # reading over force: outside this range, units or columns were swapped

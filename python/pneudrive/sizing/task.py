@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Iterator
 from difflib import get_close_matches
 from fnmatch import fnmatchcase
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, NamedTuple
+from typing import Annotated, Any, ClassVar, Literal, NamedTuple
 
 from pydantic import Field, model_validator
 
@@ -21,9 +22,6 @@ from pneudrive.describe.marks import NOT_NEGATIVE, POSITIVE, Between, Bounds, Fo
 from pneudrive.describe.marks import StatedPressure as Stated
 from pneudrive.describe.tables.parts import Ambient
 from pneudrive.errors import WrongValueError, invalid, wrong
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
 
 #: Coefficient of friction of a guide for the load (assumed: usual values; ball guides with seals).
 GUIDES = {"none": 0.0, "ball": 0.02, "plain": 0.15}

@@ -8,9 +8,10 @@ from __future__ import annotations
 import hashlib
 import math
 from collections import Counter
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from itertools import product
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import Any, TypeVar
 
 from pneudrive.batching import many_objects
 from pneudrive.campaign.cycle import Cycle
@@ -24,10 +25,6 @@ from pneudrive.numbers import duration
 from pneudrive.repr_tables import aligned
 from pneudrive.rig.interface import Envelope, Hold, Identity, Move, Sampling, Step, as_json, identity_of
 from pneudrive.rig.motion import move, step_samples
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
-
 
 T = TypeVar("T")
 

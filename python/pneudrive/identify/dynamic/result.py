@@ -16,14 +16,15 @@ from __future__ import annotations
 
 import hashlib
 import json
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from pneudrive import __version__, _core
-from pneudrive.arrays import by_name
+from pneudrive.arrays import Array, Interval, Keyed, Plain, by_name
 from pneudrive.describe import Circuit, Drive
 from pneudrive.errors import FitError, PneudriveError, warn
 from pneudrive.estimate.estimates import rms, student
@@ -39,11 +40,6 @@ from pneudrive.identify.identified import FittedData, apply_identified, remedy_f
 from pneudrive.numbers import plain
 from pneudrive.simulation.trajectory import meaning
 from pneudrive.units import readable
-
-if TYPE_CHECKING:
-    from collections.abc import Collection, Iterable, Mapping, Sequence
-
-    from pneudrive.arrays import Array, Interval, Keyed, Plain
 
 #: First words of the note on kept start values.
 KEPT = "apply keeps the start value of "

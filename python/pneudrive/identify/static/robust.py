@@ -16,20 +16,16 @@ error, the interval is open if the data do not bound the parameter.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
-from pneudrive.arrays import by_name
+from pneudrive.arrays import Array, Bools, Interval, by_name
 from pneudrive.estimate.autocorrelation import HUBER, LINEAR, Loss, covariance_of, shift_of
 from pneudrive.estimate.estimates import rms, robust_deviation
 from pneudrive.identify.static.model import EXPONENT_BOUNDS, Observations, StaticLaw
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from pneudrive.arrays import Array, Bools, Interval
 
 #: Lower limit of the scale, as a fraction of the largest friction: smaller residuals are rounding errors.
 SCALE_FLOOR = 1e-10

@@ -8,12 +8,14 @@ import secrets
 import threading
 import time
 import weakref
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 from urllib.parse import urlsplit
 
 import numpy as np
 
+from pneudrive.arrays import Plain
 from pneudrive.errors import ConnectionLostError, RigError, warn
 from pneudrive.files.content import parse_json
 from pneudrive.rig.interface import (
@@ -31,11 +33,6 @@ from pneudrive.rig.interface import (
 from pneudrive.rig.opcua import nodes as node_map
 from pneudrive.rig.opcua.access import SCHEME, OpcUaFile
 from pneudrive.rig.opcua.link import COUNTER, HungUpError, Link, LinkError
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Sequence
-
-    from pneudrive.arrays import Plain
 
 STOP_S = 10.0  # s; time in which stopping tries to reach a lost server
 FIRST_WAIT_S, LONGEST_WAIT_S = 0.1, 1.0

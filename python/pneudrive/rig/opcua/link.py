@@ -7,18 +7,15 @@ import contextlib
 import logging
 import threading
 import time
+from collections.abc import Callable, Coroutine
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import Any, TypeVar
 
 from asyncua.client.client import Client
 
 from pneudrive.errors import RigError
 from pneudrive.rig.opcua.access import OpcUaFile, ua
 from pneudrive.rig.opcua.nodes import IN_RING, Node, NodeMap
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Coroutine
-
 
 Answer = TypeVar("Answer")
 COUNTER = 2**31 - 1  # counters wrap below this, which fits a signed integer of a PLC

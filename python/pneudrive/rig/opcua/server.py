@@ -8,9 +8,10 @@ import gc
 import json
 import logging
 import time
+from collections.abc import Coroutine
 from concurrent.futures import Future
 from dataclasses import asdict
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from asyncua.common.connection import TransportLimits
@@ -18,6 +19,7 @@ from asyncua.common.utils import ServiceError
 from asyncua.server.internal_session import InternalSession
 from asyncua.server.server import Server
 
+from pneudrive.arrays import Plain
 from pneudrive.batching import many_objects
 from pneudrive.errors import PneudriveError, RigError
 from pneudrive.files.content import parse_json
@@ -26,12 +28,6 @@ from pneudrive.rig.job_thread import JobThread
 from pneudrive.rig.opcua.access import Protection, protect, ua
 from pneudrive.rig.opcua.link import COUNTER, LoopThread, quieten
 from pneudrive.rig.opcua.nodes import HOLD, IN_RING, RELEASED, SAMPLES, SAMPLING, SHUT, STATE, STEPS, NodeMap, Verb
-
-if TYPE_CHECKING:
-    from collections.abc import Coroutine
-
-    from pneudrive.arrays import Plain
-
 
 log = logging.getLogger(__name__)
 SILENT_SHARE = 0.75  # share of the heartbeat time after which the axis is stopped, so that it is at rest at its end
