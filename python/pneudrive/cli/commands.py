@@ -10,11 +10,12 @@ from __future__ import annotations
 
 import inspect
 import sys
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import nullcontext
 from functools import wraps
 from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, get_origin
+from typing import Annotated, Any, ClassVar, get_origin
 
 import typer
 from typer.core import TyperGroup
@@ -23,9 +24,6 @@ import pneudrive as pn
 from pneudrive.cli import options
 from pneudrive.documented import parts_of
 from pneudrive.errors import CommandError, nearest
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Mapping, Sequence
 
 #: Parameters for a description file. Commands with one of them also accept catalogue folders.
 _DESCRIBED = {"drive", "circuit", "task"}

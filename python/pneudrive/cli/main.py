@@ -10,17 +10,15 @@ import re
 import sys
 import warnings
 from collections import defaultdict
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import typer
 
 from pneudrive import __version__, errors
 from pneudrive.cli.commands import group
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
 
 #: Commands in the order of a user's work. Each is a function or a group in the module of its name, imported on use.
 SECTIONS = errors.package_table(__file__, "sections.toml")

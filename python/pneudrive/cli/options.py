@@ -26,7 +26,8 @@ report : FOLDER
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Annotated, TypeVar
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Annotated, TypeVar
 
 import typer
 
@@ -37,9 +38,6 @@ from pneudrive.lazy_names import used_later
 with used_later(__name__):
     from pneudrive import units
     from pneudrive.describe.files import load
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping, Sequence
 
 
 Value = TypeVar("Value")

@@ -8,15 +8,13 @@ import math
 import reprlib
 import uuid
 from collections import namedtuple
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from pneudrive import _core, own_code
 from pneudrive.errors import CommandError, OwnLawError, nearest
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping
 
 #: Name of all custom laws in the core.
 OWN = "own"

@@ -12,7 +12,8 @@ import subprocess
 import threading
 from contextlib import suppress
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Annotated
+from pathlib import Path
+from typing import Annotated
 
 from pydantic import StrictFloat
 
@@ -21,10 +22,6 @@ from pneudrive.errors import CommandError
 from pneudrive.files import child
 from pneudrive.web.messages import bounded, words
 from pneudrive.web.workspace import DESCRIPTIONS, Workspace, last_lines, log_folder
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
 
 RESULTS, CAMPAIGNS = "results", "campaigns"
 READY = ("quick-look", "stops-pressure", "paper-speed", "paper-pressure", "paper-stops", "asymmetric-pressures")

@@ -5,12 +5,14 @@ from __future__ import annotations
 import asyncio
 import json
 import threading
+from collections.abc import Sequence
 from functools import lru_cache
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
+from pneudrive.arrays import Keyed, Plain
 from pneudrive.errors import Cancelled, CommandError, PneudriveError, package_table
 from pneudrive.figures import plain_data
 from pneudrive.simulation.run_view import run_view
@@ -22,12 +24,6 @@ from pneudrive.web.guard import PROTOCOL
 from pneudrive.web.measured.tiles import drawn_columns
 from pneudrive.web.messages import fault_of, pack, problems_of
 from pneudrive.web.workspace import Workspace
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from pneudrive.arrays import Keyed, Plain
-
 
 #: Panels of the page: quantity of the columns in it, its SI unit, and its title.
 PANELS: list[list[str]] = package_table(__file__, "panels.toml")["run"]

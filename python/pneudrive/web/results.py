@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from contextlib import suppress
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from pneudrive import results
 from pneudrive.campaign.storage.folder import ABOUT, CYCLES
@@ -15,14 +16,10 @@ from pneudrive.fmu.description import read_fmu
 from pneudrive.friction.friction_map import ALL_RECORDINGS, group_of
 from pneudrive.sizing.result import SUMMARY, SizingResult
 from pneudrive.sizing.task import SizingTask
+from pneudrive.views import State, View
 from pneudrive.web.drive.run_request import described_at
 from pneudrive.web.measured.recordings import layout_in
 from pneudrive.web.workspace import DESCRIPTIONS, Workspace, is_in_catalogue
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from pneudrive.views import State, View
 
 
 def load_at(workspace: Workspace, path: str) -> Any:  # noqa: ANN401 - any result

@@ -5,13 +5,14 @@ Arguments, options and defaults are those of the command's function.
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cache
 from importlib import import_module
 from inspect import Parameter, signature
 from pathlib import Path
 from posixpath import basename, dirname
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from pneudrive.arrays import Keyed, Plain
 from pneudrive.cli.main import COMMANDS
@@ -30,10 +31,6 @@ from pneudrive.web.jobs import RESULTS, RIG, JobRequest, PageJobs, existing_fold
 from pneudrive.web.measured.recordings import layout_in
 from pneudrive.web.messages import keywords, python, words, wrong_request
 from pneudrive.web.workspace import DESCRIPTIONS, TABLES, Workspace, is_in_catalogue
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
-
 
 MOST_RECORDINGS = 500
 LAYOUT = "layout"  # missing from a recording whose channels are not known

@@ -16,19 +16,17 @@ import sys
 import tempfile
 import threading
 import time
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from functools import cache, lru_cache
 from itertools import count, islice
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import Any, TypeVar
 
 from pneudrive.errors import CommandError
 from pneudrive.files.content import exists, kind_of_folder, kind_of_toml, read_text
 from pneudrive.files.writing import alone_in
 from pneudrive.simulation.trajectory import whole
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
 
 State = TypeVar("State")
 

@@ -4,28 +4,24 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Iterator, Mapping
 from contextlib import nullcontext
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from pydantic import TypeAdapter
 
+from pneudrive.arrays import Array, Keyed, Plain
 from pneudrive.control.motion import REST_S, SINE_PERIODS, SINE_S, Reference, ReferenceMove
 from pneudrive.control.references import moves_of_text
 from pneudrive.control.scores import event_table, run_title
 from pneudrive.describe.files import toml
 from pneudrive.errors import DescriptionError, PneudriveError, invalid, nearest, wrong
+from pneudrive.platforms import Platform
 from pneudrive.repr_tables import Card, Shown
 from pneudrive.views import Finding, LeadingValue, ShownTable, ShownValue, View, Viewed
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
-
-    from pneudrive.arrays import Array, Keyed, Plain
-    from pneudrive.platforms import Platform
-
 
 FORMS = (
     '"sine 30 mm 0.5 Hz around 470 mm", "circle 5 deg 0.5 Hz", "square 20 mm 0.5 Hz in 0.2 s", or moves, '

@@ -8,13 +8,14 @@ adds missing values. Kinds of components are loaded only when a part is used, be
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass, replace
 from fnmatch import fnmatchcase
 from functools import lru_cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 from pydantic import ConfigDict, Field
 
@@ -26,10 +27,6 @@ from pneudrive.describe.marks import Reads, Text
 from pneudrive.describe.tables.valve_flow import FLOW_KEYS, conductance_of
 from pneudrive.errors import DescriptionError, Problems, WrongValueError, invalid, nearest, together, warn, wrong
 from pneudrive.references import entries as references
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
-
 
 PREFIX = "catalogue:"
 FOLDER = Path(__file__).resolve().parents[2] / "data" / "catalogue"

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, NamedTuple
+from collections.abc import Mapping
+from typing import Annotated, Any, ClassVar, NamedTuple
 
 from pydantic import Field
 
@@ -12,9 +13,6 @@ from pneudrive.describe.base import Described
 from pneudrive.describe.marks import Bounds, EachChamber, Fraction, PerChamber, Quantity, Reads, StatedPressure
 from pneudrive.describe.tables.friction import Friction
 from pneudrive.errors import DescriptionError, WrongValueError, invalid, nearest, wrong
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping
 
 #: Relative error of a value that is written with all its digits and read again.
 ROUNDING = 1e-9

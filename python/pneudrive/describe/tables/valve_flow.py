@@ -7,13 +7,11 @@ assumptions; `docs/guide/valve-flow.md` gives their accuracy.
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Any
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 from pneudrive import _core, constants
 from pneudrive.errors import invalid, wrong
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
 
 WATER_DENSITY_KG_M3 = 1000.0  # in the definition of Kv [iec60534-1]
 BAR_PA = 1.0e5

@@ -2,19 +2,16 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 
 from pneudrive.figures import THIN, Axis, Band, Figure, Line, Look, Markers, Panel, Rule, ramp
 from pneudrive.report.layout_figure import rig_diagram
+from pneudrive.studies.bracha.figure import Experiment, PaperFigure
 from pneudrive.studies.bracha.friction_curves import figure_5, figure_6, figure_8
 from pneudrive.studies.bracha.stick_slip import figure_1, figure_2, figure_3, figure_4, figure_7, figure_9
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping
-
-    from pneudrive.studies.bracha.figure import Experiment, PaperFigure
 
 
 def paper_figures(runs: Mapping[str, Experiment]) -> dict[int, PaperFigure]:

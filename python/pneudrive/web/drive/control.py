@@ -5,9 +5,10 @@ from __future__ import annotations
 import posixpath
 import shlex
 import time
+from collections.abc import Iterable
 from contextlib import suppress
 from dataclasses import replace
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 from pydantic import AfterValidator, BeforeValidator, Field, StrictInt, StrictStr, ValidationInfo
 
@@ -29,10 +30,6 @@ from pneudrive.web.jobs import RESULTS, JobRequest, PageJobs, folder_name
 from pneudrive.web.measured.tiles import drawn_columns
 from pneudrive.web.messages import MOST_PIXELS, PageRequest, Pixels, Value, bounded, call, number, pack, python, words
 from pneudrive.web.workspace import DESCRIPTIONS, NewNames, Workspace, is_in_catalogue, safe
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable
-
 
 MOST_SECONDS = 10.0  # longest computing time of a run under control
 MOST_MEMBERS = 10_000

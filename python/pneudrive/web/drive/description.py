@@ -5,10 +5,11 @@ from __future__ import annotations
 import hashlib
 import re
 import zipfile
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from pathlib import Path
 from posixpath import basename
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import tomlkit
 from tomlkit.exceptions import TOMLKitError
@@ -30,10 +31,6 @@ from pneudrive.views import ShownTable, View
 from pneudrive.web.drive.run_request import Described, described_at
 from pneudrive.web.messages import Value, problems_of, python
 from pneudrive.web.workspace import FMUS, Workspace, is_in_catalogue
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
-
 
 _QUANTITY = re.compile(r"([-+]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][-+]?\d+)?)\s+(\S.*)")
 #: Causality of the variables of an FMU -> title of their table.

@@ -8,9 +8,9 @@ import threading
 import time
 from contextlib import suppress
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from pneudrive.arrays import Plain
+from pneudrive.campaign.cycle import Head
 from pneudrive.campaign.running.live import read_live
 from pneudrive.campaign.status import Status, preliminary_frictions, status_of
 from pneudrive.campaign.storage.control import REQUESTS, ask, holder
@@ -19,10 +19,6 @@ from pneudrive.errors import CommandError
 from pneudrive.web.jobs import READY, RIG, protocol_named
 from pneudrive.web.messages import pack, python, shell
 from pneudrive.web.workspace import DESCRIPTIONS, Workspace, last_lines
-
-if TYPE_CHECKING:
-    from pneudrive.campaign.cycle import Head
-
 
 PAUSE_S = 0.3  # least time between two readings of a folder with changed cycles; a slow reading lengthens it
 LAST_LINES, LAST_BYTES = 30, 1 << 15  # of the journal

@@ -6,10 +6,11 @@ import hashlib
 import os
 import shutil
 import threading
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from pydantic import Field, FiniteFloat, StrictStr
@@ -29,10 +30,6 @@ from pneudrive.simulation.trajectory import SUFFIXES, columns_in
 from pneudrive.web.measured.tiles import BLOCK, Pyramid, TileWindow
 from pneudrive.web.messages import MOST_PIXELS, Array, PageRequest, fault_of, pack, problems_of
 from pneudrive.web.workspace import TABLES, Listed, Workspace, cache_folder, safe
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
-
 
 MOST_OPEN = 16  # recordings
 PART, MOST_PARTS = 1 << 17, 256  # samples of a part of a column, 1 MB, and number of kept parts

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import difflib
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from functools import lru_cache
 from itertools import chain
 from pathlib import Path, PurePosixPath
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import numpy as np
 from pydantic import Field, StrictInt, StrictStr
@@ -39,10 +40,6 @@ from pneudrive.web.measured.tiles import drawn_columns
 from pneudrive.web.messages import MOST_PIXELS, PageRequest, pack, python, shell, wrong_request
 from pneudrive.web.results import load_at
 from pneudrive.web.workspace import DESCRIPTIONS, TABLES, Workspace, is_in_catalogue
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
-
 
 FIT = "fit.toml"  # of a map with one assembly
 MOST_LIVE = 300_000  # samples of a recording that is run again while a slider moves
