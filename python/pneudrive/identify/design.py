@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pneudrive.arrays import by_name
+from pneudrive.describe.files import toml
 from pneudrive.errors import FitError, nearest
 from pneudrive.estimate.autocorrelation import distinct_levels
 from pneudrive.estimate.design import DesignSpace, exchange, information, within_budget
@@ -487,16 +488,18 @@ class Design(Viewed):
         speeds = sorted({p.speed_m_s for p in self.points})
         gauges = sorted({(p.gauge_a_pa, p.gauge_b_pa) for p in self.points})
         repeats = max(1, round(sum(p.repeats for p in self.points) / len(self.points)))
-        listed = ", ".join(f'"{1e3 * v:.6g} mm/s"' for v in speeds)
-        pairs = ", ".join(f'{{ a = "{1e-5 * a:.6g} bar gauge", b = "{1e-5 * b:.6g} bar gauge" }}' for a, b in gauges)
-        lines = [
-            "schema = 1",
-            'name = "Next points"',
-            f'about = "{self.criterion}-optimal points"',
-            f"repeats = {repeats}",
-        ]
-        lines += ["", "[speed]", f"list = [{listed}]", "", "[pressure]", f"pairs = [{pairs}]"]
-        return "\n".join([*lines, "", "[order]", 'kind = "randomised"', ""])
+        tables = {
+            "schema": 1,
+            "name": "Next points",
+            "about": f"{self.criterion}-optimal points",
+            "repeats": repeats,
+            "speed": {"list": [f"{1e3 * v:.6g} mm/s" for v in speeds]},
+            "pressure": {
+                "pairs": [{c: f"{1e-5 * p:.6g} bar gauge" for c, p in zip("ab", g, strict=True)} for g in gauges]
+            },
+            "order": {"kind": "randomised"},
+        }
+        return toml.write(tables)
 
 
 def next_measurements(

@@ -27,6 +27,7 @@ import numpy as np
 
 from pneudrive import _core
 from pneudrive.arrays import Array, Interval, Ints, by_name
+from pneudrive.describe.files import toml
 from pneudrive.errors import FitError, nearest, package_table
 from pneudrive.estimate import mixed
 from pneudrive.estimate.autocorrelation import cells, gaussian, levels
@@ -509,10 +510,9 @@ class StopDesign(Shown):
 
     def protocol(self) -> str:
         """Return a protocol for ``pneudrive campaign plan``; every stop has the largest number of repeats."""
-        listed = ", ".join(f'"{t:g} s"' for t in self.durations_s)
-        lines = ["schema = 1", 'name = "Next stops"', f'about = "optimal stops for the {self.form} dwell law"']
-        lines += [f"repeats = {max(self.repeats)}", "", "[stop]", f"durations = [{listed}]"]
-        return "\n".join([*lines, "", "[order]", 'kind = "randomised"', ""])
+        head = {"schema": 1, "name": "Next stops", "about": f"optimal stops for the {self.form} dwell law"}
+        stops = {"durations": [f"{t:g} s" for t in self.durations_s]}
+        return toml.write({**head, "repeats": max(self.repeats), "stop": stops, "order": {"kind": "randomised"}})
 
 
 def design_stops(
