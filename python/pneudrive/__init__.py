@@ -28,10 +28,10 @@ with lazily(__name__) as _HOME:
     from pneudrive import report as report
     from pneudrive import units as units
     from pneudrive.datasheet.characteristics.air import energy_balance as energy_balance
+    from pneudrive.datasheet.characteristics.frequency import lines as lines
     from pneudrive.datasheet.equilibrium import equilibrium as equilibrium
     from pneudrive.datasheet.equilibrium import linearise as linearise
     from pneudrive.datasheet.registry import drive_characteristic as drive_characteristic
-    from pneudrive.datasheet.stands import lines as lines
     from pneudrive.describe import Ambient as Ambient
     from pneudrive.describe import Circuit as Circuit
     from pneudrive.describe import Cylinder as Cylinder

@@ -145,7 +145,8 @@ def characteristic(
 def _setting(name: str, text: str, kind: Any) -> Any:  # noqa: ANN401
     """Read a setting. Commas separate several values."""
     values = [number_or_text(part.strip()) for part in text.split(",")]
-    is_list = name == "pressures"
+    default, _ = kind.settings.get(name, (None, ""))
+    is_list = isinstance(default, tuple) or (default is None and name.endswith("s"))
     if len(values) > 1 and not is_list:
         raise CommandError(f"{name} = {text} has several values", rule=f"{kind.name} takes one {name}")
     return values if is_list else values[0]

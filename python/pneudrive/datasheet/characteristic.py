@@ -64,6 +64,8 @@ class Characteristic:
         Name of a setting -> its default and meaning.
     results : dict
         Name of a result or axis -> unit and axes (``"m/s over command"``), and meaning.
+    slow : bool
+        Whether it takes more than about a second.
     held : bool
         Whether it evaluates the drive at fixed states: valves without lag, cylinder without cushions.
     needs_shares : bool
@@ -81,6 +83,7 @@ class Characteristic:
     y: str = ""
     settings: Mapping[str, tuple[Any, str]] = field(default_factory=dict)
     results: Mapping[str, tuple[str, str]] = field(default_factory=dict)
+    slow: bool = False
     held: bool = True
     needs_shares: bool = False
 

@@ -200,10 +200,10 @@ def together(away: Array, shared: Array) -> Array:
 def characteristics() -> dict[str, Characteristic]:
     """Return all characteristics by name."""
     from pneudrive.datasheet import stands
-    from pneudrive.datasheet.characteristics import air, response, steady
+    from pneudrive.datasheet.characteristics import air, frequency, response, steady
 
     # in the order of the datasheet
-    families = (steady, response, air, stands)
+    families = (steady, response, air, stands, frequency)
     return {one.name: one for family in families for one in characteristics_in(family)}
 
 
@@ -275,7 +275,7 @@ def characteristic_named(name: str) -> Characteristic:
 
 
 #: Unit of each setting that is a quantity.
-_UNITS = {"position": "m", "half_period": "s", "end_speed": "m/s"}
+_UNITS = {"position": "m", "half_period": "s", "duration": "s", "speed": "m/s", "end_speed": "m/s", "volume": "m3"}
 _SIGNED = ("position", "command")  # other settings are greater than 0
 
 

@@ -1,32 +1,25 @@
-"""Virtual test stands: flow of paths, leakage of chambers, published figures of parts, and the study of the tubes."""
+"""Virtual test stands: flow of each path, leakage of shut chambers, published figures of catalogue parts."""
 
 from __future__ import annotations
 
-import math
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from pneudrive import _core, units
-from pneudrive.constants import ANR_DENSITY_KG_M3, ANR_TEMPERATURE_K
+from pneudrive.constants import ANR_DENSITY_KG_M3
 from pneudrive.datasheet.characteristic import Found, ResultValue, characteristic
-from pneudrive.datasheet.characteristics.response import one_stroke
 from pneudrive.datasheet.characteristics.steady import full_force, least_pressure
-from pneudrive.datasheet.plant import Actuation, HeldDrive
+from pneudrive.datasheet.plant import HeldDrive
 from pneudrive.describe.files.catalogue import Entry, entries
 from pneudrive.describe.tables.valve_flow import path_of
-from pneudrive.errors import CommandError, DescriptionError
-from pneudrive.progress import Flag, Progress, Watch
-from pneudrive.simulation.bench_circuit import VACUUM, steady_flow
-from pneudrive.simulation.simulate import positive
-from pneudrive.simulation.trajectory import TABLE
+from pneudrive.errors import CommandError
+from pneudrive.simulation.bench_circuit import steady_flow
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Iterator, Sequence
+    from collections.abc import Callable, Iterable, Iterator
 
-    import xarray as xr
-
-    from pneudrive.arrays import Array, Plain
+    from pneudrive.arrays import Array
     from pneudrive.describe import Drive
 
 
@@ -95,6 +88,7 @@ def _fed(plant: HeldDrive) -> list[str]:
     cites=("iso6358-2013",),
     x="ratio",
     y="flow",
+    slow=True,
     held=False,
 )
 def _flows(plant: HeldDrive) -> Found:
@@ -265,6 +259,7 @@ def _key(table: str, key: str) -> str:
     + "; ".join(f"{key.replace('_', ' ')}: {one.meaning}" for key, one in FIGURES.items())
     + ".",
     algorithm="the characteristics of this list, under the conditions of the print",
+    slow=True,
     held=False,
 )
 def _published(plant: HeldDrive) -> Found:
@@ -294,105 +289,3 @@ def _published(plant: HeldDrive) -> Found:
         raise CommandError(f"{plant.name} has no part of the catalogue with a printed figure")
     titles, printed, computed = zip(*rows, strict=True)
     return titles, printed, computed, np.array(computed) / printed - 1.0
-
-
-# --- Study of the tubes between valve and cylinder: speed and stroke time of a drive over their length and bore.
-
-LENGTHS, DIAMETERS = ("0.5 m", "1 m", "2 m", "5 m"), ("4 mm", "6 mm", "8 mm")
-
-
-def lines(
-    drive: Drive,
-    lengths: Sequence[str | float] = LENGTHS,
-    diameters: Sequence[str | float] = DIAMETERS,
-    *,
-    progress: Progress | None = None,
-    cancel: Flag | None = None,
-) -> xr.Dataset:
-    """Simulate full strokes of a drive with tubes of several lengths and bores at both chambers.
-
-    Every tube has ``kind = "tube"`` (steady flow by an empirical formula). Flow controls of the drive are kept.
-
-    Parameters
-    ----------
-    drive : Drive
-        The tubes of this study replace the table `[tubing]` of the drive, if it has one.
-    lengths, diameters : sequence of str or float
-        Quantities, or numbers in m.
-    progress, cancel : optional
-        See `pneudrive.progress.Watch`.
-
-    Returns
-    -------
-    xarray.Dataset
-        Dimensions diameter and length (m). Variables vent_conductance, vent_speed, stroke_time_out, stroke_time_back,
-        mean_speed, end_speed. NaN if the piston does not arrive. ``attrs["without_tubes"]`` and
-        ``attrs["as_described"]`` hold the same values for the drive without tubes and with the described ones.
-
-    Raises
-    ------
-    CommandError
-        A length or a diameter is not a positive length.
-    DescriptionError
-        `drive` is not a `Drive`.
-    Cancelled
-        `cancel` was set.
-
-    Examples
-    --------
-    >>> import pneudrive as pn
-    >>> study = pn.lines(pn.Drive.load("catalogue:reference"), ["1 m"], ["4 mm"])
-    >>> round(float(study.vent_speed[0, 0]), 3)
-    2.297
-    """
-    import xarray as xr
-
-    if not hasattr(drive, "tubing"):
-        remedy = "Describe it as a drive file: [supply], [valve], [cylinder], [friction]."
-        raise DescriptionError(f"the table of tubes needs a drive, but got a {type(drive).__name__}", remedy=remedy)
-    long, wide = _metres(lengths, "length"), _metres(diameters, "diameter")
-    rows: list[dict[str, float]] = []
-    for diameter, length in Watch(progress, cancel).each([(d, n) for d in wide for n in long], "tubes"):
-        tube = {"length": units.UnitFloat(length, "m", "m"), "diameter": units.UnitFloat(diameter, "m", "mm")}
-        rows.append(_row(_with_tubes(drive, {"a": tube, "b": tube})))
-    attrs = {"title": drive.name, "without_tubes": _row(_with_tubes(drive, {}))}
-    if drive.tubing:
-        attrs["as_described"] = _row(drive)
-    variables = {}
-    for name, (unit, meaning) in TABLE["tubes"].items():
-        values = np.reshape([row[name] for row in rows], (len(wide), -1))
-        variables[name] = ("diameter", "length"), values, {"units": unit, "long_name": meaning}
-    axes = {
-        "diameter": ("diameter", wide, {"units": "m", "long_name": "inner diameter of the tubes"}),
-        "length": ("length", long, {"units": "m", "long_name": "length of each tube"}),
-    }
-    return xr.Dataset(variables, axes, attrs)
-
-
-def _metres(given: Sequence[str | float], what: str) -> list[float]:
-    """Return the distinct lengths, m, ascending."""
-    if isinstance(given, str) or not given:
-        raise CommandError(f"{what} = {given!r} is not a list of quantities", remedy='For instance ["0.5 m", "2 m"].')
-    return sorted({positive(one, "m", what) for one in given})
-
-
-def _with_tubes(drive: Drive, tubing: Plain) -> Drive:
-    tables = {key: table for key, table in drive.to_dict().items() if key != "provenance"}
-    return type(drive).model_validate(tables | {"tubing": tubing, "friction": drive.friction})
-
-
-def _row(drive: Drive) -> dict[str, float]:
-    """Return the results of one drive by variable, in the order of the table."""
-    plant = HeldDrive(drive, actuation=Actuation({"valve": 1.0}, {"valve": -1.0}, drive.valve.is_switching))
-    pressure = plant.supply_pa
-    choked = flow_through(plant, "b", inward=False, upstream=pressure, ratios=[VACUUM])[0]
-    conductance = choked / (ANR_DENSITY_KG_M3 * pressure)
-    mean_k = math.sqrt(ANR_TEMPERATURE_K * drive.ambient.temperature_k)  # C is that at the temperature of ISO 6358
-    flow = ANR_DENSITY_KG_M3 * drive.gas.gas_constant_j_kg_k * mean_k  # times C/A: speed at choked flow
-    speed = conductance * flow / drive.cylinder.area_b_m2
-    out, back = (
-        one_stroke(plant, u, start_m, plant.before(u), expected_s=2.0 * plant.stroke_m / speed).strokes[0]
-        for u, start_m in ((1.0, 0.0), (-1.0, plant.stroke_m))
-    )
-    numbers = (conductance, speed, out.stroke_time, back.stroke_time, plant.stroke_m / out.stroke_time, out.end_speed)
-    return dict(zip(TABLE["tubes"], numbers, strict=True))

@@ -218,6 +218,8 @@ WRONG_SETTINGS = [
     *(("step-response", text) for text in ("command = abc", "command = 3", "position = 3", "position = 3 bar")),
     *(("force-speed", text) for text in ("points = 0", "points = 2.5", "points = 3, 4", "pressure = 1", "points")),
     *((name, "half_period = 0") for name in ("square-response", "air", "exergy")),
+    ("describing-function", "frequencies = 0"),
+    ("valve-times", "share = 0"),
 ]
 
 
@@ -247,10 +249,47 @@ def test_every_characteristic_says_what_it_is(tmp_path, capsys):
         assert run(["characteristic", "catalogue:reference", name, "--set", wrong]) in (1, 2), wrong
 
 
-def test_small_commands_have_the_steady_gain_at_low_frequency():
+def test_frequency_responses_meet_where_they_should():
     small = pn.drive_characteristic(DRIVE, "bode")
     assert f"{float(small.velocity_gain):.2f}" == "4.06"
     assert float(small.velocity_phase[0]) == pytest.approx(0.0, abs=3.0)
+    large = pn.drive_characteristic(DRIVE, "describing-function", amplitudes=[0.3], frequencies=[2.0])
+    assert 0.5 * 4.06 < float(large.gain[0, 0]) < 4.06  # friction takes some of a large sine
+    assert -90.0 < float(large.phase[0, 0]) < 0.0
+    assert 0.0 < float(large.distortion[0, 0]) < 0.3
+    ends = pn.drive_characteristic(DRIVE, "describing-function", amplitudes=[1.0], frequencies=[0.5])
+    assert math.isnan(float(ends.gain[0, 0]))
+
+
+def test_a_load_moves_the_piston_as_its_linear_model_says_and_friction_holds_it():
+    from pneudrive.datasheet.equilibrium import SIDE, gas_at, linear_model
+
+    smooth = DRIVE.replace({"friction": {"law": "coulomb", "coulomb": "1e-6 N", "viscous": "40 N s/m"}})
+    settings = {"frequencies": [1.0, 8.0], "pressures": "3 bar abs"}
+    found = pn.drive_characteristic(smooth, "load-describing-function", amplitudes=[2.0], **settings)
+    linear = linear_model(HeldDrive(smooth), SIDE, 0.25, gas_at(HeldDrive(smooth), "3 bar abs"), "sliding")
+    b = linear.B[:, linear.inputs.index("cylinder.load_force_n")]
+    c = linear.C[linear.outputs.index("cylinder.position_m")]
+    for k, f in enumerate(settings["frequencies"]):  # below and above the natural frequency, 4.4 Hz
+        own = c @ np.linalg.solve(2j * math.pi * f * np.eye(len(b)) - linear.A, b)
+        assert float(found.compliance[0, k]) == pytest.approx(abs(own), rel=0.01)
+        assert float(found.phase[0, k]) == pytest.approx(math.degrees(np.angle(own)), abs=1.0)
+    assert float(found.phase[0, 0]) > -45.0 > -135.0 > float(found.phase[0, 1])
+    rough = pn.drive_characteristic(DRIVE, "load-describing-function", amplitudes=[20.0, 90.0], **settings)
+    below, above = (float(value) for value in rough.compliance[:, 0])
+    assert below < 2e-5 < 2e-4 < above < float(found.compliance[0, 0])  # 20 N against bristles of 1e5 N/m, then slip
+    assert float(rough.distortion[1, 0]) > float(found.distortion[0, 0])
+
+
+def test_sensitivities_are_exponents():
+    found = pn.drive_characteristic(DRIVE, "sensitivity", numbers=["cylinder.moving_mass", "valve.conductance"])
+    table = {name: found.sel(parameter=name) for name in found.parameter.values}
+    mass, valve = table["cylinder.moving_mass"], table["valve.conductance"]
+    assert float(mass.natural_frequency_sensitivity) == pytest.approx(-0.5, abs=1e-6)
+    assert float(mass.steady_speed_sensitivity) == pytest.approx(0.0, abs=1e-9)
+    assert float(valve.stall_force_sensitivity) == pytest.approx(0.0, abs=1e-9)
+    assert 0.5 < float(valve.steady_speed_sensitivity) < 1.0
+    assert float(valve.stroke_time_sensitivity) < -0.5
 
 
 @cache
@@ -277,11 +316,22 @@ def test_figures_that_makers_print_come_out_of_the_test_stands(name, most):
     assert all(seen[key] < limit for key, limit in most.items()), seen
 
 
-def test_a_switching_valve_has_no_pressure_gain():
+def test_times_of_a_switching_valve_and_what_it_cannot_have():
     tables = DRIVE.circuit.to_dict()
     tables["components"]["valve"] = {"use": "catalogue:ckd-m4ga1-r-2-position"}
+    circuit = Circuit.model_validate(tables)
+    found = pn.drive_characteristic(circuit, "valve-times")
+    for time in (float(found.time_on), float(found.time_off)):
+        assert 0.012 < time < 0.015  # 12 ms to the middle of the travel, then the outlet fills
     with pytest.raises(pn.PneudriveError, match="valve can only switch"):
-        pn.drive_characteristic(Circuit.model_validate(tables), "pressure-gain")
+        pn.drive_characteristic(circuit, "pressure-gain")
+    with pytest.raises(pn.PneudriveError, match="times need a switching valve"):
+        pn.drive_characteristic(DRIVE, "valve-times")
+
+
+def test_lines_are_those_of_the_study():
+    found = pn.drive_characteristic(DRIVE, "lines", lengths=["1 m"], diameters=["4 mm", "6 mm"])
+    assert [f"{float(v):.3f}" for v in found.vent_speed[:, 0]] == ["2.297", "3.636"]
 
 
 def test_a_cushion_brakes_less_what_is_heavier_and_does_not_touch_steady_motion():

@@ -131,6 +131,7 @@ def losses(accounts: dict[str, float], ambient_k: float) -> dict[str, float]:
     algorithm="flow out of the supply integrated along the solver's steps, one cycle of several",
     standard="volumes by ISO 8778",
     cites=("iso8778-2003",),
+    slow=True,
     held=False,
 )
 def _air(plant: HeldDrive, half_period: float | None = None) -> Found:
@@ -176,6 +177,7 @@ def _air(plant: HeldDrive, half_period: float | None = None) -> Found:
     cites=("bejan2016",),
     x="loss",
     y="lost",
+    slow=True,
     held=False,
 )
 def _exergy(plant: HeldDrive) -> Found:

@@ -12,7 +12,7 @@ import numpy as np
 
 from pneudrive.datasheet.characteristic import Found, ResultValue, characteristic
 from pneudrive.datasheet.equilibrium import gas_at, moving_gas, under_load
-from pneudrive.datasheet.strokes import STROKE_MEANING, StrokeNumbers, stroke_numbers
+from pneudrive.datasheet.strokes import STROKE_MEANING, StrokeNumbers, first_passage, stroke_numbers
 from pneudrive.describe.system import short_name
 from pneudrive.errors import CommandError, PneudriveWarning, SimulationError
 from pneudrive.simulation.simulate import simulate
@@ -226,6 +226,7 @@ def _square(plant: HeldDrive) -> Found:
     algorithm="one simulated stroke for each command and direction, with ledger",
     x="command",
     y="end_energy",
+    slow=True,
     held=False,
 )
 def _impact(plant: HeldDrive) -> Found:
@@ -299,6 +300,7 @@ ENTRY_S, ENTRY_RATE_HZ = 1.0, 5e3
     algorithm="one simulated stroke into the cushion for each point",
     x="speed",
     y="end_speed",
+    slow=True,
     held=False,
 )
 def _cushion(plant: HeldDrive, end_speed: float = END_SPEED) -> Found:
@@ -385,3 +387,69 @@ def _end(plant: HeldDrive, side: str, speed: float) -> Pair:
     end_speed = next((one["speed_m_s"] for one in run.attrs["impacts"] if one["end"] == side), math.nan)
     peak = float(run[f"{own}.{side}.pressure"].max())
     return end_speed, peak if math.isfinite(peak) else math.nan
+
+
+# --- Times of a switching valve, on a virtual test stand with a small volume at its outlet.
+
+SHARE = 0.1  # of the change of the pressure at the outlet
+VOLUME_M3 = 1e-5
+REST_S, SWITCHING_RATE_HZ = 0.5, 1e5  # between the commands; samples
+
+
+@characteristic(
+    "valve-times",
+    algorithm="virtual test stand: reservoir, valve, volume",
+    standard="form of ISO 12238",
+    x="time",
+    y="outlet_pressure",
+    held=False,
+)
+def _times(plant: HeldDrive) -> Found:
+    """Times of the valve.
+
+    Time from switching on, or off, until the pressure of 10 cm3 at the outlet has made 10 % of its total change.
+
+    Results
+    -------
+    time : s
+        time from the command on
+    outlet_pressure : Pa over time
+        absolute pressure at the outlet
+    """  # noqa: D401 - a title
+    table = plant.table(plant.valve)
+    if "time_on" not in table:
+        raise CommandError.of("datasheet.no_times", valve=plant.valve, kind_of_valve=table["kind"])
+    time, pressure = _run(plant, table)
+    on, off = time < REST_S, time >= REST_S
+    rise, fall = pressure[on], pressure[off]
+    up = first_passage(time[on], rise, rise[0] + SHARE * (rise[-1] - rise[0]))
+    down = first_passage(time[off], -fall, -fall[0] + SHARE * (fall[0] - fall[-1])) - REST_S
+    shown = np.unique(np.r_[np.linspace(0, time.size - 1, 800).astype(int)])
+    return {
+        "time": time[shown],
+        "outlet_pressure": pressure[shown],
+        "time_on": ResultValue((), up, "s", "from the command on to 10 % of the rise at the outlet"),
+        "time_off": ResultValue((), down, "s", "from the command off to 10 % of the fall"),
+    }
+
+
+def _run(plant: HeldDrive, table: Plain) -> tuple[Array, Array]:
+    """Command the valve on and off; return times and the pressure of a volume at its working port."""
+    ports = [port["name"] for port in plant.circuit.components[plant.valve].entry["ports"]]
+    outlet = "4" if "4" in ports else "2"
+    other = [f"valve.{port}" for port in ports if port in ("2", "4") and port != outlet]
+    circuit = type(plant.circuit).model_validate(
+        {
+            "name": "times of a valve",
+            "ambient": plant.circuit.to_dict().get("ambient", {}),
+            "components": {
+                "supply": {"kind": "reservoir", "pressure": f"{plant.supply_pa!r} Pa abs"},
+                "valve": table,
+                "volume": {"kind": "tank", "volume": f"{VOLUME_M3!r} m3"},
+            },
+            "connections": ["supply -> valve.1", f"valve.{outlet} -> volume"],
+            "plugged": other,
+        }
+    )
+    run = circuit.simulate({"valve": f"0 s: 1, {REST_S} s: 0"}, 2.0 * REST_S, sample_rate=SWITCHING_RATE_HZ)
+    return run.time.to_numpy(), run["volume.pressure"].to_numpy()

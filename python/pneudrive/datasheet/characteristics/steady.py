@@ -1,4 +1,4 @@
-"""Static curves and linear models: speed over force, stiffness of the air, frequency response, start of motion."""
+"""Static curves: steady speed over force, stiffness of enclosed air, and the start of motion."""
 
 from __future__ import annotations
 
@@ -9,21 +9,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pneudrive.datasheet.characteristic import Found, ResultValue, characteristic
-from pneudrive.datasheet.equilibrium import (
-    SIDE,
-    at_velocity,
-    gas_at,
-    linear_model,
-    moving_gas,
-    open_command,
-    under_load,
-)
+from pneudrive.datasheet.equilibrium import SIDE, at_velocity, gas_at, linear_model, under_load
 from pneudrive.datasheet.plant import LEAST_VELOCITY, HeldDrive
 from pneudrive.errors import CommandError, SimulationError
 from pneudrive.numbers import plain
 
 if TYPE_CHECKING:
-    from pneudrive.arrays import Array
     from pneudrive.simulation.session import Linear
 
 
@@ -406,70 +397,6 @@ def _mode(linear: Linear) -> tuple[float, float]:
     return abs(slowest) / (2.0 * math.pi), -slowest.real / abs(slowest)
 
 
-# --- Frequency response of the linear model.
-
-BODE_HZ = tuple(float(f) for f in np.geomspace(0.1, 100.0, 91))  # Hz
-FINE = 201  # frequencies between the neighbours of the largest response
-LOW_HZ = 1e-4  # of the linear model's slowest pole that counts: where the velocity gain is read, Hz
-
-
-def response(linear: Linear, output: str, frequencies: Array) -> Array:
-    """Return the response of an output to the command, complex."""
-    c = linear.C[linear.outputs.index(output)]
-    d = linear.D[linear.outputs.index(output), 0]
-    unity, b = np.eye(len(linear.states)), linear.B[:, 0]
-    return np.array([c @ np.linalg.solve(2j * math.pi * f * unity - linear.A, b) + d for f in frequencies])
-
-
-@characteristic(
-    "bode",
-    algorithm="exact linearisation by the core, evaluated at frequencies",
-    x="frequency",
-    y="velocity_magnitude velocity_phase",
-    needs_shares=True,
-)
-def _bode(plant: HeldDrive) -> Found:
-    """Frequency response.
-
-    Response of velocity, position and pressures to a small command about an operating point, without lag and dead time
-    of the valve. The point is mid stroke, with pressures of slow steady motion, a valve that begins to open (u > 0),
-    and viscous friction. A valve with negative overlap is at its centre, where both edges of a chamber are open.
-    `pn.linearise` gives the model at other points.
-
-    Results
-    -------
-    frequency : Hz
-        frequency
-    velocity_response : m/s over frequency
-        velocity over command, size
-    velocity_magnitude : dB over frequency
-        the same, in dB re 1 m/s
-    velocity_phase : deg over frequency
-        its phase
-    position_response : m over frequency
-        position over command, size
-    pressure_response : Pa over frequency
-        magnitude of pressure a minus b, over command
-    velocity_gain : m/s
-        velocity over command at low frequency, at the operating point
-    resonance : Hz
-        frequency of the largest response
-    """
-    x = 0.5 * plant.stroke_m
-    linear = linear_model(plant, open_command(plant, 0.0), x, moving_gas(plant, x), "sliding")
-    f = np.array(BODE_HZ)
-    output = f"{plant.piston}.velocity_m_s"
-    velocity = response(linear, output, f)
-    a, b = (response(linear, f"{plant.piston}.{side}.pressure_pa", f) for side in "ab")
-    size, phase = np.abs(velocity), np.unwrap(np.angle(velocity)) * 180.0 / math.pi
-    gain = abs(response(linear, output, np.array([LOW_HZ]))[0])
-    peak = int(np.argmax(size))
-    near = np.geomspace(f[max(peak - 1, 0)], f[min(peak + 1, f.size - 1)], FINE)
-    resonance = near[int(np.argmax(np.abs(response(linear, output, near))))]
-    displacement, difference = size / (2.0 * math.pi * f), np.abs(a - b)
-    return f, size, 20.0 * np.log10(size), phase, displacement, difference, gain, resonance
-
-
 # --- Least supply pressure that moves the piston, and breakaway.
 
 # The pressure rises so slowly that bristles neither oscillate nor slide: in 10 s they deflect 1.1 % below breakaway, in
@@ -516,6 +443,7 @@ def least_pressure(plant: HeldDrive, direction: float) -> float:
     "minimum-pressure",
     algorithm="bisection on simulated runs to 0.002 % of the span from ambient to supply",
     standard="form of ISO 10099",
+    slow=True,
     held=False,
 )
 def _minimum(plant: HeldDrive) -> Found:

@@ -1,0 +1,458 @@
+"""Frequency response of the linear model and of the nonlinear drive, sensitivities, and the tube study."""
+
+from __future__ import annotations
+
+import math
+from operator import attrgetter
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from pneudrive import units
+from pneudrive.constants import ANR_DENSITY_KG_M3, ANR_TEMPERATURE_K
+from pneudrive.datasheet.characteristic import Found, ResultValue, characteristic
+from pneudrive.datasheet.characteristics.response import one_stroke, short_columns, simulate_plant, start_of
+from pneudrive.datasheet.characteristics.steady import adiabatic_stiffness, full_force
+from pneudrive.datasheet.equilibrium import gas_at, linear_model, moving_gas, open_command, under_load
+from pneudrive.datasheet.plant import Actuation, HeldDrive
+from pneudrive.datasheet.stands import flow_through
+from pneudrive.describe.files.provenance import values
+from pneudrive.describe.marks import StatedPressure
+from pneudrive.errors import CommandError, DescriptionError, PneudriveError, SimulationError, nearest
+from pneudrive.progress import Flag, Progress, Watch
+from pneudrive.simulation.bench_circuit import VACUUM
+from pneudrive.simulation.simulate import positive
+from pneudrive.simulation.trajectory import TABLE
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    import xarray as xr
+
+    from pneudrive.arrays import Array, Plain
+    from pneudrive.describe.drive import Drive
+    from pneudrive.simulation.session import Linear
+
+
+# --- Frequency response of the linear model, and of the nonlinear drive at finite amplitudes.
+
+FREQUENCIES = tuple(float(f) for f in np.geomspace(0.1, 100.0, 91))  # Hz
+FINE = 201  # frequencies between the neighbours of the largest response
+SLOW = 1e-4  # of the linear model's slowest pole that counts: where the velocity gain is read, Hz
+SINE_HZ, AMPLITUDES = (1.0, 2.0, 4.0, 8.0), (0.05, 0.1, 0.2, 0.4)
+STEPS, SETTLING, COUNTED = 200, 4, 2  # of the command in a period; periods before, and looked at
+HARMONICS = 10
+NOTHING = math.nan, math.nan, math.nan  # gain, phase and distortion of a piston that reaches an end
+LOADS = (0.2, 0.3, 0.4)  # of the blocked force at full command: amplitudes of a load
+
+
+def response(linear: Linear, output: str, frequencies: Array) -> Array:
+    """Return the response of an output to the command, complex."""
+    c = linear.C[linear.outputs.index(output)]
+    d = linear.D[linear.outputs.index(output), 0]
+    unity, b = np.eye(len(linear.states)), linear.B[:, 0]
+    return np.array([c @ np.linalg.solve(2j * math.pi * f * unity - linear.A, b) + d for f in frequencies])
+
+
+@characteristic(
+    "bode",
+    algorithm="exact linearisation by the core, evaluated at frequencies",
+    x="frequency",
+    y="velocity_magnitude velocity_phase",
+    needs_shares=True,
+)
+def _bode(plant: HeldDrive) -> Found:
+    """Frequency response.
+
+    Response of velocity, position and pressures to a small command about an operating point, without lag and dead time
+    of the valve. The point is mid stroke, with pressures of slow steady motion, a valve that begins to open (u > 0),
+    and viscous friction. A valve with negative overlap is at its centre, where both edges of a chamber are open.
+    `pn.linearise` gives the model at other points.
+
+    Results
+    -------
+    frequency : Hz
+        frequency
+    velocity_response : m/s over frequency
+        velocity over command, size
+    velocity_magnitude : dB over frequency
+        the same, in dB re 1 m/s
+    velocity_phase : deg over frequency
+        its phase
+    position_response : m over frequency
+        position over command, size
+    pressure_response : Pa over frequency
+        magnitude of pressure a minus b, over command
+    velocity_gain : m/s
+        velocity over command at low frequency, at the operating point
+    resonance : Hz
+        frequency of the largest response
+    """
+    x = 0.5 * plant.stroke_m
+    linear = linear_model(plant, open_command(plant, 0.0), x, moving_gas(plant, x), "sliding")
+    f = np.array(FREQUENCIES)
+    output = f"{plant.piston}.velocity_m_s"
+    velocity = response(linear, output, f)
+    a, b = (response(linear, f"{plant.piston}.{side}.pressure_pa", f) for side in "ab")
+    size, phase = np.abs(velocity), np.unwrap(np.angle(velocity)) * 180.0 / math.pi
+    gain = abs(response(linear, output, np.array([SLOW]))[0])
+    peak = int(np.argmax(size))
+    near = np.geomspace(f[max(peak - 1, 0)], f[min(peak + 1, f.size - 1)], FINE)
+    resonance = near[int(np.argmax(np.abs(response(linear, output, near))))]
+    displacement, difference = size / (2.0 * math.pi * f), np.abs(a - b)
+    return f, size, 20.0 * np.log10(size), phase, displacement, difference, gain, resonance
+
+
+@characteristic(
+    "describing-function",
+    algorithm="simulated, command in 200 steps a period; two periods by Fourier transform after four of settling",
+    x="frequency",
+    y="gain",
+    slow=True,
+    held=False,
+    needs_shares=True,
+)
+def _describing(plant: HeldDrive, amplitudes: Any = AMPLITUDES, frequencies: Any = SINE_HZ) -> Found:  # noqa: ANN401
+    """Response to large sines.
+
+    First harmonic of the velocity over a sinusoidal command, and the other harmonics over the first, for several
+    amplitudes and frequencies. The piston starts at mid stroke and does not reach an end.
+
+    Settings
+    --------
+    amplitudes
+        of the command
+    frequencies
+        Hz
+
+    Results
+    -------
+    amplitude : 1
+        amplitude of the command
+    frequency : Hz
+        frequency
+    gain : m/s over amplitude, frequency
+        first harmonic of the velocity over the amplitude
+    phase : deg over amplitude, frequency
+        phase of the first harmonic
+    distortion : 1 over amplitude, frequency
+        harmonics 2 to 10 over the first one, root of squares
+    """
+    return _over_grid(amplitudes, frequencies, lambda a, f: _harmonics(plant, a, f))
+
+
+def _over_grid(
+    amplitudes: Sequence[float], frequencies: Sequence[float], find: Callable[[float, float], tuple[float, ...]]
+) -> tuple[Any, ...]:
+    """Return amplitudes and frequencies, and the results of each pair, shape (amplitudes, frequencies)."""
+    named = (("amplitude", amplitudes), ("frequency", frequencies))
+    axes = [[positive(one, "", name) for one in values] for name, values in named]
+    return *axes, *np.moveaxis(np.array([[find(a, f) for f in axes[1]] for a in axes[0]]), 2, 0)
+
+
+def _harmonics(plant: HeldDrive, amplitude: float, frequency: float) -> tuple[float, float, float]:
+    """Return gain, phase and distortion of the velocity. NaN if the piston reaches an end."""
+    rate, periods = STEPS * frequency, SETTLING + COUNTED
+
+    def sine(t: float) -> float:  # held from a step to the next: the value at its middle
+        return amplitude * math.sin(2.0 * math.pi * frequency * (t + 0.5 / rate))
+
+    start = start_of(plant, 0.5 * plant.stroke_m, plant.pressures(gas_at(plant)))
+    try:
+        plans = {name: lambda t, size=size: size * sine(t) for name, size in plant.actuation.out.items()}
+        run = simulate_plant(plant, plans, periods / frequency, rate, initial=start)
+    except SimulationError:
+        return NOTHING
+    columns = short_columns(plant, run)
+    last = slice(SETTLING * STEPS, periods * STEPS)
+    if np.abs(columns["end_stop_force_n"][last]).max() > 0.0:
+        return NOTHING
+    return _over_sine(columns["velocity_m_s"][last], amplitude)
+
+
+def _over_sine(values: Array, amplitude: float) -> tuple[float, float, float]:
+    """Return gain and phase, in degrees, of the first harmonic relative to a sine, and the distortion."""
+    spectrum = np.fft.rfft(values)[::COUNTED] * 2.0 / (COUNTED * STEPS)
+    first = spectrum[1] * 1j
+    distortion = float(np.sqrt(np.sum(np.abs(spectrum[2 : HARMONICS + 1]) ** 2))) / abs(first)
+    return abs(first) / amplitude, math.degrees(np.angle(first)), distortion
+
+
+@characteristic(
+    "load-describing-function",
+    algorithm="simulated, load in 200 steps a period; two periods by Fourier transform after four of settling",
+    x="frequency",
+    y="compliance",
+    slow=True,
+)
+def _load_describing(
+    plant: HeldDrive,
+    amplitudes: Any = None,  # noqa: ANN401
+    frequencies: Any = SINE_HZ,  # noqa: ANN401
+    pressures: Any = None,  # noqa: ANN401
+) -> Found:
+    """Response to large sines of the load.
+
+    First harmonic of the position over a sinusoidal load with the valve at command 0, and the other harmonics over the
+    first, for several amplitudes and frequencies. The piston starts at mid stroke and does not reach an end.
+
+    Settings
+    --------
+    amplitudes
+        of the load, N; default: 20, 30 and 40 % of the blocked force at full command
+    frequencies
+        Hz
+    pressures
+        of both chambers; default: half way from ambient to supply
+
+    Results
+    -------
+    amplitude : N
+        amplitude of the load
+    frequency : Hz
+        frequency
+    compliance : m/N over amplitude, frequency
+        first harmonic of the position over the amplitude
+    phase : deg over amplitude, frequency
+        phase of the first harmonic
+    distortion : 1 over amplitude, frequency
+        harmonics 2 to 10 over the first one, root of squares
+    """
+    if amplitudes is None:
+        most = min(abs(full_force(plant, direction)[0]) for direction in (1.0, -1.0))
+        amplitudes = [share * most for share in LOADS]
+    gas = gas_at(plant, pressures)
+    return _over_grid(amplitudes, frequencies, lambda a, f: _load_harmonics(plant, a, f, gas))
+
+
+def _load_harmonics(plant: HeldDrive, amplitude: float, frequency: float, gas: Array) -> tuple[float, float, float]:
+    """Return gain, phase and distortion of the position under a load, with the valve at command 0.
+
+    NaN if the piston reaches an end.
+    """
+    rate, periods = STEPS * frequency, SETTLING + COUNTED
+    session = plant.session(0.0, 0.5 * plant.stroke_m, 0.0, gas)
+    sine = amplitude * np.sin(2.0 * math.pi * (np.arange(periods * STEPS) + 0.5) / STEPS)  # held from step to step
+    session.schedule(plant.load, [(k / rate, float(force)) for k, force in enumerate(sine)])
+    session.advance(SETTLING / frequency)
+    positions = []
+    for k in range(COUNTED * STEPS):
+        session.advance((SETTLING * STEPS + k) / rate)
+        positions.append(session.read(f"{plant.piston}.position_m"))
+    if min(positions) <= 0.0 or max(positions) >= plant.stroke_m:
+        return NOTHING
+    return _over_sine(np.array(positions), amplitude)
+
+
+# --- Importance of the numbers of a drive: relative sensitivities of its characteristics.
+
+SHARE = 1e-3  # of a number, to both sides
+_RESULTS = {
+    "steady_speed": "steady speed at full command",
+    "stall_force": "largest load that the resting piston can move",
+    "natural_frequency": "natural frequency at mid stroke",
+    "stroke_time": "time of a full stroke from rest",
+    "end_speed": "speed at the end of that stroke",
+}
+
+
+def moved(drive: Drive, name: str, factor: float) -> Drive:
+    """Return a drive with one of its numbers multiplied by a factor."""
+    given = values(drive)[name]
+    if isinstance(given.mark, StatedPressure):
+        pressure = attrgetter(name)(drive)
+        text = f"{factor * pressure.value_pa!r} Pa {'gauge' if pressure.gauge else 'abs'}"
+        return drive.replace({name: text})
+    unit = given.mark.si_unit if given.mark is not None else ""
+    value = factor * given.si
+    return drive.replace({name: units.UnitFloat(value, unit, given.mark.written) if unit else value})  # type: ignore[union-attr]
+
+
+def _of(plant: HeldDrive) -> dict[str, float]:
+    """Return the results of one drive."""
+    x = 0.5 * plant.stroke_m
+    spring = adiabatic_stiffness(plant.static, x, "3 bar abs")
+    stroke = one_stroke(plant, 1.0, 0.0, plant.before(1.0)).strokes[0]
+    return {
+        "steady_speed": under_load(plant.static, 1.0, x, 0.0).velocity_m_s,
+        "stall_force": full_force(plant.static, 1.0)[1],
+        "natural_frequency": math.sqrt(spring / plant.mass) / (2.0 * math.pi),
+        "stroke_time": stroke.stroke_time,
+        "end_speed": stroke.end_speed,
+    }
+
+
+@characteristic(
+    "sensitivity",
+    algorithm="central differences of 0.1 % of the number",
+    x="parameter",
+    y="stroke_time_sensitivity",
+    slow=True,
+    held=False,
+)
+def _tornado(plant: HeldDrive, numbers: Any = None) -> Found:  # noqa: ANN401 - a sequence of names
+    """Sensitivity to each number of the drive.
+
+    Relative change of a result over the relative change of one number of the drive file.
+
+    Settings
+    --------
+    numbers
+        of the drive file; default: all
+    """
+    drive: Any = plant.described
+    if not hasattr(drive, "cylinder"):
+        raise CommandError(f"{plant.name} is a circuit", rule="sensitivities need a drive file")
+    names, rows = [], []
+    known = values(drive)
+    for name in numbers or ():
+        if name not in known:
+            raise CommandError(f"{name} is not a number of this drive", remedy=nearest(name, known))
+    for name in known if numbers is None else numbers:
+        if known[name].si == 0.0:
+            continue
+        try:
+            low, high = (_of(HeldDrive(moved(drive, name, 1.0 + sign * SHARE))) for sign in (-1.0, 1.0))
+        except PneudriveError:  # at a bound, or tied to another number
+            continue
+        width = math.log1p(SHARE) - math.log1p(-SHARE)
+        names.append(name)
+        rows.append([math.log(high[key] / low[key]) / width for key in _RESULTS])
+    table = np.array(rows)
+    order = np.argsort(-np.nanmax(np.abs(table), axis=1))
+    over, relative = ("parameter",), "relative change of the {}, over that of the number"
+    found = {
+        f"{key}_sensitivity": ResultValue(over, table[order, number], "1", relative.format(words))
+        for number, (key, words) in enumerate(_RESULTS.items())
+    }
+    return found | {"parameter": ResultValue(over, [names[k] for k in order], "1", "number of the drive file")}
+
+
+# --- Study of the tubes between valve and cylinder: speed and stroke time of a drive over their length and bore.
+
+LENGTHS, DIAMETERS = ("0.5 m", "1 m", "2 m", "5 m"), ("4 mm", "6 mm", "8 mm")
+
+
+def lines(
+    drive: Drive,
+    lengths: Sequence[str | float] = LENGTHS,
+    diameters: Sequence[str | float] = DIAMETERS,
+    *,
+    progress: Progress | None = None,
+    cancel: Flag | None = None,
+) -> xr.Dataset:
+    """Simulate full strokes of a drive with tubes of several lengths and bores at both chambers.
+
+    Every tube has ``kind = "tube"`` (steady flow by an empirical formula). Flow controls of the drive are kept.
+
+    Parameters
+    ----------
+    drive : Drive
+        The tubes of this study replace the table `[tubing]` of the drive, if it has one.
+    lengths, diameters : sequence of str or float
+        Quantities, or numbers in m.
+    progress, cancel : optional
+        See `pneudrive.progress.Watch`.
+
+    Returns
+    -------
+    xarray.Dataset
+        Dimensions diameter and length (m). Variables vent_conductance, vent_speed, stroke_time_out, stroke_time_back,
+        mean_speed, end_speed. NaN if the piston does not arrive. ``attrs["without_tubes"]`` and
+        ``attrs["as_described"]`` hold the same values for the drive without tubes and with the described ones.
+
+    Raises
+    ------
+    CommandError
+        A length or a diameter is not a positive length.
+    DescriptionError
+        `drive` is not a `Drive`.
+    Cancelled
+        `cancel` was set.
+
+    Examples
+    --------
+    >>> import pneudrive as pn
+    >>> study = pn.lines(pn.Drive.load("catalogue:reference"), ["1 m"], ["4 mm"])
+    >>> round(float(study.vent_speed[0, 0]), 3)
+    2.297
+    """
+    import xarray as xr
+
+    if not hasattr(drive, "tubing"):
+        remedy = "Describe it as a drive file: [supply], [valve], [cylinder], [friction]."
+        raise DescriptionError(f"the table of tubes needs a drive, but got a {type(drive).__name__}", remedy=remedy)
+    long, wide = _metres(lengths, "length"), _metres(diameters, "diameter")
+    rows: list[dict[str, float]] = []
+    for diameter, length in Watch(progress, cancel).each([(d, n) for d in wide for n in long], "tubes"):
+        tube = {"length": units.UnitFloat(length, "m", "m"), "diameter": units.UnitFloat(diameter, "m", "mm")}
+        rows.append(_row(_with_tubes(drive, {"a": tube, "b": tube})))
+    attrs = {"title": drive.name, "without_tubes": _row(_with_tubes(drive, {}))}
+    if drive.tubing:
+        attrs["as_described"] = _row(drive)
+    variables = {}
+    for name, (unit, meaning) in TABLE["tubes"].items():
+        values = np.reshape([row[name] for row in rows], (len(wide), -1))
+        variables[name] = ("diameter", "length"), values, {"units": unit, "long_name": meaning}
+    axes = {
+        "diameter": ("diameter", wide, {"units": "m", "long_name": "inner diameter of the tubes"}),
+        "length": ("length", long, {"units": "m", "long_name": "length of each tube"}),
+    }
+    return xr.Dataset(variables, axes, attrs)
+
+
+def _metres(given: Sequence[str | float], what: str) -> list[float]:
+    """Return the distinct lengths, m, ascending."""
+    if isinstance(given, str) or not given:
+        raise CommandError(f"{what} = {given!r} is not a list of quantities", remedy='For instance ["0.5 m", "2 m"].')
+    return sorted({positive(one, "m", what) for one in given})
+
+
+def _with_tubes(drive: Drive, tubing: Plain) -> Drive:
+    tables = {key: table for key, table in drive.to_dict().items() if key != "provenance"}
+    return type(drive).model_validate(tables | {"tubing": tubing, "friction": drive.friction})
+
+
+def _row(drive: Drive) -> dict[str, float]:
+    """Return the results of one drive by variable, in the order of the table."""
+    plant = HeldDrive(drive, actuation=Actuation({"valve": 1.0}, {"valve": -1.0}, drive.valve.is_switching))
+    pressure = plant.supply_pa
+    choked = flow_through(plant, "b", inward=False, upstream=pressure, ratios=[VACUUM])[0]
+    conductance = choked / (ANR_DENSITY_KG_M3 * pressure)
+    mean_k = math.sqrt(ANR_TEMPERATURE_K * drive.ambient.temperature_k)  # C is that at the temperature of ISO 6358
+    flow = ANR_DENSITY_KG_M3 * drive.gas.gas_constant_j_kg_k * mean_k  # times C/A: speed at choked flow
+    speed = conductance * flow / drive.cylinder.area_b_m2
+    out, back = (
+        one_stroke(plant, u, start_m, plant.before(u), expected_s=2.0 * plant.stroke_m / speed).strokes[0]
+        for u, start_m in ((1.0, 0.0), (-1.0, plant.stroke_m))
+    )
+    numbers = (conductance, speed, out.stroke_time, back.stroke_time, plant.stroke_m / out.stroke_time, out.end_speed)
+    return dict(zip(TABLE["tubes"], numbers, strict=True))
+
+
+@characteristic(
+    "lines",
+    algorithm="`pneudrive lines`: steady flow through the exhaust path, and simulated strokes",
+    x="length",
+    y="mean_speed",
+    slow=True,
+    held=False,
+)
+def _lines(plant: HeldDrive, lengths: Any = LENGTHS, diameters: Any = DIAMETERS) -> Found:  # noqa: ANN401 - sequences
+    """Speed against the tubes.
+
+    Choked speed, stroke times, mean speed and end speed with steady tubes of equal length and bore at both chambers.
+    Strokes start from rest, with the emptying chamber at supply pressure.
+
+    Settings
+    --------
+    lengths
+        of each tube
+    diameters
+        inner diameters
+    """
+    study = lines(plant.described, list(lengths), list(diameters))  # type: ignore[arg-type]
+    return {
+        str(name): ResultValue(tuple(map(str, one.dims)), one.to_numpy(), one.attrs["units"], one.attrs["long_name"])
+        for name, one in study.variables.items()
+    }
