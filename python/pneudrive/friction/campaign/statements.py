@@ -6,10 +6,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pneudrive.estimate.estimates import CHANCE, NORMAL_95, student
+from pneudrive.estimate.estimates import CHANCE, NORMAL_95
 from pneudrive.friction.campaign.points import NEGATIVE, OUTLIER, CurvePoints, suspicions
 from pneudrive.friction.campaign.smooth import CARRIED
-from pneudrive.friction.campaign.trends import pure_scatter, together
+from pneudrive.friction.campaign.trends import together
 from pneudrive.friction.friction_map import BOTH, PA_PER_BAR
 from pneudrive.friction.sentences import NAMED, Statement, named, say
 
@@ -23,8 +23,6 @@ if TYPE_CHECKING:
 
 SERVICE_BAR = (3.0, 10.0)  # gauge pressures at which such drives are used (assumed)
 FEW_LEVELS = 5  # speeds: fewer do not show the shape of a curve
-LEAVES = 2.0  # quantiles of 95 % beyond which a cycle differs from its curve
-ROUNDING = 1e-12  # of the friction: least scatter, because data without noise have none
 KIND_TOLD = 0.05  # least probability for a statement on the form of scatter
 
 
@@ -35,7 +33,7 @@ def statements(
     said = [*_data(found, reading, points), *_ranges(found)]
     if points is None or fits is None:
         return (*said, say("curve.none"))
-    said += [*_curves(found, fits), *_sensor(found, reading, fits), *_scatter(found, reading, fits), *_left(fits)]
+    said += [*_curves(found, fits), *_sensor(found, reading, fits), *_scatter(found, reading, fits)]
     said += [*_drift(found, fits), *_pressure_zeros(reading)]
     for effects in (_directions, _pressure, _air, _position, _stick_slip, _excluded):
         said += effects(found)
@@ -114,6 +112,9 @@ def _scatter(found: CampaignCharacteristics, reading: CampaignData, fits: Fits) 
         yield from _once(found, repeat, fits)
     if fits.blocks is None:
         yield say("repeatability.one_block_each" if reading.several else "repeatability.one_block")
+    if fits.doubtful:
+        keys = named(fits.points["key"][list(fits.doubtful)])
+        yield say("curve.doubtful", count=len(fits.doubtful), keys=keys)
 
 
 def _once(found: CampaignCharacteristics, repeat: Repeatability, fits: Fits) -> Iterator[Statement]:
@@ -130,24 +131,6 @@ def _once(found: CampaignCharacteristics, repeat: Repeatability, fits: Fits) -> 
             count = sum(kinds.count("sentinel") for kinds in fits.points.labels("kind", np.arange(len(fits.points))))
             narrow = {"narrow": (share < 1.0).sum(), "points": share.size, "least": share.min()}
             yield say("repeatability.measured_once", sentinels=count, **narrow)
-
-
-def _left(fits: Fits) -> Iterator[Statement]:
-    """Return statements on good cycles that differ from a curve by more than the scatter, and on suspect cycles."""
-    points, repeated = fits.points, pure_scatter(fits)
-    if repeated is not None:
-        pure, data = repeated[0], fits.friction.data
-        rest = data.y - fits.friction.drift - fits.friction.steady()
-        scatter = np.hypot(pure.value / np.sqrt(data.count), np.sqrt(data.noise))
-        off = np.abs(rest) / np.maximum(scatter, ROUNDING * np.abs(points["friction_n"]).max())
-        far = np.flatnonzero(off > student(pure.degrees_of_freedom) * LEAVES)
-        if far.size:
-            keys, worst = points["key"][points.use], far[np.argsort(-off[far])].tolist()
-            several = named(f"{keys[i]} by {off[i]:.2g} times" for i in worst)
-            yield say("curve.leaves", count=far.size, named=several)
-    if fits.doubtful:
-        keys = named(points["key"][list(fits.doubtful)])
-        yield say("curve.doubtful", count=len(fits.doubtful), keys=keys)
 
 
 def _drift(found: CampaignCharacteristics, fits: Fits) -> Iterator[Statement]:
