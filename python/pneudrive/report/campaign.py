@@ -269,11 +269,12 @@ def position(found: CampaignCharacteristics) -> Section | None:
     shown = [p for p in found.position if np.isfinite(p.relative).sum() > 3][:MOST_PANELS]
     if not shown:
         return None
-    topic, panels = Topic("campaign", "position"), []
+    topic, named, panels = Topic("campaign", "position"), condition_names(found), []
     for p in shown:
+        where = named(p.condition) if p.condition is not None else p.levels or "all cycles"
         x, middle, low, high = (v[np.isfinite(p.relative)] for v in (p.position_m, p.relative, p.low, p.high))
         marks = [Band(x, low - 1.0, high - 1.0), Rule(y=0.0), Line(x, middle - 1.0, look=Look("blue"), width=1.0)]
-        panels.append(Panel(marks, f"{p.levels or 'all cycles'}\n({plural(p.cycles, 'cycle')})"))
+        panels.append(Panel(marks, f"{where}\n({plural(p.cycles, 'cycle')})"))
     return topic.section(topic.text(), topic.figure("campaign-position", figure_of("position", panels)))
 
 
@@ -594,9 +595,7 @@ def budget(found: CampaignCharacteristics) -> Section | None:
     if not found.sources:
         return None
     topic = Topic("campaign", "budget")
-    rows = (
-        tuple(s[name] for name in ("name", "kind", "basis", "note", "standard_uncertainty_n")) for s in found.sources
-    )
+    rows = ((s.name, s.kind, s.basis, s.note, s.standard_uncertainty_n) for s in found.sources)
     return topic.section(topic.text(), topic.table(rows))
 
 

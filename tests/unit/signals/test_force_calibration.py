@@ -79,8 +79,8 @@ def test_hysteresis_is_half_the_loop_in_each_direction_however_many_cycles(tmp_p
         assert off == pytest.approx(-0.5 * h, rel=0.05)  # the curves are smoothed in proportion
         assert curve.u_systematic_n[m].min() >= h / 2.0 / np.sqrt(3.0)
         assert ((curve.low_n[m] <= straight[curve.direction]) & (straight[curve.direction] <= curve.high_n[m])).all()
-    (source,) = [s for s in found.sources if s["name"] == "force sensor, hysteresis"]
-    assert source["standard_uncertainty_n"] == pytest.approx(h / 2.0 / np.sqrt(3.0))
+    (source,) = [s for s in found.sources if s.name == "force sensor, hysteresis"]
+    assert source.standard_uncertainty_n == pytest.approx(h / 2.0 / np.sqrt(3.0))
 
 
 def test_what_the_certificate_leaves_open_is_named_in_the_budget():

@@ -351,10 +351,11 @@ def _share(found: CampaignCharacteristics, one: Asymmetry, viscous_n_s_m: float)
 def _position(found: CampaignCharacteristics, viscous_n_s_m: float, levels: tuple[str, str, str]) -> Iterator[Part]:
     """Return trend and waves of the levels over position, scaled so that their mean over the common range is 1."""
     title = ", ".join(level for level in levels if level)
-    pattern = next((one for one in found.position if one.levels == title), None)
+    own = [one for one in found.position if one.levels == title]
     curves = [curve for curve in found.curves if curve.direction == BOTH and _is_of(curve.condition, levels)]
-    if pattern is None or not curves:
+    if not own or not curves:
         return
+    pattern = max(own, key=lambda one: (one.condition is None, one.cycles))
     viscous = [viscous_n_s_m * curve.speed_m_s / curve.friction_n for curve in curves]
     level = 1.0 - float(np.mean(np.concatenate(viscous)))  # share of the levels in the reference of the pattern
     away = pattern.position_m - (middle := float(pattern.position_m.mean()))

@@ -16,7 +16,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pneudrive.arrays import Array, Bools, Ints, Row, by_name
 from pneudrive.estimate.estimates import NORMAL_95, Estimate, rms
 from pneudrive.estimate.mixed import MixedModel, Predicted, RandomEffect
 from pneudrive.friction.budget import SharedTerms
@@ -29,6 +28,7 @@ from pneudrive.friction.sentences import sentence
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
 
+    from pneudrive.arrays import Array, Bools, Ints
     from pneudrive.signals.force_calibration import ForceCalibration
 
 
@@ -356,7 +356,7 @@ def _with_u(value: Array, low: Array, high: Array, u: Array | float) -> tuple[Ar
 CONSTANT = ("force: linearity", "force: hysteresis")  # sources of the force sensor that are equal at all forces
 
 
-def sources(fits: Fits, gain: Gain, known: ForceCalibration | None) -> tuple[Row, ...]:
+def sources(fits: Fits, gain: Gain, known: ForceCalibration | None) -> tuple[result.UncertaintySource, ...]:
     """List the sources of uncertainty, each as root mean square over the measured points of all curves, N."""
 
     def size_of(part: Callable[[CurveBand], Array], removed: Sequence[str] = ()) -> float:
@@ -387,7 +387,7 @@ def sources(fits: Fits, gain: Gain, known: ForceCalibration | None) -> tuple[Row
         ("mean over position", place, "B", "assumed", "pattern over the part of the stroke not covered"),
         ("zero and asymmetry", size_of(zero), "A", "data", "curves of one direction only"),
     ]
-    return tuple(by_name(("name", "standard_uncertainty_n", "kind", "basis", "note"), row) for row in rows)
+    return tuple(result.UncertaintySource(*row) for row in rows)
 
 
 def _cells(points: CurvePoints) -> Iterator[tuple[Condition, float, CurvePoints]]:

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     import polars as pl
     import xarray as xr
 
-    from pneudrive.arrays import Array, Bools, Interval, Ints, Row
+    from pneudrive.arrays import Array, Bools, Interval, Ints
     from pneudrive.friction.campaign.stops.dwell_law import DwellSeries
     from pneudrive.friction.sentences import Statement
     from pneudrive.rig.interface import Identity
@@ -119,6 +119,8 @@ class PositionPattern:
 
     Attributes
     ----------
+    condition : Condition or None
+        None: all cycles of the mounting, seal and drive.
     position_m : ndarray, shape (m,)
         Centres of the bins.
     relative, low, high : ndarray, shape (m,)
@@ -132,6 +134,7 @@ class PositionPattern:
         Mounting, seal, drive.
     """
 
+    condition: Condition | None
     position_m: Array
     relative: Array
     low: Array
@@ -343,6 +346,29 @@ class Curve(Shown):
         )
 
 
+@dataclass(frozen=True)
+class UncertaintySource:
+    """A source of uncertainty of the curves.
+
+    Attributes
+    ----------
+    name : str
+    standard_uncertainty_n : float
+        Root mean square over the points of all curves.
+    kind : str
+        "A" (from the scatter of these data) or "B" (stated or assumed).
+    basis : str
+        Origin of the value: data, stated, assumed, not determined.
+    note : str
+    """
+
+    name: str
+    standard_uncertainty_n: float
+    kind: str
+    basis: str
+    note: str = ""
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class CampaignCharacteristics(Viewed):
     """All results of a campaign on friction. SI, absolute pressures unless called gauge.
@@ -364,10 +390,8 @@ class CampaignCharacteristics(Viewed):
     friction_map : xarray.Dataset
         One row per cycle, speed level and direction: the columns of a friction map, the 95 % band and the levels.
     curves : tuple of Curve
-    sources : tuple of dict
-        Budget of the band: for each source its name; ``standard_uncertainty_n``, root mean square over the points of
-        all curves, N; ``kind``, "A" (from the scatter of these data) or "B" (stated or assumed); ``basis``, the origin
-        of the value (data, stated, assumed, not determined); note.
+    sources : tuple of UncertaintySource
+        Budget of the band.
     pressure, air, position, asymmetry, stick_slip, stick_slip_thresholds, drift, repeatability, zero
     stops : polars.DataFrame
         One row for each stop, see `pneudrive.friction.campaign.stops.stop.find_stops`; empty without stops.
@@ -392,7 +416,7 @@ class CampaignCharacteristics(Viewed):
     ranges: dict[str, Interval]
     stops: pl.DataFrame
     curves: tuple[Curve, ...] = ()
-    sources: tuple[Row, ...] = ()
+    sources: tuple[UncertaintySource, ...] = ()
     pressure: tuple[PressureEffects, ...] = ()
     air: tuple[AirShare, ...] = ()
     position: tuple[PositionPattern, ...] = ()
@@ -425,7 +449,7 @@ class CampaignCharacteristics(Viewed):
             zero = "" if a.basis == "tare" else " (with the sensor's zero)"
             found[f"half of +x less -x{zero}, {named(a.condition)}"] = a.mean
         for p in self.position:
-            where = p.levels or "all cycles"
+            where = named(p.condition) if p.condition is not None else p.levels or "all cycles"
             found[f"trend along the stroke, {where}"] = p.trend_per_m
             for wave in p.harmonics:
                 found[f"wave of {1e3 * wave.wavelength_m:.3g} mm along the stroke, {where}"] = wave.amplitude

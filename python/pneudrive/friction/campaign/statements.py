@@ -14,12 +14,12 @@ from pneudrive.friction.friction_map import BOTH, PA_PER_BAR
 from pneudrive.friction.sentences import NAMED, Statement, named, say
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Iterator
 
     from pneudrive.arrays import Interval
     from pneudrive.friction.campaign.curves import Fits
     from pneudrive.friction.campaign.reading import CampaignData
-    from pneudrive.friction.campaign.result import AirShare, Asymmetry, CampaignCharacteristics, Repeatability
+    from pneudrive.friction.campaign.result import CampaignCharacteristics, Repeatability
 
 SERVICE_BAR = (3.0, 10.0)  # gauge pressures at which such drives are used (assumed)
 FEW_LEVELS = 5  # speeds: fewer do not show the shape of a curve
@@ -165,15 +165,13 @@ def _directions(found: CampaignCharacteristics) -> Iterator[Statement]:
     ):
         group = [a for a in found.asymmetry if (a.mean.p < CHANCE) == differs]
         means = [a.mean for a in group]
-        if group:
-            mean, half = _span([m.value for m in means]), max((m.high - m.low) / 2.0 for m in means)
-            yield say("direction.found", where=_where(found, group), finding=finding, mean=mean, half=half)
-
-
-def _where(found: CampaignCharacteristics, results: Sequence[Asymmetry | AirShare]) -> str:
-    """Return the condition of a result, or the number of several conditions."""
-    label = results[0].condition.label(found.identity.ambient_pressure_pa)
-    return label if len(results) == 1 else f"{len(results)} conditions"
+        if len(group) == 1:
+            condition = group[0].condition.label(found.identity.ambient_pressure_pa)
+            yield say("direction.one", condition=condition, finding=finding, mean=means[0])
+        elif group:
+            ends = {"low": min(m.value for m in means), "high": max(m.value for m in means)}
+            half = max((m.high - m.low) / 2.0 for m in means)
+            yield say("direction.several", count=len(group), finding=finding, half=half, **ends)
 
 
 def _pressure_zeros(reading: CampaignData) -> Iterator[Statement]:
@@ -202,7 +200,9 @@ def _air(found: CampaignCharacteristics) -> Iterator[Statement]:
     shares = found.air
     if not shares:
         return
-    where, speed = _where(found, shares), 1e3 * max(s.speed_m_s[-1] for s in shares)
+    label = shares[0].condition.label(found.identity.ambient_pressure_pa)
+    where = f"At {label}" if len(shares) == 1 else f"At {len(shares)} conditions"
+    speed = 1e3 * max(s.speed_m_s[-1] for s in shares)
     if shares[0].separated:
         air, total = _span([s.air_n[-1] for s in shares]), _span([s.total_n[-1] for s in shares])
         half = max((s.air_high_n[-1] - s.air_low_n[-1]) / 2.0 for s in shares)
@@ -217,9 +217,10 @@ def _span(values: list[float]) -> str:
 
 
 def _position(found: CampaignCharacteristics) -> Iterator[Statement]:
-    if not found.position:
+    whole = [p for p in found.position if p.condition is None]
+    if not whole:
         yield say("position.none")
-    for p in found.position:
+    for p in whole:
         prefix = f"{p.levels}: " if p.levels else ""
         yield say("position.trend", prefix=prefix, trend=p.trend_per_m.scaled(100))
         strong = [h for h in p.harmonics if h.amplitude.p < CHANCE]

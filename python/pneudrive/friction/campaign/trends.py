@@ -18,7 +18,7 @@ from pneudrive.estimate.mixed import MixedFit, MixedModel, RandomEffect, indepen
 from pneudrive.friction.campaign.points import FREEDOM_PER_CYCLE, CurvePoints, shares_of
 from pneudrive.friction.campaign.result import Drift, PositionPattern, PositionWave, PressureEffects, Repeatability
 from pneudrive.friction.campaign.smooth import CARRIED, CYCLE_SCALE
-from pneudrive.friction.friction_map import PA_PER_BAR, TOLD, classify_pressures
+from pneudrive.friction.friction_map import PA_PER_BAR, TOLD, Condition, classify_pressures
 from pneudrive.friction.sentences import Statement, say
 
 if TYPE_CHECKING:
@@ -180,14 +180,17 @@ COVERED = 0.9  # of the common bins: cycles that lack more are not used for tren
 
 
 def position_dependence(points: CurvePoints) -> tuple[PositionPattern, ...]:
-    """Describe friction over position for each mounting, seal and drive."""
-    titles = [condition.title for condition in points.conditions]
-    found = (_describe(points, title, np.array(titles)[points["curve"]] == title) for title in dict.fromkeys(titles))
-    return tuple(pattern for pattern in found if pattern is not None)
+    """Describe friction over position: for each mounting, seal and drive, then for conditions with enough cycles."""
+    own = [(c.title, c, points.use & (points["curve"] == i)) for i, c in enumerate(points.conditions)]
+    parts = {title: [one for one in own if one[0] == title] for title, _, _ in own}
+    groups = [(title, None, np.any([one[2] for one in some], axis=0)) for title, some in parts.items()]
+    groups += [one for some in parts.values() if len(some) > 1 for one in some]
+    found = [_describe(points, *group) for group in groups]
+    return tuple(one for one in found if one is not None)
 
 
-def _describe(points: CurvePoints, title: str, members: Bools) -> PositionPattern | None:
-    common, here = points.pattern.common, points.at(points.use & members)
+def _describe(points: CurvePoints, title: str, condition: Condition | None, members: Bools) -> PositionPattern | None:
+    common, here = points.pattern.common, points.at(members)
     rows = here["relative_n"][:, common]
     position = points.pattern.position_m[common]
     enough = np.isfinite(rows).mean(axis=1) >= COVERED
@@ -208,7 +211,7 @@ def _describe(points: CurvePoints, title: str, members: Bools) -> PositionPatter
     parts = zip(waves, coefficients[:, 2::2].T, coefficients[:, 3::2].T, strict=True)
     harmonics = tuple(_harmonic(times, length / times, *both) for times, *both in parts)
     ends = (mean - half, mean + half)
-    return PositionPattern(position, mean, *ends, trend, harmonics, rows.shape[0], title)
+    return PositionPattern(condition, position, mean, *ends, trend, harmonics, rows.shape[0], title)
 
 
 def _trend(
@@ -432,7 +435,7 @@ def _effects(ambient_pa: float, fits: Fits, members: Bools, title: str) -> Press
         slopes=slopes,
         means=means,
     )
-    return replace(found, statement=" ".join(one.text for one in _sentences(design, found, with_time)))
+    return replace(found, statement=" ".join(one.text for one in _sentences(design, found, with_time, u)))
 
 
 def _design(ambient_pa: float, fits: Fits, members: Bools) -> _Design | None:
@@ -500,8 +503,11 @@ def _together(design: _Design, x: Array) -> Array:
     return np.column_stack([columns[k] for k in kept])
 
 
-def _sentences(design: _Design, found: PressureEffects, with_time: list[str]) -> Iterator[Statement]:
-    """Yield statements on the determined slopes, the test of their sum, and undetermined values."""
+def _sentences(design: _Design, found: PressureEffects, with_time: list[str], u: float) -> Iterator[Statement]:
+    """Yield statements on the determined slopes, the test of their sum, and undetermined values.
+
+    An interaction within the accuracy of the sensors is ignored.
+    """
     test, joint = found.interaction, found.interaction_n_pa2
     titles = {"a": "p_a", "b": "p_b", "sum": "both pressures together"}
     slopes = " and ".join(f"{e.scaled(PA_PER_BAR, 'N/bar'):.2f} of {titles[name]}" for name, e in found.means.items())
@@ -513,10 +519,13 @@ def _sentences(design: _Design, found: PressureEffects, with_time: list[str]) ->
         yield say("pressure.no_interaction")
     else:
         reach = max(abs(joint.low), abs(joint.high)) * PA_PER_BAR**2
+        most = reach * np.abs(design.gauge[:, 0] * design.gauge[:, 1]).max()
         chance = f"p = {test.p:.2g}" if test.p >= 0.001 else "p < 0.001"
         numbers = f"F({test.numerator:.0f}, {test.denominator:.0f}) = {test.f:.2f}, {chance}"
         if test.p >= CHANCE:
             yield say("pressure.add", test=numbers, reach=reach)
+        elif most < 2.0 * u:
+            yield say("pressure.add_within_accuracy", test=numbers, most=most, accuracy=2.0 * u)
         else:
             yield say("pressure.interact", test=numbers, joint=joint.scaled(PA_PER_BAR**2, "N/bar2"))
     if with_time:
