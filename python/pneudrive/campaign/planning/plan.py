@@ -10,6 +10,7 @@ import math
 from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import lru_cache
 from itertools import product
 from typing import Any, TypeVar
 
@@ -24,7 +25,7 @@ from pneudrive.files.bounds import within
 from pneudrive.numbers import duration
 from pneudrive.repr_tables import aligned
 from pneudrive.rig.interface import Envelope, Hold, Identity, Move, Sampling, Step, as_json, identity_of
-from pneudrive.rig.motion import move, step_samples
+from pneudrive.rig.motion import Limits, move, step_samples
 
 T = TypeVar("T")
 
@@ -68,16 +69,25 @@ def cycle_count(protocol: Protocol) -> int:
     return points * len(protocol.pressure.levels) * protocol.repeats * blocks
 
 
+@lru_cache(maxsize=4096)
+def _time_and_samples(step: Step, distance_m: float, limits: Limits, sampling: Sampling) -> tuple[float, int]:
+    """Return time, s, and number of samples of a step from rest to rest; see `pneudrive.rig.motion.step_times`."""
+    if isinstance(step, Hold):
+        time_s = step.duration_s
+    else:
+        time_s = move(distance_m, step.speed_m_s, limits).duration_s if distance_m else 0.0
+    return time_s, step_samples(time_s, isinstance(step, Move), sampling)
+
+
 def axis_use(steps: Sequence[Step], way: Way, sampling: Sampling) -> tuple[float, int]:
     """Return the duration of the moves and holds of a cycle, s, and the number of samples."""
     at, time_s, samples = way.low_m, 0.0, int(bool(steps))
     for step in steps:
-        if isinstance(step, Hold):
-            step_s = step.duration_s
-        else:
-            step_s = move(step.to_m - at, step.speed_m_s, way.limits).duration_s if step.to_m != at else 0.0
-            at = step.to_m
-        time_s, samples = time_s + step_s, samples + step_samples(step_s, isinstance(step, Move), sampling)
+        distance = 0.0
+        if isinstance(step, Move):
+            distance, at = step.to_m - at, step.to_m
+        step_s, count = _time_and_samples(step, distance, way.limits, sampling)
+        time_s, samples = time_s + step_s, samples + count
     return time_s, samples
 
 

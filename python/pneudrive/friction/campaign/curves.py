@@ -254,11 +254,11 @@ def curves_of(fits: Fits, *, contains_air: bool) -> tuple[result.Curve, ...]:
         value, shared, complete = band.value_n, band.shared, fits.drift_share < smooth.CARRIED
         for direction in (BOTH, 1, -1):
             centre, below, above = value, value - band.low_n, band.high_n - value
-            u = shared.friction_n()
+            u = shared.friction_n() if direction == BOTH else shared.direction_n()
             if direction != BOTH:
                 if fits.has_zero:
                     centre = value + direction * band.offset.mean
-                u, reach = np.hypot(u, np.hypot(shared.zero_n, shared.half_sum_n)), band.offset.half_width()
+                reach = band.offset.half_width()
                 below, above = np.hypot(below, reach), np.hypot(above, reach)
             low, high = centre - np.hypot(below, NORMAL_95 * u), centre + np.hypot(above, NORMAL_95 * u)
             values = {"friction_n": centre, "low_n": low, "high_n": high, "u_systematic_n": u, "complete": complete}
@@ -426,12 +426,16 @@ def thresholds(points: CurvePoints) -> tuple[result.StickSlipThreshold, ...]:
                 top = speed
             elif np.isin(reasons, NAMES, invert=True).mean() >= 0.5:
                 steady.append(speed)
-        if top or steady:
-            above = min((v for v in steady if v > top), default=np.inf)
-            kind = "none" if top == 0.0 else "between" if np.isfinite(above) else "all"
-            text = sentence(f"threshold.{kind}", low=1e3 * top, high=1e3 * above)
-            found.append(result.StickSlipThreshold(condition, top, above, text))
+        found += [_threshold(condition, top, steady)] if top or steady else []
     return tuple(found)
+
+
+def _threshold(condition: Condition, top: float, steady: Sequence[float]) -> result.StickSlipThreshold:
+    above = min((v for v in steady if v > top), default=np.inf)
+    kind = "none" if top == 0.0 else "between" if np.isfinite(above) else "all"
+    return result.StickSlipThreshold(
+        condition, top, above, sentence(f"threshold.{kind}", low=1e3 * top, high=1e3 * above)
+    )
 
 
 HOUR_S = 3600.0

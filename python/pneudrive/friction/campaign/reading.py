@@ -276,10 +276,7 @@ def read_part(files: Sequence[CycleFile], identity: Identity, choice: SampleChoi
         if file.head.cycle.kind in STANDING:
             row = standing_row(file, recording, samples, identity.ambient_pressure_pa)
         else:
-            # In the settled part, the mean acceleration is zero, and acceleration from positions would only add noise.
-            # In the source paper's protocol, the settled part includes the ramp at the end of the stroke.
-            motion = RecordedMotion.of(recording, choice, inertia=not choice.uses_window)
-            row = cycles.reduce_cycle(motion, edges_m, uses_window=choice.uses_window)
+            row = cycles.reduce_cycle(_motion(recording, choice), edges_m, uses_window=choice.uses_window)
         known = samples.temperature_k[np.isfinite(samples.temperature_k)]
         return row | {"flags": flags, "temperature_k": float(known.mean()) if known.size else np.nan}
 
@@ -289,6 +286,15 @@ def read_part(files: Sequence[CycleFile], identity: Identity, choice: SampleChoi
         way = 0.0 if cycle.steps or isinstance(samples, CampaignError) else _way(samples)
         found.append((way, read_or_skip(read, file, samples) if cycle.kind in (*SLIDING, *STANDING) else None))
     return found
+
+
+def _motion(recording: Recording, choice: SampleChoice) -> RecordedMotion:
+    """Return the motion of a cycle.
+
+    In the settled part, the mean acceleration is zero, and acceleration computed from positions would only add noise.
+    In the source paper's protocol, the settled part includes the ramp at the end of the stroke.
+    """
+    return RecordedMotion.of(recording, choice, inertia=not choice.uses_window)
 
 
 def _way(samples: Samples) -> float:

@@ -520,8 +520,7 @@ def _sentences(design: _Design, found: PressureEffects, with_time: list[str], u:
     else:
         reach = max(abs(joint.low), abs(joint.high)) * PA_PER_BAR**2
         most = reach * np.abs(design.gauge[:, 0] * design.gauge[:, 1]).max()
-        chance = f"p = {test.p:.2g}" if test.p >= 0.001 else "p < 0.001"
-        numbers = f"F({test.numerator:.0f}, {test.denominator:.0f}) = {test.f:.2f}, {chance}"
+        numbers = f"F({test.numerator:.0f}, {test.denominator:.0f}) = {test.f:.2f}, {_chance(test.p)}"
         if test.p >= CHANCE:
             yield say("pressure.add", test=numbers, reach=reach)
         elif most < 2.0 * u:
@@ -531,3 +530,8 @@ def _sentences(design: _Design, found: PressureEffects, with_time: list[str], u:
     if with_time:
         names = " and ".join({"a": "p_a", "b": "p_b", "sum": "the pressures"}[name] for name in with_time)
         yield say("pressure.follows_time", names=names, hidden=found.hidden_n, share=100 * HIDDEN_CHANGE)
+
+
+def _chance(p: float) -> str:
+    """Return a probability as text; below 0.001 without digits."""
+    return f"p = {p:.2g}" if p >= 0.001 else "p < 0.001"
