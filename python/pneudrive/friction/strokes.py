@@ -321,7 +321,7 @@ def stroke_use(
 
 
 def stroke_notes(uses: Mapping[str, StrokeUse]) -> Iterator[str]:
-    """Yield one sentence for each of the first recordings with unused strokes. The others share one sentence.
+    """Yield one sentence for each recording with unused strokes. Many recordings share one sentence.
 
     Parameters
     ----------
@@ -329,9 +329,12 @@ def stroke_notes(uses: Mapping[str, StrokeUse]) -> Iterator[str]:
         Name of each recording -> its strokes.
     """
     partial = {name: use for name, use in uses.items() if use.why}
-    for name, use in list(partial.items())[:MOST_NAMED]:
+    worst = sorted(partial, key=lambda name: partial[name].used / max(partial[name].recorded, 1))[:MOST_NAMED]
+    for name in (name for name in partial if name in worst):
+        use = partial[name]
         yield sentence("strokes.partial", name=name, used=use.used, recorded=use.recorded, why=use.why)
-    if rest := list(partial.values())[MOST_NAMED:]:
+    rest = [use for name, use in partial.items() if name not in worst]
+    if rest:
         used, recorded = sum(use.used for use in rest), sum(use.recorded for use in rest)
         yield sentence("strokes.rest", count=len(rest), used=used, recorded=recorded)
 
@@ -391,10 +394,7 @@ class RecordedMotion:
         """
         strokes = find_strokes(recording.name, recording.time_s, recording.position_m)
         refuse_impossible(recording, strokes)
-        acceleration: Array | float = 0.0
-        if inertia and recording.mass_beyond_sensor_kg:
-            acceleration = local_slope(recording.time_s, local_slope(recording.time_s, recording.position_m))
-        balance, every = recording.balance_n(acceleration), np.ones(len(recording), dtype=bool)
+        balance, every = balance_of(recording, inertia=inertia), np.ones(len(recording), dtype=bool)
         motion = cls(recording, tuple(strokes), balance, balance, every, delay)
         settled, chosen = choice.choose(motion)
         return replace(motion, balance_n=chosen, settled=settled)
@@ -422,6 +422,14 @@ class RecordedMotion:
     def velocity_m_s(self) -> Array:
         """Slope of the position over a few samples."""
         return local_slope(self.time_s, self.position_m)
+
+
+def balance_of(recording: Recording, *, inertia: bool = True) -> Array:
+    """Return the force balance of each sample, N, optionally without the inertia of the mass beyond the sensor."""
+    acceleration: Array | float = 0.0
+    if inertia and recording.mass_beyond_sensor_kg:
+        acceleration = local_slope(recording.time_s, local_slope(recording.time_s, recording.position_m))
+    return recording.balance_n(acceleration)
 
 
 @dataclass(frozen=True)

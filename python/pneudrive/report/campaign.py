@@ -39,7 +39,7 @@ if TYPE_CHECKING:
     from pneudrive.report.page import Block, Section
 
 MOST_CURVES = 8  # that a reader can distinguish in one picture
-MOST_PANELS = 6
+MOST_PANELS = MOST_LOOPS = 6
 MOST_CONDITIONS = 8
 SHOWN_SPEEDS = 12  # rows of a table
 MOST_LINES = 120  # lines of a protocol that are shown
@@ -79,7 +79,7 @@ def write_campaign_report(found: CampaignCharacteristics, folder: str | Path) ->
 
 def _figured(found: CampaignCharacteristics) -> list[Section]:
     """Return the sections with figures; those without data are left out."""
-    parts = (curves, air, pressure, position, stops, drift, stick_slip)
+    parts = (curves, air, pressure, position, stops, drift, loops, stick_slip)
     return [section for part in parts if (section := part(found)) is not None]
 
 
@@ -128,13 +128,13 @@ def _values(found: CampaignCharacteristics) -> Iterator[ShownValue]:
     """Return counts, ranges, and each effect with its interval and p-value."""
     for name in ("cycles", "skipped", "curves", "stops"):
         yield ShownValue(name, name, "value", str(len(getattr(found, name))))
-    for name, key, size, zero, unit in (
-        ("speeds", "speed_m_s", 1e-3, 0.0, "mm/s"),
-        ("gauge pressure a", "gauge_a_pa", PA_PER_BAR, 0.0, "bar"),
-        ("gauge pressure b", "gauge_b_pa", PA_PER_BAR, 0.0, "bar"),
-        ("temperature", "temperature_k", 1.0, ZERO_CELSIUS_K, "°C"),
+    r = found.ranges
+    for name, (low, high), size, zero, unit in (
+        ("speeds", r.speed_m_s, 1e-3, 0.0, "mm/s"),
+        ("gauge pressure a", r.gauge_a_pa, PA_PER_BAR, 0.0, "bar"),
+        ("gauge pressure b", r.gauge_b_pa, PA_PER_BAR, 0.0, "bar"),
+        ("temperature", r.temperature_k, 1.0, ZERO_CELSIUS_K, "°C"),
     ):
-        low, high = found.ranges[key]
         if math.isfinite(low):
             limits = (plain(round((end - zero) / size, 3)) for end in (low, high))
             yield ShownValue(name, name, "value", f"{' to '.join(limits)} {unit}")
@@ -311,6 +311,23 @@ def drift_figure(found: CampaignCharacteristics) -> Figure:
     return stack(panels, height, heights, Axis("time / h", below=0.02, above=0.02))
 
 
+def loops(found: CampaignCharacteristics) -> Section | None:
+    """Return the section on hysteresis around reversals."""
+    if not found.loops:
+        return None
+    topic, named = Topic("campaign", "loops"), condition_names(found)
+    shown = spread_evenly(sorted(found.loops, key=lambda loop: loop.speed_m_s), MOST_LOOPS)
+    panels = [
+        Panel(
+            [Markers(loop.position_m, loop.friction_n, look=Look("blue", "-", "."), size=1.4), Rule(y=0.0)],
+            f"{MM * loop.speed_m_s:.3g} mm/s, {named(loop.condition)}",
+        )
+        for loop in shown
+    ]
+    rows = (SimpleNamespace(condition=named(loop.condition), loop=loop) for loop in shown)
+    return topic.section(topic.text(), topic.figure("campaign-loops", figure_of("loops", panels)), topic.table(rows))
+
+
 def stick_slip(found: CampaignCharacteristics) -> Section | None:
     """Return the section on stick-slip."""
     if not found.stick_slip:
@@ -454,7 +471,7 @@ def _laws(s: DwellSeries) -> Iterator[tuple]:
     for law in s.laws:
         shape = "; ".join(_shape(law, *unit) for unit in law.form.units.items()) or None
         slope = f"{law.slope_n:.3g} ({law.slope_low_n:.3g} … {law.slope_high_n:.3g})"
-        yield f"{law.form.title}: {law.form.formula}", shape, slope, law.delta, law.bic - least
+        yield f"{law.form.title}: {law.form.formula}", shape, slope, law.delta, law.bic - least, law.weight
 
 
 def _shape(law: DwellLawFit, name: str, unit: str) -> str:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pneudrive.arrays import Interval, by_name
+from pneudrive.arrays import by_name, evenly
 from pneudrive.batching import many_objects
 from pneudrive.campaign.storage.folder import Campaign
 from pneudrive.estimate.estimates import Estimate, mean_estimate
@@ -18,8 +18,8 @@ from pneudrive.friction.campaign import curves as campaign_curves
 from pneudrive.friction.campaign import trends
 from pneudrive.friction.campaign.files import friction_map
 from pneudrive.friction.campaign.points import CurvePoints, points_of
-from pneudrive.friction.campaign.reading import CampaignData, read_campaign, reading_of
-from pneudrive.friction.campaign.result import Asymmetry, CampaignCharacteristics
+from pneudrive.friction.campaign.reading import CampaignData, loop_of, read_campaign, reading_of
+from pneudrive.friction.campaign.result import Asymmetry, CampaignCharacteristics, Ranges
 from pneudrive.friction.campaign.statements import statements
 from pneudrive.friction.campaign.stops import dwell_law
 from pneudrive.friction.campaign.stops.stop import find_stops
@@ -36,6 +36,8 @@ if TYPE_CHECKING:
     import polars as pl
     import xarray as xr
 
+    from pneudrive.arrays import Interval
+    from pneudrive.friction.campaign.cycles import Loop
     from pneudrive.friction.characterisation import Characterisation
     from pneudrive.identify.static.result import FrictionFit
     from pneudrive.signals.layout import Layout
@@ -43,6 +45,8 @@ if TYPE_CHECKING:
 
 
 STEPS = 3  # cycles, models, stops
+SHOWN_CONDITIONS, SHOWN_SPEEDS = 2, 3  # of loops
+CANDIDATES = 3  # cycles of each shown condition and speed, as one may have no loop
 
 
 def campaign_friction(
@@ -171,6 +175,7 @@ def _characterise(reading: CampaignData, choice: SampleChoice) -> CampaignCharac
             "position": trends.position_dependence(points),
             "stick_slip": campaign_curves.stick_slip_points(points),
             "stick_slip_thresholds": campaign_curves.thresholds(points),
+            "loops": tuple(_loops(reading, points, choice)),
         }
     cycles = _cycles(reading, points)
     found = CampaignCharacteristics(
@@ -188,6 +193,20 @@ def _characterise(reading: CampaignData, choice: SampleChoice) -> CampaignCharac
         **parts,
     )
     return replace(found, statements=statements(found, reading, points, fits))
+
+
+def _loops(reading: CampaignData, points: CurvePoints, choice: SampleChoice) -> Iterator[Loop]:
+    """Return friction loops without offset: of the slowest, a middle and the fastest cycle at the first conditions."""
+    for index in range(SHOWN_CONDITIONS if reading.files else 0):
+        rows = np.flatnonzero((points["curve"] == index) & (points["set_speed_m_s"] > 0))
+        levels = np.unique(points["level"][rows])
+        if not levels.size:
+            continue
+        for level in levels[evenly(levels.size, SHOWN_SPEEDS)]:
+            for i in rows[points["level"][rows] == level][:CANDIDATES].tolist():
+                if (loop := loop_of(reading, str(points["key"][i]), choice)) is not None:
+                    yield replace(loop, friction_n=loop.friction_n - float(points["offset_n"][i]))
+                    break
 
 
 def _with_stops(
@@ -229,7 +248,7 @@ def _cycles(reading: CampaignData, points: CurvePoints | None) -> pl.DataFrame:
     return pl.DataFrame(rows, schema=types).sort("index", maintain_order=True)
 
 
-def _ranges(reading: CampaignData) -> dict[str, Interval]:
+def _ranges(reading: CampaignData) -> Ranges:
     """Return the lowest and highest measured values."""
     cycles, ambient = reading.sliding, reading.identity.ambient_pressure_pa
 
@@ -237,12 +256,12 @@ def _ranges(reading: CampaignData) -> dict[str, Interval]:
         known = values[np.isfinite(values)]
         return (float(known.min()), float(known.max())) if known.size else (np.nan, np.nan)
 
-    return {
-        "speed_m_s": span(np.abs(cycles["velocity_m_s"])),
-        "gauge_a_pa": span(cycles["pressure_a_pa"] - ambient),
-        "gauge_b_pa": span(cycles["pressure_b_pa"] - ambient),
-        "temperature_k": span(cycles["temperature_k"]),
-    }
+    return Ranges(
+        speed_m_s=span(np.abs(cycles["velocity_m_s"])),
+        gauge_a_pa=span(cycles["pressure_a_pa"] - ambient),
+        gauge_b_pa=span(cycles["pressure_b_pa"] - ambient),
+        temperature_k=span(cycles["temperature_k"]),
+    )
 
 
 # --- Measured effects of direction, position, stops and temperature, as tables of a drive's friction.
@@ -284,7 +303,7 @@ def dependences_of(found: CampaignCharacteristics, viscous_n_s_m: float, levels:
     held = [one for one in found.dwell if one.conditions and not one.released and _is_of(one.conditions[0], levels)]
     series = max(held, key=lambda one: len(one.stops), default=None)
     age = _contact_age(series, found.identity.ambient_pressure_pa, notes)
-    slow, fast = found.ranges["speed_m_s"]
+    slow, fast = found.ranges.speed_m_s
     parts = [
         *_direction(found, viscous_n_s_m, levels, notes),
         *_position(found, viscous_n_s_m, levels),

@@ -15,13 +15,15 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from itertools import product
 from operator import attrgetter
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from pneudrive.campaign.storage.folder import Campaign
 from pneudrive.constants import ZERO_CELSIUS_K
-from pneudrive.errors import CampaignError, package_table
+from pneudrive.describe.files.toml import read
+from pneudrive.errors import CampaignError
 from pneudrive.estimate.autocorrelation import cells, centred_walk, levels
 from pneudrive.estimate.estimates import CHANCE, Estimate, FTest
 from pneudrive.estimate.mixed import MixedModel, RandomEffect, independent
@@ -46,6 +48,9 @@ if TYPE_CHECKING:
     Both = tuple[CampaignCharacteristics, CampaignCharacteristics]
 
 
+TABLE = Path(__file__).with_name("checks.toml")
+
+
 @dataclass(frozen=True)
 class Check:
     """A property of rig or protocol that both campaigns should share.
@@ -68,7 +73,7 @@ class Check:
 def checks_of(both: Both, abouts: list[Row]) -> Iterator[Check]:
     """Compare rigs and protocols of two campaigns; values that were not measured are left out."""
     computed = list(map(_shared, both, abouts))
-    for what, row in package_table(__file__, "checks.toml").items():
+    for what, row in read(TABLE)[0].items():
         ends = zip(both, computed, strict=True)
         a, b = (attrgetter(row["of"])(found) if "of" in row else own[what] for found, own in ends)
         same = a == b
@@ -93,7 +98,7 @@ def _shared(found: CampaignCharacteristics, about: Row) -> dict[str, str | float
         "area b": 1e4 * rig.area_b_m2,
         "ambient pressure": rig.ambient_pressure_pa / PA_PER_BAR,
         "filter": "none" if average == 1 else f"moving average of {average}",
-        "temperature": sum(found.ranges["temperature_k"]) / 2.0 - ZERO_CELSIUS_K,
+        "temperature": sum(found.ranges.temperature_k) / 2.0 - ZERO_CELSIUS_K,
         "samples at restarts": float(np.median(rates)) if rates.size else np.nan,
     }
 
@@ -104,6 +109,7 @@ FEWEST_CYCLES = 6  # of both campaigns at common points
 BEND_SPEEDS = 4  # least number of speeds for a bend over speed
 DRIFT_CYCLES = 8  # least number of cycles of a campaign for a drift
 USUAL = 0.02  # relative scatter that is usual
+MOST_POINTS = 300  # points that are tested: more are thinned evenly
 KINDS = ("sweep", "sentinel")
 KEY = ("title", "gauge_a_pa", "gauge_b_pa", "speed_m_s")  # what a point is, apart from tolerances
 
@@ -122,11 +128,14 @@ class CommonPoints:
         Fraction of the cycles of a row that belong to each block of both campaigns.
     points : polars.DataFrame
         A row for each point: `KEY`. The title names mounting, seal and drive.
+    left_out : int
+        Number of further common points.
     """
 
     cycles: pl.DataFrame
     block: Array
     points: pl.DataFrame
+    left_out: int
 
     def __getitem__(self, name: str) -> NDArray:
         """Return a column of the cycles."""
@@ -273,7 +282,9 @@ def common_points(first: CampaignCharacteristics, second: CampaignCharacteristic
         place = cells(np.unique(cycles["title"].to_list(), return_inverse=True)[1], *near, speeds)
     cycles = cycles.with_columns(place=pl.Series(place, dtype=pl.Int64))
     of_point = cycles.group_by("place", maintain_order=True).agg(pl.col(KEY).first(), pl.col("campaign").n_unique())
-    points = of_point.filter(campaign=2).drop("campaign").sort(KEY).with_row_index("point")
+    common = of_point.filter(campaign=2).drop("campaign").sort(KEY)
+    chosen = np.linspace(0, common.height - 1, min(common.height, MOST_POINTS)).round().astype(int)
+    points = common[chosen].with_row_index("point")
     cycles = cycles.join(points.select("place", "point"), on="place", maintain_order="left")
     campaign, point = (cycles[name].to_numpy().astype(np.int64) for name in ("campaign", "point"))
     blocks = cycles.select(pl.struct("campaign", "block").rank("dense")).to_series().to_numpy().astype(np.int64)
@@ -297,7 +308,7 @@ def common_points(first: CampaignCharacteristics, second: CampaignCharacteristic
         "order": mean(cycles["order"].to_numpy()),
     }
     shares = shares_of([blocks[group].tolist() for group in groups])
-    return CommonPoints(pl.DataFrame(rows), shares, points.select(KEY))
+    return CommonPoints(pl.DataFrame(rows), shares, points.select(KEY), common.height - points.height)
 
 
 def _usable(found: CampaignCharacteristics, campaign: int) -> pl.DataFrame:
@@ -499,7 +510,11 @@ def _statements(found: Comparison, not_comparable: str) -> Iterator[Statement]:
             yield say("data.rigs_differ", what=check.what[:1].upper() + check.what[1:], check=check)
     if found.curves is None:
         yield say("curve.not_comparable", why=not_comparable)
-    elif not found.curves.several_blocks:
-        yield say("repeatability.not_in_tests")
+    else:
+        size, left = found.curves.points.height, found.curves.left_out
+        if left:
+            yield say("curve.thinned", all=size + left, compared=size)
+        if not found.curves.several_blocks:
+            yield say("repeatability.not_in_tests")
     if (found.first.dwell or found.second.dwell) and not found.dwell:
         yield say("stops.not_comparable")

@@ -431,11 +431,12 @@ def thresholds(points: CurvePoints) -> tuple[result.StickSlipThreshold, ...]:
 
 
 def _threshold(condition: Condition, top: float, steady: Sequence[float]) -> result.StickSlipThreshold:
-    above = min((v for v in steady if v > top), default=np.inf)
+    above, mixed = min((v for v in steady if v > top), default=np.inf), [v for v in steady if v < top]
     kind = "none" if top == 0.0 else "between" if np.isfinite(above) else "all"
-    return result.StickSlipThreshold(
-        condition, top, above, sentence(f"threshold.{kind}", low=1e3 * top, high=1e3 * above)
-    )
+    text = sentence(f"threshold.{kind}", low=1e3 * top, high=1e3 * above)
+    if mixed and kind == "between":
+        text += sentence("threshold.mixed", speeds=", ".join(f"{1e3 * v:.3g}" for v in mixed))
+    return result.StickSlipThreshold(condition, top, above, text)
 
 
 HOUR_S = 3600.0
@@ -458,9 +459,21 @@ def asymmetries(fits: Fits) -> tuple[result.Asymmetry, ...]:
     """Return half the difference of friction between the directions at each condition."""
     found = []
     for band in fits.bands:
-        speeds, u = band.speed_m_s[band.measured], float(np.mean(band.shared.zero_n[band.measured]))
-        mean = fits.offset.over(band.number, speeds).mean().estimates()[0].widened(u)
+        measured, speeds = band.measured, band.speed_m_s[band.measured]
+        value = band.offset.mean[measured]
         # Without zero runs it includes the zero, and no statement on symmetry is possible.
-        known = (mean, "tare") if fits.has_zero else (replace(mean, p=np.nan), "not separable")
-        found.append(result.Asymmetry(band.condition, speeds, *known))
+        u = band.shared.zero_n[measured]
+        half = np.hypot(band.offset.half_width()[measured], NORMAL_95 * u)
+        mean = fits.offset.over(band.number, speeds).mean().estimates()[0].widened(float(np.mean(u)))
+        found.append(
+            result.Asymmetry(
+                condition=band.condition,
+                speed_m_s=speeds,
+                half_difference_n=value,
+                low_n=value - half,
+                high_n=value + half,
+                mean=mean if fits.has_zero else replace(mean, p=np.nan),
+                basis="tare" if fits.has_zero else "not separable",
+            )
+        )
     return tuple(found)

@@ -4,6 +4,8 @@ A cycle is a recording with a plan: one speed, set pressures. A speed level of a
 a plan. Position bins have equal weight, so unevenly spaced samples, such as bursts around a reversal, do not distort
 the means. ``strokes.py`` selects the strokes and computes their means, scatter and breakaway.
 
+A loop is friction over position around a reversal, with presliding and frictional memory.
+
 Cycles at rest give the gain of the force sensor (known weights) and the zeros of the pressures (zero runs). In an open
 zero run, both chambers should show ambient pressure.
 """
@@ -11,25 +13,30 @@ zero run, both chambers should show ambient pressure.
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from itertools import pairwise
 from typing import TYPE_CHECKING, Self
 
 import numpy as np
 
-from pneudrive.arrays import Array, Bools, Row, by_name
+from pneudrive.arrays import by_name, evenly
 from pneudrive.errors import RecordingError
 from pneudrive.estimate.estimates import rms
 from pneudrive.friction.bins import Grid, bin_means, grid_of, known_mean, mean_profile
 from pneudrive.friction.budget import stated_shares, usual_range
-from pneudrive.friction.friction_map import CYCLE_COLUMNS, TABLES
+from pneudrive.friction.friction_map import CYCLE_COLUMNS, TABLES, Condition
 from pneudrive.friction.stick_slip import swing_of
-from pneudrive.friction.strokes import RecordedMotion, Side, Strokes
+from pneudrive.friction.strokes import RecordedMotion, Side, Strokes, balance_of
+from pneudrive.repr_tables import Shown
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from numpy.typing import NDArray
 
+    from pneudrive.arrays import Array, Bools, Row
     from pneudrive.rig.interface import Identity
+    from pneudrive.signals.motion import Stroke
+    from pneudrive.signals.recording import Recording
 
 
 SAME_SPEED = 0.1  # largest difference of the speeds of strokes in one cycle
@@ -157,6 +164,104 @@ def _side_row(motion: RecordedMotion, side: Side, grid: Grid, rows: Array) -> Ro
         "scatter_n": float(np.sqrt(max(squares.mean(), 0.0))),
         "swing_n": swing_of(motion.position_m, motion.balance_n, side.used),
     }
+
+
+SHOWN_SAMPLES = 400
+BEFORE, AFTER = 0.05, 0.1  # of the stroke, shown before and after the reversal
+SPEED_BINS = 8  # between 20 % and 80 % of the speed, range for comparing speeding up and slowing down
+PRESLIDINGS = 5.0  # least travel after the reversal: before it, the difference is presliding
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Loop(Shown):
+    """Friction around one reversal, from thinned raw samples.
+
+    Attributes
+    ----------
+    key : str
+        Key of the cycle.
+    condition : Condition
+    speed_m_s : float
+    position_m, friction_n : ndarray, shape (m,)
+        `friction_n` is positive if it opposes motion in +x, and does not contain the offset.
+    presliding_m : float
+        Travel in which friction goes from 10 % to 90 % of its change at the reversal.
+    width_n : float
+        Mean difference between deceleration and acceleration at equal speeds: frictional memory. NaN if the ramps have
+        too few samples.
+    """
+
+    key: str
+    condition: Condition
+    speed_m_s: float
+    position_m: Array
+    friction_n: Array
+    presliding_m: float
+    width_n: float
+
+
+def reversal_loop(motion: RecordedMotion, key: str, condition: Condition) -> Loop | None:
+    """Return the force balance around the first reversal of a cycle; None if it has no reversal.
+
+    `Loop.friction_n` still contains the offset (half the sum of both directions).
+    """
+    recording = motion.recording
+    turns = [(a, b) for a, b in pairwise(motion.strokes) if a.direction != b.direction]
+    if not turns:
+        return None
+    before, after = turns[0]
+    friction, index = balance_of(recording), np.arange(before.start, after.stop)
+    reach = np.where(index < after.start, BEFORE, AFTER) * abs(after.to_m - after.from_m)
+    index = index[np.abs(recording.position_m[index] - after.from_m) <= reach]
+    if index.size < 10:
+        return None
+    presliding = _presliding(recording, friction, before, after)
+    shown = index[evenly(index.size, SHOWN_SAMPLES)]
+    return Loop(
+        key=key,
+        condition=condition,
+        speed_m_s=abs(after.speed_m_s),
+        position_m=recording.position_m[shown],
+        friction_n=friction[shown],
+        presliding_m=presliding,
+        width_n=_width(motion, friction, after, presliding),
+    )
+
+
+def _presliding(recording: Recording, friction: Array, before: Stroke, after: Stroke) -> float:
+    """Return the travel after the reversal in which friction goes from 10 % to 90 % of its change."""
+    part = slice(before.stop - 1, after.stop)
+    start = np.median(friction[max(before.stop - 20, before.start) : before.stop])
+    middle = slice(after.start + (after.stop - after.start) // 3, after.start + 2 * (after.stop - after.start) // 3)
+    end = np.median(friction[middle])
+    if start == end:
+        return np.nan
+    share = (friction[part] - start) / (end - start)
+    low, high = int(np.argmax(share >= 0.1)), int(np.argmax(share >= 0.9))
+    if high <= low:
+        return np.nan
+    return float(abs(recording.position_m[part][high] - recording.position_m[part][low]))
+
+
+def _width(motion: RecordedMotion, friction: Array, stroke: Stroke, presliding: float) -> float:
+    """Return the mean difference of friction between deceleration and acceleration, at equal speeds of one stroke."""
+    part = stroke.samples
+    speed = np.abs(motion.velocity_m_s[part]) / abs(stroke.speed_m_s)
+    travel = np.abs(motion.position_m[part] - stroke.from_m)
+    fast = np.flatnonzero(speed >= 0.9)
+    if not fast.size or not np.isfinite(presliding):
+        return np.nan
+    number = np.arange(speed.size)
+    rising = (number < fast[0]) & (travel > PRESLIDINGS * presliding)
+    falling = number > fast[-1]
+    edges = np.linspace(0.2, 0.8, SPEED_BINS + 1)
+    differences = []
+    for low, high in pairwise(edges):
+        inside = (speed >= low) & (speed < high)
+        if (inside & rising).any() and (inside & falling).any():
+            own = stroke.direction * friction[part]
+            differences.append(float(own[inside & falling].mean() - own[inside & rising].mean()))
+    return float(np.mean(differences)) if len(differences) >= SPEED_BINS // 2 else np.nan
 
 
 # --- Sensors, from cycles at rest.

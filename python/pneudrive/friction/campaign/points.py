@@ -124,6 +124,9 @@ def suspicions(cycles: CycleTable, accuracy: Mapping[str, float], ambient_pa: fl
             mean = np.median(away[off])
             kind = "one_is_gauge" if abs(abs(mean) - ambient_pa) < 0.1 * ambient_pa else "not_as_set"
             yield of(f"data.{kind}", off, side=side, mean=mean / PA_PER_BAR, all=len(cycles))
+        low = (measured < ambient_pa - least) & (planned >= (1.0 - BELOW_AMBIENT) * ambient_pa)
+        if low.any():
+            yield of("data.vacuum", low, side=side, lowest=measured[low].min() / PA_PER_BAR, ambient=ambient)
     lowest = np.array([min(c.pressure_a_pa, c.pressure_b_pa) for c in cycles["condition"]])
     low = lowest < (1.0 - BELOW_AMBIENT) * ambient_pa
     if low.any():
@@ -430,11 +433,12 @@ def _reasons(cycles: CycleTable, unsteady: NDArray, cell: Ints) -> NDArray:
 
 def _stretches(points: CurvePoints) -> Ints:
     """Return the block index of each cycle, from 0 for each combination of mounting, seal and drive."""
-    found, block = np.zeros(len(points), dtype=np.int64), points["block"]
-    titles = np.array([condition.title for condition in points["condition"]])
-    for same in (titles == title for title in np.unique(titles)):
-        found[same] = np.unique(block[same], return_inverse=True)[1].ravel()
-    return found
+    ranks: dict[tuple[str, ...], dict[int, int]] = {}
+    found = []
+    for condition, block in zip(points["condition"], points["block"].tolist(), strict=True):
+        same = ranks.setdefault(condition.levels, {})
+        found.append(same.setdefault(block, len(same)))
+    return np.array(found, dtype=np.int64)
 
 
 def grouped(place: Ints, stretch: Ints, level: Ints, rows: int, most: int) -> tuple[list[list[int]], int]:
@@ -478,5 +482,9 @@ def grouped(place: Ints, stretch: Ints, level: Ints, rows: int, most: int) -> tu
 
 def shares_of(labels: Sequence[Sequence[int]]) -> Array:
     """Return the fraction of each label in each group of labels, shape (groups, labels)."""
-    names = sorted({label for row in labels for label in row})
-    return np.array([[row.count(name) / len(row) for name in names] for row in labels])
+    column = {label: k for k, label in enumerate(sorted({label for row in labels for label in row}))}
+    shares = np.zeros((len(labels), len(column)))
+    for i, row in enumerate(labels):
+        for label in row:
+            shares[i, column[label]] += 1.0
+    return shares / shares.sum(axis=1, keepdims=True)

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
-from pneudrive.arrays import Array, Row, evenly
+from pneudrive.arrays import evenly
 from pneudrive.batching import many_objects, share_out
 from pneudrive.campaign.storage.folder import Campaign, CycleFile, Head, read_samples, recording_of, steps_of
 from pneudrive.errors import CampaignError, PneudriveError, RecordingError
@@ -33,6 +33,7 @@ from pneudrive.signals.recording import Recording
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
+    from pneudrive.arrays import Array, Row
     from pneudrive.friction.characterisation import Characterisation
     from pneudrive.friction.level import Level, RecordingResult
 
@@ -295,6 +296,17 @@ def _motion(recording: Recording, choice: SampleChoice) -> RecordedMotion:
     In the source paper's protocol, the settled part includes the ramp at the end of the stroke.
     """
     return RecordedMotion.of(recording, choice, inertia=not choice.uses_window)
+
+
+def loop_of(reading: CampaignData, key: str, choice: SampleChoice) -> cycles.Loop | None:
+    """Return friction around the first reversal of a cycle, see `reversal_loop`. None if it cannot be read."""
+
+    def read(file: CycleFile, samples: Samples) -> cycles.Loop | None:
+        recording, _ = recording_of(file, reading.identity, samples)
+        return cycles.reversal_loop(_motion(recording, choice), key, condition_of(file.head))
+
+    (loop,) = read_each(read, [file for file in reading.files if file.head.cycle.key == key])
+    return None if isinstance(loop, Skipped) else loop
 
 
 def _way(samples: Samples) -> float:

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     import xarray as xr
 
     from pneudrive.arrays import Array, Bools, Interval, Ints
+    from pneudrive.friction.campaign.cycles import Loop
     from pneudrive.friction.campaign.stops.dwell_law import DwellSeries
     from pneudrive.friction.sentences import Statement
     from pneudrive.rig.interface import Identity
@@ -44,6 +45,8 @@ class PressureEffects:
         Effect of p_a p_b: its mean and its change with log speed. None if the design does not determine it.
     interaction_n_pa2 : Estimate or None
         Mean over speeds, N/Pa2.
+    curvature : FTest or None
+        Effects of the squares of both pressures.
     gauge_pa : tuple of (float, float)
         Pressure pairs used, gauge.
     hidden_n : float
@@ -61,6 +64,7 @@ class PressureEffects:
     means: dict[str, Estimate]
     interaction: FTest | None = None
     interaction_n_pa2: Estimate | None = None
+    curvature: FTest | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -152,16 +156,19 @@ class Asymmetry:
     Attributes
     ----------
     condition : Condition
-    speed_m_s : ndarray, shape (m,)
+    speed_m_s, half_difference_n, low_n, high_n : ndarray, shape (m,)
+        (F(+x) - F(-x)) / 2, without the zero of the sensor if there are zero runs.
     mean : Estimate
-        (F(+x) - F(-x)) / 2, without the zero of the sensor if there are zero runs: mean over these speeds. Its p-value
-        tests symmetry.
+        Mean over all speeds. Its p-value tests symmetry.
     basis : str
         "tare", or "not separable": without zero runs the difference includes the zero of the sensor.
     """
 
     condition: Condition
     speed_m_s: Array
+    half_difference_n: Array
+    low_n: Array
+    high_n: Array
     mean: Estimate
     basis: str
 
@@ -232,13 +239,14 @@ class Drift:
 class Repeatability:
     """Standard deviations of the friction of one cycle, N, divided as in ISO 5725.
 
-    ``within`` a block at equal conditions, and ``between`` blocks and days, at the mean friction of the repeated
-    cycles. ``relative`` states whether they are proportional to friction. ``basis`` is the source: repeats, sentinels
-    (control runs), or both; or "smooth curve" (residuals of the curves) if no cycle was repeated.
+    ``within`` a block at equal conditions, ``between`` blocks and days, and ``total`` of both, at the mean friction of
+    the repeated cycles. ``relative`` states whether they are proportional to friction. ``basis`` is the source:
+    repeats, sentinels (control runs), or both; or "smooth curve" (residuals of the curves) if no cycle was repeated.
     """
 
     within: Estimate | None
     between: Estimate | None
+    total: Estimate | None
     relative: bool
     basis: str
 
@@ -369,6 +377,16 @@ class UncertaintySource:
     note: str = ""
 
 
+@dataclass(frozen=True)
+class Ranges:
+    """Lowest and highest measured values. Results outside are extrapolated. Pressures are gauge."""
+
+    speed_m_s: Interval
+    gauge_a_pa: Interval
+    gauge_b_pa: Interval
+    temperature_k: Interval
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class CampaignCharacteristics(Viewed):
     """All results of a campaign on friction. SI, absolute pressures unless called gauge.
@@ -392,14 +410,12 @@ class CampaignCharacteristics(Viewed):
     curves : tuple of Curve
     sources : tuple of UncertaintySource
         Budget of the band.
-    pressure, air, position, asymmetry, stick_slip, stick_slip_thresholds, drift, repeatability, zero
+    pressure, air, position, asymmetry, loops, stick_slip, stick_slip_thresholds, drift, repeatability, zero
     stops : polars.DataFrame
         One row for each stop, see `pneudrive.friction.campaign.stops.stop.find_stops`; empty without stops.
     dwell : tuple of DwellSeries
         Breakaway over stop duration, one for each set of levels, restart speed and axis state (held, released).
-    ranges : dict
-        speed_m_s, gauge_a_pa, gauge_b_pa, temperature_k -> lowest and highest measured value. Results outside are
-        extrapolated.
+    ranges : Ranges
     statements : tuple of Statement
         Statements on determined and undetermined effects, and on the cycles that would determine them.
     """
@@ -413,7 +429,7 @@ class CampaignCharacteristics(Viewed):
     flags: dict[str, int]
     friction_map: xr.Dataset
     zero: SensorZero
-    ranges: dict[str, Interval]
+    ranges: Ranges
     stops: pl.DataFrame
     curves: tuple[Curve, ...] = ()
     sources: tuple[UncertaintySource, ...] = ()
@@ -421,6 +437,7 @@ class CampaignCharacteristics(Viewed):
     air: tuple[AirShare, ...] = ()
     position: tuple[PositionPattern, ...] = ()
     asymmetry: tuple[Asymmetry, ...] = ()
+    loops: tuple[Loop, ...] = ()
     stick_slip: tuple[StickSlipPoint, ...] = ()
     stick_slip_thresholds: tuple[StickSlipThreshold, ...] = ()
     drift: Drift | None = None
@@ -445,6 +462,7 @@ class CampaignCharacteristics(Viewed):
             where = f" ({e.levels})" if e.levels else ""
             found |= {f"pressure of {CHAMBERS[name]}{where}": mean for name, mean in e.means.items()}
             found[f"interaction of both pressures{where}"] = e.interaction_n_pa2
+            found[f"curvature over pressure{where}"] = e.curvature
         for a in self.asymmetry:
             zero = "" if a.basis == "tare" else " (with the sensor's zero)"
             found[f"half of +x less -x{zero}, {named(a.condition)}"] = a.mean
@@ -456,7 +474,7 @@ class CampaignCharacteristics(Viewed):
         if (r := self.repeatability) is not None:
             kind = ", proportional to friction" if r.relative else ""
             found[f"scatter of one cycle, from {r.basis}{kind}"] = r.within
-            found["scatter of blocks or days"] = r.between
+            found |= {"scatter of blocks or days": r.between, "scatter in total": r.total}
         if (d := self.drift) is not None:
             found |= {"drift per hour": d.per_hour, "run-in per decade of travel": d.per_decade_of_travel}
             found |= {"drift per kelvin": d.per_kelvin, "friction after an interruption": d.interrupted}

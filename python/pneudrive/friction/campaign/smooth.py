@@ -15,7 +15,7 @@ the prediction from the good cycles. A cycle is suspect if the data do not decid
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -139,6 +139,7 @@ class CurveFit:
     drift: Array
     drift_half: Array
     sd: dict[str, float]
+    known: dict[tuple[int, bytes], mixed.Predicted] = field(default_factory=dict)  # asked for before
 
     @property
     def logarithmic(self) -> bool:
@@ -152,7 +153,10 @@ class CurveFit:
 
     def at(self, curve: int, speed_m_s: Array) -> mixed.Predicted:
         """Return the curve at these speeds, in the unit of the response (its logarithm if `logarithmic`)."""
-        return self.over(curve, speed_m_s).predict()
+        key = (curve, speed_m_s.tobytes())
+        if key not in self.known:
+            self.known[key] = self.over(curve, speed_m_s).predict()
+        return self.known[key]
 
     def over(self, curve: int, speed_m_s: Array) -> mixed.Functionals:
         """Return the curve at these speeds as linear functions of the model."""

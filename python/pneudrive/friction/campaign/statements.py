@@ -6,12 +6,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pneudrive.estimate.estimates import CHANCE, NORMAL_95
+from pneudrive.estimate.estimates import CHANCE, NORMAL_95, student
 from pneudrive.friction.campaign.points import NEGATIVE, OUTLIER, CurvePoints, suspicions
 from pneudrive.friction.campaign.smooth import CARRIED
-from pneudrive.friction.campaign.trends import together
+from pneudrive.friction.campaign.trends import pure_scatter, together
 from pneudrive.friction.friction_map import BOTH, PA_PER_BAR
 from pneudrive.friction.sentences import NAMED, Statement, named, say
+from pneudrive.signals.motion import straight_line
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -19,10 +20,13 @@ if TYPE_CHECKING:
     from pneudrive.arrays import Interval
     from pneudrive.friction.campaign.curves import Fits
     from pneudrive.friction.campaign.reading import CampaignData
-    from pneudrive.friction.campaign.result import CampaignCharacteristics, Repeatability
+    from pneudrive.friction.campaign.result import CampaignCharacteristics, Drift, Repeatability
 
 SERVICE_BAR = (3.0, 10.0)  # gauge pressures at which such drives are used (assumed)
 FEW_LEVELS = 5  # speeds: fewer do not show the shape of a curve
+LAST_SHARE = 0.25  # of the campaign's time: last part over which friction still changes
+LEAVES = 2.0  # quantiles of 95 % beyond which a cycle differs from its curve
+ROUNDING = 1e-12  # of the friction: least scatter, because data without noise have none
 KIND_TOLD = 0.05  # least probability for a statement on the form of scatter
 
 
@@ -33,7 +37,7 @@ def statements(
     said = [*_data(found, reading, points), *_ranges(found)]
     if points is None or fits is None:
         return (*said, say("curve.none"))
-    said += [*_curves(found, fits), *_sensor(found, reading, fits), *_scatter(found, reading, fits)]
+    said += [*_curves(found, fits), *_sensor(found, reading, fits), *_scatter(found, reading, fits), *_left(fits)]
     said += [*_drift(found, fits), *_pressure_zeros(reading)]
     for effects in (_directions, _pressure, _air, _position, _stick_slip, _excluded):
         said += effects(found)
@@ -45,6 +49,8 @@ def _data(found: CampaignCharacteristics, reading: CampaignData, points: CurvePo
         several = named((f"{s.key or s.file}: {s.reason}" for s in found.skipped), "; ")
         more = f"; and {len(found.skipped) - NAMED} more" if len(found.skipped) > NAMED else ""
         yield say("data.skipped", count=len(found.skipped), named=several + more)
+    if found.flags:
+        yield say("data.flags", counts=", ".join(f"{flag} in {n}" for flag, n in sorted(found.flags.items())))
     sliding, keys = reading.sliding, reading.sliding["key"]
     single = ~sliding.moves.all(axis=1)
     if points is not None and single.any():
@@ -63,7 +69,7 @@ def _data(found: CampaignCharacteristics, reading: CampaignData, points: CurvePo
 
 
 def _ranges(found: CampaignCharacteristics) -> Iterator[Statement]:
-    (slowest, fastest), a, b = (found.ranges[name] for name in ("speed_m_s", "gauge_a_pa", "gauge_b_pa"))
+    (slowest, fastest), a, b = found.ranges.speed_m_s, found.ranges.gauge_a_pa, found.ranges.gauge_b_pa
     if not np.isfinite(slowest):
         return
     yield say("range.measured", slowest=1e3 * slowest, fastest=1e3 * fastest, a=_bar(a), b=_bar(b))
@@ -112,9 +118,6 @@ def _scatter(found: CampaignCharacteristics, reading: CampaignData, fits: Fits) 
         yield from _once(found, repeat, fits)
     if fits.blocks is None:
         yield say("repeatability.one_block_each" if reading.several else "repeatability.one_block")
-    if fits.doubtful:
-        keys = named(fits.points["key"][list(fits.doubtful)])
-        yield say("curve.doubtful", count=len(fits.doubtful), keys=keys)
 
 
 def _once(found: CampaignCharacteristics, repeat: Repeatability, fits: Fits) -> Iterator[Statement]:
@@ -133,6 +136,24 @@ def _once(found: CampaignCharacteristics, repeat: Repeatability, fits: Fits) -> 
             yield say("repeatability.measured_once", sentinels=count, **narrow)
 
 
+def _left(fits: Fits) -> Iterator[Statement]:
+    """Return statements on good cycles that differ from a curve by more than the scatter, and on suspect cycles."""
+    points, pure = fits.points, pure_scatter(fits)
+    if pure is not None:
+        data = fits.friction.data
+        rest = data.y - fits.friction.drift - fits.friction.steady()
+        scatter = np.hypot(pure.estimate.value / np.sqrt(data.count), np.sqrt(data.noise))
+        off = np.abs(rest) / np.maximum(scatter, ROUNDING * np.abs(points["friction_n"]).max())
+        far = np.flatnonzero(off > student(pure.estimate.degrees_of_freedom) * LEAVES)
+        if far.size:
+            keys, worst = points["key"][points.use], far[np.argsort(-off[far])].tolist()
+            several = named(f"{keys[i]} by {off[i]:.2g} times" for i in worst)
+            yield say("curve.leaves", count=far.size, named=several)
+    if fits.doubtful:
+        keys = named(points["key"][list(fits.doubtful)])
+        yield say("curve.doubtful", count=len(fits.doubtful), keys=keys)
+
+
 def _drift(found: CampaignCharacteristics, fits: Fits) -> Iterator[Statement]:
     drift = found.drift
     if drift is None:
@@ -141,6 +162,7 @@ def _drift(found: CampaignCharacteristics, fits: Fits) -> Iterator[Statement]:
         yield say("drift.not_carried" if np.ptp(fits.points["order"]) > 0.0 else "drift.no_order")
         return
     yield say("drift.moved", moved=np.ptp(drift.drift_n), drift=drift, share=100.0 * drift.spread_n / fits.level_n)
+    yield from still_changing(drift)
     effects = {"time": drift.per_hour, "travel (run-in)": drift.per_decade_of_travel, "temperature": drift.per_kelvin}
     for cause, effect in effects.items():
         if effect is not None:
@@ -151,6 +173,19 @@ def _drift(found: CampaignCharacteristics, fits: Fits) -> Iterator[Statement]:
         yield say("drift.interrupted", effect=drift.interrupted)
     else:
         yield say("drift.never_interrupted")
+
+
+def still_changing(drift: Drift) -> Iterator[Statement]:
+    """Return statements on friction that still changes when the campaign ends."""
+    last = drift.time_s >= drift.time_s[0] + (1.0 - LAST_SHARE) * np.ptp(drift.time_s)
+    if last.sum() < NAMED:
+        return
+    # From a line: a single cycle at either end is chance.
+    slope, _ = straight_line(drift.time_s[last], drift.drift_n[last])
+    change = slope * np.ptp(drift.time_s[last])
+    reach = np.mean((drift.high_n - drift.low_n)[last]) / 2.0
+    if abs(change) > reach:
+        yield say("drift.still_changing", change=change, share=100 * LAST_SHARE)
 
 
 def _directions(found: CampaignCharacteristics) -> Iterator[Statement]:
@@ -249,4 +284,5 @@ def _excluded(found: CampaignCharacteristics) -> Iterator[Statement]:
         alike = speeds[-1] - speeds[0] < 0.01 * speeds[0]
         at = f"{speeds[0]:.3g}" if alike else f"{speeds[0]:.3g} to {speeds[-1]:.3g}"
         reasons = ", ".join(sorted({p.reason for p in excluded}))
-        yield say("stick-slip.excluded", count=len(excluded), speeds=at, reasons=reasons)
+        kind = "stick-slip.excluded_one" if len(excluded) == 1 else "stick-slip.excluded"
+        yield say(kind, count=len(excluded), speeds=at, reasons=reasons)

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pneudrive.estimate.autocorrelation import cells, centred_walk, moderate, stderrs_of_means
-from pneudrive.estimate.estimates import CHANCE, Estimate, mean_estimate, student
+from pneudrive.estimate.estimates import CHANCE, NORMAL_95, Estimate, FTest, mean_estimate, student
 from pneudrive.estimate.mixed import MixedFit, MixedModel, RandomEffect, independent
 from pneudrive.friction.campaign.points import FREEDOM_PER_CYCLE, CurvePoints, shares_of
 from pneudrive.friction.campaign.result import Drift, PositionPattern, PositionWave, PressureEffects, Repeatability
@@ -104,31 +104,48 @@ def _effect(fits: Fits, column: Array, unit: str) -> Estimate | None:
 
 def repeatability(fits: Fits) -> Repeatability:
     """Return the standard deviations of a cycle's friction, from repeats and control runs if there are any."""
-    fit = fits.friction
-    pure, level_n, basis = pure_scatter(fits) or (None, fits.level_n, "smooth curve")
-    scale = level_n if fit.logarithmic else 1.0
+    fit, pure = fits.friction, pure_scatter(fits)
+    scale = pure.level_n if pure is not None and fit.logarithmic else fits.scale_n
     if pure is not None:
-        within = pure.scaled(scale)
+        within = pure.estimate.scaled(scale)
     else:
         noise = float(np.sqrt(np.mean(fit.data.noise))) * scale
         within = fit.fit.deviation("cycle").scaled(scale)
         ends = {name: float(np.hypot(getattr(within, name), noise)) for name in ("value", "low", "high")}
         within = replace(within, **ends)
-    between = None if fits.blocks is None else fit.fit.deviation("block").scaled(scale)
-    return Repeatability(within, between, fit.relative > 0.5, basis)
+    between = total = None
+    if fits.blocks is not None:
+        between = fit.fit.deviation("block").scaled(scale)
+        value = float(np.hypot(within.value, between.value))
+        stderr = float(np.hypot(within.stderr * within.value, between.stderr * between.value)) / max(value, 1e-12)
+        reach = NORMAL_95 * stderr / max(value, 1e-12)
+        total = replace(
+            within,
+            value=value,
+            low=value * np.exp(-reach),
+            high=value * np.exp(reach),
+            stderr=stderr,
+        )
+    return Repeatability(within, between, total, fit.relative > 0.5, pure.basis if pure is not None else "smooth curve")
 
 
-def pure_scatter(fits: Fits) -> tuple[Estimate, float, str] | None:
+@dataclass(frozen=True)
+class Pure:
+    """Scatter of cycles repeated at one condition and speed, in the unit of the curves' response.
+
+    ``level_n`` is the mean friction of these cycles.
+    """
+
+    estimate: Estimate
+    level_n: float
+    basis: str
+
+
+def pure_scatter(fits: Fits) -> Pure | None:
     """Estimate the standard deviation of a cycle from repeats and control runs, independent of the curves.
 
     Cycles at one condition and speed are used, after subtracting their mean, a line over the campaign and the means of
-    the blocks. Means of several cycles have a larger weight.
-
-    Returns
-    -------
-    tuple or None
-        The estimate in the unit of the curves' response, the mean friction of these cycles, N, and their kinds. None
-        without repeats.
+    the blocks. Means of several cycles have a larger weight. None without repeats.
     """
     from scipy.special import chdtri
 
@@ -161,8 +178,9 @@ def pure_scatter(fits: Fits) -> tuple[Estimate, float, str] | None:
     sentinel = points["kind"][use] == "sentinel"
     others = np.bincount(cell[~sentinel], minlength=int(cell.max()) + 1)  # one more sweep at the point of the sentinels
     kinds = (["repeats"] if others.max() > 1 else []) + (["sentinels"] if sentinel.any() else [])
+    basis = " and ".join(kinds)
     estimate = Estimate(value, low, high, value / float(np.sqrt(2.0 * free)), "N", free)
-    return estimate, float(points["friction_n"][use].mean()), " and ".join(kinds)
+    return Pure(estimate, float(points["friction_n"][use].mean()), basis)
 
 
 #: Largest number of waves of a pattern. Waves have 0.9 to 8 periods in the range; longer waves count as a trend.
@@ -204,7 +222,8 @@ def _describe(points: CurvePoints, title: str, condition: Condition | None, memb
     mean = np.where(known, rows, 0.0).sum(axis=0) / np.maximum(count, 1)
     deviation = np.sqrt((np.where(known, rows - mean, 0.0) ** 2).sum(axis=0) / np.maximum(count - 1, 1))
     half = np.array([student(n - 1) for n in count]) * deviation / np.sqrt(np.maximum(count, 1))
-    length = position.size * float(position[1] - position[0])
+    width = float(position[1] - position[0])
+    length = position.size * width
     waves = _waves(position, mean, deviation / np.sqrt(np.maximum(count, 1)), length)
     coefficients = _each(_columns(position, waves, length), rows)
     trend = _trend(position, rows, slowness, waves, length)[0]
@@ -420,10 +439,12 @@ def _effects(ambient_pa: float, fits: Fits, members: Bools, title: str) -> Press
         slopes[name], means[name] = tuple(slope(row, span) for row in rows), slope(of_mean, span)
         if hidden_n * abs(of_mean @ of_order) * span > FOLLOWS_TIME * hidden_n:
             with_time.append(name)
-    interaction, joint = None, None
+    interaction, joint, curvature = None, None, None
     if together.shape[1] and not hidden_n:
         rows = np.eye(x.shape[1])[: together.shape[1]]
         interaction, joint = fit.f_test(rows), fit.contrast(rows[0]).scaled(PA_PER_BAR**-2, "N/Pa2")
+    if not hidden_n:
+        curvature = _curvature(fits, x, design, [design.centred(p) ** 2 * design.compared for p in gauges.values()])
     found = PressureEffects(
         levels=title,
         speed_m_s=design.speeds if count > 1 else design.speeds.mean(keepdims=True),
@@ -432,6 +453,7 @@ def _effects(ambient_pa: float, fits: Fits, members: Bools, title: str) -> Press
         statement="",
         interaction=interaction,
         interaction_n_pa2=joint,
+        curvature=curvature,
         slopes=slopes,
         means=means,
     )
@@ -503,6 +525,17 @@ def _together(design: _Design, x: Array) -> Array:
     return np.column_stack([columns[k] for k in kept])
 
 
+def _curvature(fits: Fits, x: Array, design: _Design, squares: list[Array]) -> FTest | None:
+    """Test the squares of the pressures: mean over speeds, and change with log speed."""
+    columns = [p for p in squares if np.ptp(p) > 0.0]
+    wide = np.column_stack([x, *design.over_speed(columns)])
+    kept = independent(wide)
+    if not columns or np.isin(x.shape[1] + np.arange(len(columns)), kept, invert=True).any():
+        return None
+    fit = _fit(fits, design, wide[:, kept])
+    return None if fit is None else fit.f_test(np.eye(kept.size)[x.shape[1] :])
+
+
 def _sentences(design: _Design, found: PressureEffects, with_time: list[str], u: float) -> Iterator[Statement]:
     """Yield statements on the determined slopes, the test of their sum, and undetermined values.
 
@@ -527,6 +560,8 @@ def _sentences(design: _Design, found: PressureEffects, with_time: list[str], u:
             yield say("pressure.add_within_accuracy", test=numbers, most=most, accuracy=2.0 * u)
         else:
             yield say("pressure.interact", test=numbers, joint=joint.scaled(PA_PER_BAR**2, "N/bar2"))
+    if found.curvature is not None and found.curvature.p < CHANCE:
+        yield say("pressure.curved", chance=_chance(found.curvature.p))
     if with_time:
         names = " and ".join({"a": "p_a", "b": "p_b", "sum": "the pressures"}[name] for name in with_time)
         yield say("pressure.follows_time", names=names, hidden=found.hidden_n, share=100 * HIDDEN_CHANGE)

@@ -214,10 +214,10 @@ def test_a_zero_that_no_accuracy_explains_is_said_and_not_taken_off(measured, qu
     assert len(said) == 1
     assert "chamber a" in said[0].text
     assert "tare-1: +3e+03 Pa" in said[0].text
-    assert far.ranges["gauge_a_pa"][1] == pytest.approx(2.0 * BAR + 3000.0, abs=50.0)
+    assert far.ranges.gauge_a_pa[1] == pytest.approx(2.0 * BAR + 3000.0, abs=50.0)
     without = measured(quick(**PLAN, pressure_zeros_pa=(300.0, 0.0), tare=False))
     assert not [s for s in without.statements if s.topic == "zero"]
-    assert without.ranges["gauge_a_pa"][1] == pytest.approx(2.0 * BAR + 300.0, abs=50.0)
+    assert without.ranges.gauge_a_pa[1] == pytest.approx(2.0 * BAR + 300.0, abs=50.0)
 
 
 def test_the_zeros_of_a_simulated_rig_are_told_apart(tmp_path):

@@ -100,9 +100,11 @@ def find_phases(cycle: Cycle, time_s: Array, position_m: Array, step: Ints) -> P
     hold = stop_step(cycle) if cycle.steps and numbered else None
     if hold is not None:
         return _phases(time_s, position_m, step, hold) or "no samples of the restart: the cycle ends with its stop"
+    planned = [move.speed_m_s for move in cycle.steps if isinstance(move, Move)]
+    speed = cycle.speed_m_s or min(planned, default=None)
     if numbered and isinstance(found := _rest(cycle, time_s, position_m, step), Phases):
         return found
-    found = _rest(cycle, time_s, position_m, steps_from_motion(time_s, position_m, cycle.speed_m_s))
+    found = _rest(cycle, time_s, position_m, steps_from_motion(time_s, position_m, speed))
     return replace(found, by_steps=False) if isinstance(found, Phases) else found
 
 
@@ -116,12 +118,14 @@ def stop_step(cycle: Cycle) -> int | None:
         for i, (step, following) in enumerate(pairwise(cycle.steps))
         if isinstance(step, Hold) and step.duration_s > 0 and isinstance(following, Move)
     }
-    wanted = max(cycle.stop_s or 0.0, 1e-9)
-    return min(held, key=lambda i: (abs(np.log(held[i] / wanted)), -i), default=None)
+    if not held or cycle.stop_s is None:
+        return max(held, key=lambda i: held[i], default=None)
+    wanted = max(cycle.stop_s, 1e-9)
+    return min(held, key=lambda i: (abs(np.log(held[i] / wanted)), -i))
 
 
 def _rest(cycle: Cycle, time_s: Array, position_m: Array, step: Ints) -> Phases | str:
-    """Find the rest with the planned duration."""
+    """Find the rest with the planned duration, or the longest one between two moves in one direction."""
     if step.max() == 0:
         return "nothing moves"
     every = [_phases(time_s, position_m, step, number) for number in np.unique(step)[:-1]]
@@ -129,8 +133,9 @@ def _rest(cycle: Cycle, time_s: Array, position_m: Array, step: Ints) -> Phases 
     found = [p for p in found if np.ptp(position_m[p.rest]) < RESTS * np.ptp(position_m[p.restart])]
     if not found:
         return "no rest between two moves"
-    wanted = max(cycle.stop_s or 0.0, 1e-9)
-    return min(found, key=lambda p: abs(np.log(max(p.dwell_s, 1e-9) / wanted)))
+    if wanted := cycle.stop_s:
+        return min(found, key=lambda p: abs(np.log(max(p.dwell_s, 1e-9) / wanted)))
+    return max(found, key=lambda p: (not p.reversed, p.dwell_s))
 
 
 def steady_part(recording: Recording, part: slice) -> slice:

@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pneudrive.arrays import Array, Row, by_name
+from pneudrive.arrays import by_name
 from pneudrive.estimate.autocorrelation import levels
 from pneudrive.estimate.estimates import Estimate, mean_estimate, student
 from pneudrive.estimate.mixed import Scan, refined, scan
@@ -44,6 +44,8 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
     import polars as pl
+
+    from pneudrive.arrays import Array, Row
 
 
 def inertia_of(stops: pl.DataFrame) -> float:
@@ -111,6 +113,8 @@ class DwellSeries(Shown):
     pressure : DwellPressure or None
     scatter_n, block_n : float
         Standard deviations from stop to stop and of blocks.
+    outlying : tuple of str
+        Keys of outlying stops, which have less weight.
     curve : DwellCurve or None
     """
 
@@ -136,6 +140,7 @@ class DwellSeries(Shown):
     pressure: DwellPressure | None = None
     scatter_n: float = np.nan
     block_n: float = np.nan
+    outlying: tuple[str, ...] = ()
     curve: dwell_models.DwellCurve | None = None
 
     @property
@@ -337,8 +342,11 @@ def _one_duration(where: str, stops: pl.DataFrame) -> Iterator[Statement]:
     """Return statements on the increment if all stops have one duration, so that no law can be fitted."""
     durations = durations_of(stops)
     if len(stops) > 1 and durations == 1:
-        found = mean_estimate(stops["increment_n"].to_numpy()).widened(inertia_of(stops))
-        yield say("stops.increment", where=where, duration=np.median(stops["dwell_s"]), found=found, count=len(stops))
+        inertia = inertia_of(stops)
+        found = mean_estimate(stops["increment_n"].to_numpy()).widened(inertia)
+        duration = np.median(stops["dwell_s"])
+        kind = "stops.increment_and_mass" if inertia > 0.0 else "stops.increment"
+        yield say(kind, where=where, duration=duration, found=found, count=len(stops))
     of = "one duration" if durations == 1 else f"{durations} durations"
     yield say("stops.too_few_durations", where=where, count=len(stops), durations=of)
 
@@ -462,6 +470,7 @@ def _results(series: DwellSeries, curve: dwell_models.DwellCurve, ambient: float
         "pressure": _pressure(curve, at, ambient),
         "scatter_n": curve.fit.most_probable_sd("scatter"),
         "block_n": curve.fit.most_probable_sd("block"),
+        "outlying": tuple(k for k, w in zip(curve.data["key"].tolist(), curve.weight, strict=True) if w < 0.7),
         "curve": curve,
     }
 

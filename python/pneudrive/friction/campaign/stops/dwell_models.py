@@ -125,6 +125,8 @@ class DwellLawFit(Shown):
     parameters : int
     delta : float
         AICc minus that of the best law.
+    weight : float
+        Akaike weight among the laws.
     """
 
     form: DwellForm
@@ -139,6 +141,7 @@ class DwellLawFit(Shown):
     bic: float
     parameters: int
     delta: float = np.nan
+    weight: float = np.nan
 
     @property
     def name(self) -> str:
@@ -169,7 +172,10 @@ def fit_forms(curve: DwellCurve, reference_s: float) -> tuple[DwellLawFit, ...]:
         return ()
     whitener = np.linalg.inv(np.linalg.cholesky(curve.scatter_covariance())).astype(float)
     fits = sorted((_fit(curve, form, whitener, reference_s) for form in FORMS), key=lambda f: f.aicc)
-    return tuple(replace(fit, delta=fit.aicc - fits[0].aicc) for fit in fits)
+    delta = [f.aicc - fits[0].aicc for f in fits]
+    weight = np.exp(-0.5 * np.array(delta))
+    weight /= weight.sum()
+    return tuple(replace(f, delta=d, weight=float(w)) for f, d, w in zip(fits, delta, weight, strict=True))
 
 
 def _fit(curve: DwellCurve, form: DwellForm, whitener: Array, reference_s: float) -> DwellLawFit:

@@ -29,7 +29,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pneudrive.arrays import Array, Bools, Row, evenly
+from pneudrive.arrays import evenly
 from pneudrive.batching import share_out
 from pneudrive.campaign.storage.folder import Campaign, CycleFile, recording_of, steps_of
 from pneudrive.estimate.estimates import robust_deviation
@@ -47,6 +47,7 @@ if TYPE_CHECKING:
 
     import polars as pl
 
+    from pneudrive.arrays import Array, Bools, Row
     from pneudrive.campaign.cycle import Cycle
     from pneudrive.signals.recording import Recording
 
@@ -93,8 +94,7 @@ def _read(
     shift = running.shape(recording.position_m[[at_peak]])[0]
     held = phases.rest
     increment, stderr = peak.friction_n - running.level_n - shift, float(np.hypot(peak.stderr_n, running.stderr_n))
-    planned_s, speed = float(cycle.stop_s or 0.0), float(cycle.speed_m_s or 0.0)  # the header of a stop has both
-    inertia = _inertia(recording, peak, speed)
+    inertia = _inertia(recording, peak, cycle.speed_m_s)
     relaxation = {} if cycle.released else course.relax(recording.time_s[held] - phases.rest_s, friction[held])
     size, moved = max(abs(increment), 3.0 * stderr), _pressure_moves_n(recording, phases, at_peak)
     # A force of the air measured in the chambers is corrected. It spoils a result that is not larger.
@@ -106,10 +106,10 @@ def _read(
         "index": file.head.index,
         **{name: getattr(cycle, name) for name in ("key", "block", "repeat")},
         "direction": phases.direction,
-        "speed_m_s": speed,
+        "speed_m_s": float(cycle.speed_m_s or 0.0) or abs(course.mean_velocity(recording, steady)),
         "position_m": float(recording.position_m[phases.restart.start]),
         "began_s": file.head.began_s,
-        "stop_s": planned_s,
+        "stop_s": float(cycle.stop_s) if cycle.stop_s is not None else phases.dwell_s,
         "dwell_s": phases.dwell_s,
         "released": cycle.released,
         "running_n": running.level_n + shift,
@@ -156,14 +156,14 @@ def _flags(
     # Samples at the sensor's limit were left out on reading: some are missing around the peak.
     begin, end = phases.restart_s, phases.restart_s + AROUND_PEAK * peak.time_s
     here, kept = (int(((t >= begin) & (t <= end)).sum()) for t in (samples.time_s, recording.time_s))
-    planned = file.head.cycle.stop_s or 0.0
+    planned = file.head.cycle.stop_s
     found = {
         "no_running": running.basis == "none",
         "negative_friction": running.level_n < 0,
         "stuck": np.ptp(recording.force_n[phases.restart]) == 0,
         "saturated": recording.flags.get("saturated", 0) and here - kept > 2,
         "slow_samples": peak.rate_hz < LEAST_RATE_HZ * 0.9,
-        "duration": abs(phases.dwell_s - planned) > SAME_DURATION * planned,
+        "duration": planned is not None and abs(phases.dwell_s - planned) > SAME_DURATION * planned,
         "long_loading": peak.time_s > SPOILS * phases.dwell_s,
         "reversed": phases.reversed,
         "by_motion": not phases.by_steps,
@@ -183,10 +183,10 @@ def _pressure_moves_n(recording: Recording, phases: course.Phases, at_peak: int)
     return moved
 
 
-def _inertia(recording: Recording, peak: BreakawayPeak, speed_m_s: float) -> float:
+def _inertia(recording: Recording, peak: BreakawayPeak, speed_m_s: float | None) -> float:
     """Return the force overshoot of a mass that breaks loose on the rig's spring at the speed of the axis, N."""
-    # At constant acceleration; less in a longer move.
-    speed = min(2.0 * peak.travel_m / max(peak.time_s, 1e-12), speed_m_s)
+    speed = 2.0 * peak.travel_m / max(peak.time_s, 1e-12)  # at constant acceleration; less in a longer move
+    speed = min(speed, speed_m_s) if speed_m_s is not None else speed
     stiffness = recording.stiffness_n_m or abs(np.nan_to_num(peak.loading_rate_n_s)) / max(speed, 1e-12)
     return speed * np.sqrt(max(stiffness, 0.0) * recording.mass_beyond_sensor_kg)
 
