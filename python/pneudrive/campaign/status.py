@@ -3,17 +3,33 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from pneudrive.campaign.storage.control import Holder, holder
-from pneudrive.campaign.storage.folder import CYCLES, Campaign, CycleFile, Problem, plan_of, read_samples, recording_of
+from pneudrive.campaign.storage.folder import (
+    CYCLES,
+    Campaign,
+    Problem,
+    plan_of,
+    read_samples,
+    recording_of,
+    steps_of,
+)
 from pneudrive.errors import CampaignError, ProtocolError, RecordingError
 from pneudrive.repr_tables import Shown
-from pneudrive.rig.interface import Identity, Samples
+from pneudrive.rig.interface import Hold, Identity, Samples
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+    from pathlib import Path
+
+    from pneudrive.arrays import Ints
+    from pneudrive.campaign.cycle import Cycle
+    from pneudrive.campaign.storage.folder import CycleFile
+    from pneudrive.signals.recording import Recording
 
 
 @dataclass(frozen=True, repr=False)
@@ -84,15 +100,19 @@ def status_of(folder: str | Path) -> Status:
     )
 
 
+#: Kinds of cycles that have a preliminary estimate.
+MEASURED = ("sweep", "sentinel", "stop")
+
+
 def preliminary_frictions(files: Sequence[CycleFile], identity: Identity) -> list[float]:
-    """Return the mean friction of each sweep, N; NaN for other cycles.
+    """Return the mean friction of each sweep, or the greatest force after each stop, N; NaN for other cycles.
 
     Raises
     ------
     CampaignError
         If a file is damaged.
     """
-    wanted = [file for file in files if file.head.cycle.kind == "sweep"]
+    wanted = [file for file in files if file.head.cycle.kind in MEASURED]
     frictions = {}
     for file, samples in zip(wanted, read_samples(wanted), strict=True):
         if isinstance(samples, CampaignError):
@@ -102,14 +122,26 @@ def preliminary_frictions(files: Sequence[CycleFile], identity: Identity) -> lis
 
 
 def preliminary_friction(file: CycleFile, samples: Samples, identity: Identity) -> float:
-    """Return the estimate of a sweep, N; NaN if the samples do not allow it."""
+    """Return the estimate of a sweep, a control run or a stop, N; NaN if the samples do not allow it."""
     from pneudrive.friction.level import extract
     from pneudrive.friction.strokes import Settled
 
     cycle = file.head.cycle
     try:
         recording, _ = recording_of(file, identity, samples)
+        if cycle.kind == "stop":
+            return _after_stop(recording, steps_of(recording, samples), cycle)
         levels = extract(recording, Settled()).levels
     except RecordingError:
         return np.nan
     return min(levels, key=lambda level: abs(level.speed_m_s - (cycle.speed_m_s or 0.0))).friction_n
+
+
+def _after_stop(recording: Recording, steps: Ints, cycle: Cycle) -> float:
+    """Return the largest force against the motion in the move after the longest hold."""
+    holds = [(step.duration_s, number) for number, step in enumerate(cycle.steps) if isinstance(step, Hold)]
+    part = np.flatnonzero(steps == (max(holds)[1] + 1 if holds else len(cycle.steps) - 2))
+    if part.size < 2:
+        return np.nan
+    way = recording.position_m[part[-1]] - recording.position_m[part[0]]
+    return float(np.max(np.sign(way) * recording.balance_n()[part]))

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
     from pneudrive.arrays import Array, Bools, Interval, Ints, Plain
     from pneudrive.campaign.planning.protocol import Protocol
-    from pneudrive.rig.interface import Envelope, Identity, Rig, RigState, Samples
+    from pneudrive.rig.interface import Envelope, Identity, Rig, RigState, Samples, Sampling
 
 
 #: Longest time for a rig to come to rest before the campaign ends without it, s.
@@ -350,7 +350,7 @@ def arrival_flags(samples: Samples, cycle: Cycle, identity: Identity) -> dict[st
     intervals = np.diff(samples.time_s)
     counts["time_runs_back"] = int((intervals < 0.0).sum())
     counts["repeated_time"] = int((intervals == 0.0).sum())
-    counts["dropped"] = _dropped(samples.time_s, samples.step)
+    counts["dropped"] = _dropped(samples.time_s, samples.step, cycle)
     samples = samples.rows(_measured(samples))
     counts["saturated"], counts["stuck"] = _sensors(samples, cycle, identity)
     counts |= _steps(samples, cycle)
@@ -364,20 +364,24 @@ def _measured(samples: Samples) -> Bools:
 
 def _repetitions(samples: Samples) -> Bools:
     """Mark the samples that repeat an earlier sample in every channel."""
-    import polars as pl
+    order = np.argsort(samples.time_s, kind="stable")
+    ordered = np.stack([values[order] for values in vars(samples).values()])
+    same = (ordered[:, 1:] == ordered[:, :-1]) | (np.isnan(ordered[:, 1:]) & np.isnan(ordered[:, :-1]))
+    again = np.zeros(len(samples), dtype=bool)
+    again[order[1:]] = same.all(axis=0)
+    return again
 
-    return pl.DataFrame(vars(samples)).select(~pl.struct(pl.all()).is_first_distinct()).to_series().to_numpy()
 
-
-def _dropped(time: Array, step: Ints) -> int:
-    """Count missing samples within steps, from intervals that exceed the usual interval."""
+def _dropped(time: Array, step: Ints, cycle: Cycle) -> int:
+    """Count missing samples within steps, from intervals that exceed both the usual and the planned interval."""
     intervals = np.maximum(np.diff(time), 0.0)  # undefined if the clock jumps back
     if intervals.size < 2 * NEIGHBOURS:
         return 0
     usual = _usual_interval(intervals)
     deviation = float(np.median(np.abs(intervals - usual)))
-    late = (intervals > LATE * usual + JITTER * deviation) & (step[1:] == step[:-1]) & (usual > 0.0)
-    return int(np.sum(np.maximum(np.rint(intervals[late] / usual[late]) - 1.0, 1.0)))
+    expected = np.maximum(usual, _planned_interval(time, step, cycle))
+    late = (intervals > LATE * expected + JITTER * deviation) & (step[1:] == step[:-1]) & (expected > 0.0)
+    return int(np.sum(np.maximum(np.rint(intervals[late] / expected[late]) - 1.0, 1.0)))
 
 
 def _usual_interval(intervals: Array) -> Array:
@@ -389,6 +393,25 @@ def _usual_interval(intervals: Array) -> Array:
     windows = np.lib.stride_tricks.sliding_window_view(padded, NEIGHBOURS)
     medians = np.median(windows, axis=1)
     return np.maximum(medians[: intervals.size], medians[NEIGHBOURS + 1 : NEIGHBOURS + 1 + intervals.size])
+
+
+def _planned_interval(time: Array, step: Ints, cycle: Cycle) -> Array:
+    """Return the largest planned interval between samples; 0 inside bursts and without a plan."""
+    planned = np.zeros(time.size - 1)
+    sampling: Sampling = cycle.sampling
+    for number, one in enumerate(cycle.steps):
+        members = np.flatnonzero(step == number)
+        if members.size < 2:
+            continue
+        begin, end = time[members[0]], time[members[-1]]
+        moving = isinstance(one, Move)
+        planned_s = (end - begin) / sampling.samples_per_stroke if moving else 1.0 / sampling.hold_rate_hz
+        inside = members[:-1]
+        early = time[inside + 1] - begin <= sampling.burst_after_s
+        late = end - time[inside] <= sampling.burst_before_s
+        burst = (early | late) if sampling.burst_rate_hz > 0.0 else np.zeros(inside.size, dtype=bool)
+        planned[inside[~burst]] = planned_s
+    return planned
 
 
 def _sensors(samples: Samples, cycle: Cycle, identity: Identity) -> tuple[int, int]:

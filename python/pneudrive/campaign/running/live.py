@@ -51,9 +51,9 @@ class Display:
     def began(self, plan: Plan, done: Collection[str]) -> None:
         """Show that the campaign begins; `done` has the keys of the cycles that are finished already."""
         self.title, self._done = plan.protocol.name, set(done)
-        self._planned = {p.cycle.key: p.time_s for p in plan.planned}
+        self._planned = {p.cycle.key: (p.time_s, float(p.samples)) for p in plan.planned}
         self.total = len(self._done | self._planned.keys())
-        self._began, self._passed = time.monotonic(), 0.0
+        self._began, self._passed = time.monotonic(), np.zeros(2)
 
     @property
     def count(self) -> int:
@@ -62,10 +62,18 @@ class Display:
 
     @property
     def left(self) -> str:
-        """Remaining wall-clock time at the pace of the planned time so far, in words."""
-        left = sum(time_s for key, time_s in self._planned.items() if key not in self._done)
+        """Remaining wall-clock time at the pace so far, in words.
+
+        For a real rig, the planned time counts. For a simulated rig without a pace, the number of samples counts.
+        """
+        left = np.sum([size for key, size in self._planned.items() if key not in self._done] or [(0.0, 0.0)], axis=0)
         took = time.monotonic() - self._began
-        return duration(left * took / self._passed if self._passed > 0.0 else left)
+        if self._passed[0] <= 0.0:
+            return duration(float(left[0]))
+        in_virtual_time = took < 0.5 * self._passed[0] and self._passed[1] > 0.0
+        return duration(
+            float(left[1] * took / self._passed[1] if in_virtual_time else left[0] * took / self._passed[0])
+        )
 
     def cycle(self, cycle: Cycle) -> None:
         """Show that a cycle begins."""
@@ -77,7 +85,7 @@ class Display:
 
     def finished(self, cycle: Cycle, flags: dict[str, int]) -> None:
         """Show that a cycle is stored."""
-        self._passed += self._planned.get(cycle.key, 0.0)
+        self._passed += self._planned.get(cycle.key, (0.0, 0.0))
         self._done.add(cycle.key)
 
     def say(self, text: str) -> None:
