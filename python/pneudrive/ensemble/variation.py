@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from pneudrive import units
-from pneudrive.arrays import by_name
+from pneudrive.arrays import Array, Plain, by_name
 from pneudrive.describe.marks import StatedPressure
 from pneudrive.describe.tables.parts import Initial
 from pneudrive.describe.tables.starts import read_initial, start_state, start_values
@@ -21,7 +21,6 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from pneudrive.arrays import Array, Plain
     from pneudrive.describe import Circuit, Drive
     from pneudrive.free.parameters import DriveFamily, Parameter
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from pneudrive.arrays import by_name
+from pneudrive.arrays import Array, Ints, Row, by_name
 from pneudrive.constants import STANDARD_ATMOSPHERE_PA
 from pneudrive.errors import RecordingError, package_table
 from pneudrive.files.csv_tables import read_csv
@@ -24,8 +24,6 @@ if TYPE_CHECKING:
 
     import polars as pl
     import xarray as xr
-
-    from pneudrive.arrays import Array, Ints, Row
 
 
 TABLES = package_table(__file__, "columns.toml")

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pneudrive.arrays import by_name, evenly
+from pneudrive.arrays import Array, Interval, Pair, by_name, evenly
 from pneudrive.estimate.estimates import Estimate, changed, rms, student
 from pneudrive.friction.sentences import sentence
 from pneudrive.numbers import with_u
@@ -19,7 +19,6 @@ from pneudrive.repr_tables import Shown
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from pneudrive.arrays import Array, Interval, Pair
     from pneudrive.friction.level import Level
 
 TOGETHER = 0.05  # pressures change together if the rest is below this share

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pneudrive.arrays import by_name
+from pneudrive.arrays import Array, Ints, Plain, by_name
 from pneudrive.describe.files import toml
 from pneudrive.errors import FitError, nearest
 from pneudrive.estimate.autocorrelation import distinct_levels
@@ -29,8 +29,6 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Collection, Iterator, Sequence
 
     import xarray as xr
-
-    from pneudrive.arrays import Array, Ints, Plain
 
 
 # --- Comparison of laws and dependences on pressure by cross-validation over conditions.

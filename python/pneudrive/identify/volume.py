@@ -19,7 +19,7 @@ import numpy as np
 from scipy.optimize import OptimizeResult, least_squares
 
 from pneudrive import units
-from pneudrive.arrays import by_name
+from pneudrive.arrays import Array, Interval, Plain, by_name
 from pneudrive.constants import STANDARD_ATMOSPHERE_PA
 from pneudrive.describe.base import Described
 from pneudrive.describe.files import toml
@@ -46,7 +46,6 @@ from pneudrive.views import Finding
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from pneudrive.arrays import Array, Interval, Plain
     from pneudrive.signals.layout import Layout
 
 

@@ -13,14 +13,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.signal import lfilter
 
-from pneudrive.arrays import by_name
+from pneudrive.arrays import Array, Interval, Plain, Row, by_name
 from pneudrive.constants import LEAK_CRITICAL_RATIO
 from pneudrive.errors import package_table
 from pneudrive.units import write
 from pneudrive.validate.balance import RATES, Scene, Values, at_samples, openings
 
 if TYPE_CHECKING:
-    from pneudrive.arrays import Array, Interval, Plain, Row
     from pneudrive.describe.drive import Drive
 
     Rows = dict[str, Row]

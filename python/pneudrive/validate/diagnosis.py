@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pneudrive.arrays import by_name
+from pneudrive.arrays import Array, Interval, by_name
 from pneudrive.errors import DescriptionError, SimulationError
 from pneudrive.estimate.estimates import NORMAL_95
 from pneudrive.numbers import plain, with_u
@@ -33,7 +33,6 @@ from pneudrive.validate.causes import Cause, causes
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
-    from pneudrive.arrays import Array, Interval
     from pneudrive.describe.drive import Drive
 
 BLOCK_S = 0.25

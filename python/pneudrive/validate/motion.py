@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from pneudrive.arrays import by_name
+from pneudrive.arrays import Array, Bools, Pair, Plain, by_name
 from pneudrive.describe.circuit import Circuit
 from pneudrive.describe.files import toml
 from pneudrive.errors import CommandError, RecordingError
@@ -35,7 +35,6 @@ from pneudrive.views import LeadingValue, ShownFigure, ShownValue, View, Viewed
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
-    from pneudrive.arrays import Array, Bools, Pair, Plain
     from pneudrive.describe.drive import Drive
     from pneudrive.identify.volume import RegulatorFit
     from pneudrive.signals.layout import Layout

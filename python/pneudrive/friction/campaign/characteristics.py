@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pneudrive.arrays import by_name, evenly
+from pneudrive.arrays import Interval, by_name, evenly
 from pneudrive.batching import many_objects
 from pneudrive.campaign.storage.folder import Campaign
 from pneudrive.estimate.estimates import Estimate, mean_estimate
@@ -36,7 +36,6 @@ if TYPE_CHECKING:
     import polars as pl
     import xarray as xr
 
-    from pneudrive.arrays import Interval
     from pneudrive.friction.campaign.cycles import Loop
     from pneudrive.friction.characterisation import Characterisation
     from pneudrive.identify.static.result import FrictionFit

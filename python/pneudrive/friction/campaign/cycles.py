@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Self
 
 import numpy as np
 
-from pneudrive.arrays import by_name, evenly
+from pneudrive.arrays import Array, Bools, Row, by_name, evenly
 from pneudrive.errors import RecordingError
 from pneudrive.estimate.estimates import rms
 from pneudrive.friction.bins import Grid, bin_means, grid_of, known_mean, mean_profile
@@ -33,7 +33,6 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from pneudrive.arrays import Array, Bools, Row
     from pneudrive.rig.interface import Identity
     from pneudrive.signals.motion import Stroke
     from pneudrive.signals.recording import Recording

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
-from pneudrive.arrays import evenly
+from pneudrive.arrays import Array, Row, evenly
 from pneudrive.batching import many_objects, share_out
 from pneudrive.campaign.storage.folder import Campaign, CycleFile, Head, read_samples, recording_of, steps_of
 from pneudrive.errors import CampaignError, PneudriveError, RecordingError
@@ -33,7 +33,6 @@ from pneudrive.signals.recording import Recording
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from pneudrive.arrays import Array, Row
     from pneudrive.friction.characterisation import Characterisation
     from pneudrive.friction.level import Level, RecordingResult
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pneudrive.arrays import by_name
+from pneudrive.arrays import Array, Bools, Ints, by_name
 from pneudrive.describe.circuit import Circuit
 from pneudrive.errors import FitError
 from pneudrive.free.parameters import COMMAND_STEPS, DriveFamily, Parameter, at_rest
@@ -20,7 +20,6 @@ if TYPE_CHECKING:
 
     from pneudrive._core import Shooting
     from pneudrive._core import Shot as CoreShot
-    from pneudrive.arrays import Array, Bools, Ints
     from pneudrive.describe.drive import Drive
     from pneudrive.estimate.profile import Transforms
     from pneudrive.signals.drive_recording import DriveRecording

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pneudrive import __version__
-from pneudrive.arrays import by_name
+from pneudrive.arrays import Interval, Plain, by_name
 from pneudrive.constants import STANDARD_ATMOSPHERE_PA
 from pneudrive.describe.circuit import Circuit
 from pneudrive.errors import FitError, RecordingError
@@ -30,7 +30,6 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from pneudrive.arrays import Interval, Plain
     from pneudrive.signals.layout import Layout
 
 BEYOND = 0.03  # of the stroke: largest excess of a position

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pneudrive import __version__
-from pneudrive.arrays import by_name
+from pneudrive.arrays import Array, Interval, by_name
 from pneudrive.errors import FitError, nearest
 from pneudrive.estimate.autocorrelation import distinct_levels, weak_coordinates
 from pneudrive.estimate.estimates import changed, student
@@ -34,7 +34,6 @@ if TYPE_CHECKING:
 
     import xarray as xr
 
-    from pneudrive.arrays import Array, Interval
     from pneudrive.describe.tables.friction import Friction
     from pneudrive.friction.characterisation import Characterisation
     from pneudrive.identify.base import Undetermined

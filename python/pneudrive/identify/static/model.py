@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pneudrive import _core
-from pneudrive.arrays import by_name
+from pneudrive.arrays import Array, Bools, Ints, Keyed, Plain, by_name
 from pneudrive.errors import FitError
 from pneudrive.estimate.autocorrelation import moderate
 from pneudrive.estimate.profile import Transforms
@@ -34,7 +34,6 @@ if TYPE_CHECKING:
     import xarray as xr
     from numpy.typing import ArrayLike, NDArray
 
-    from pneudrive.arrays import Array, Bools, Ints, Keyed, Plain
     from pneudrive.describe.tables.friction import Friction
 
 

@@ -23,7 +23,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pneudrive.arrays import by_name
+from pneudrive.arrays import Array, Interval, Ints, Keyed, by_name
 from pneudrive.errors import FitError, nearest
 from pneudrive.estimate.autocorrelation import integrated_wiener
 from pneudrive.identify.identified import sentence
@@ -39,7 +39,6 @@ if TYPE_CHECKING:
     import xarray as xr
     from numpy.typing import ArrayLike, NDArray
 
-    from pneudrive.arrays import Array, Interval, Ints, Keyed
 
 #: Grid of the roughness gamma. At 1.5, a straight line misses the middle of the range by 22 % of the friction.
 ROUGHNESS = np.linspace(0.0, 1.5, 11)

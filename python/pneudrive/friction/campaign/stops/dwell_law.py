@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pneudrive.arrays import by_name
+from pneudrive.arrays import Array, Row, by_name
 from pneudrive.estimate.autocorrelation import levels
 from pneudrive.estimate.estimates import Estimate, mean_estimate, student
 from pneudrive.estimate.mixed import Scan, refined, scan
@@ -44,8 +44,6 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
     import polars as pl
-
-    from pneudrive.arrays import Array, Row
 
 
 def inertia_of(stops: pl.DataFrame) -> float:

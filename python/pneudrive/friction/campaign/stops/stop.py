@@ -29,7 +29,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pneudrive.arrays import evenly
+from pneudrive.arrays import Array, Bools, Row, evenly
 from pneudrive.batching import share_out
 from pneudrive.campaign.storage.folder import Campaign, CycleFile, recording_of, steps_of
 from pneudrive.estimate.estimates import robust_deviation
@@ -47,7 +47,6 @@ if TYPE_CHECKING:
 
     import polars as pl
 
-    from pneudrive.arrays import Array, Bools, Row
     from pneudrive.campaign.cycle import Cycle
     from pneudrive.signals.recording import Recording
 
