@@ -122,6 +122,8 @@ def test_lines_on_the_command_line(tmp_path, capsys):
     said = capsys.readouterr().out
     assert "cylinder.bore = 25 mm [parker-osp-p-0980]" in said
     assert "cylinder.moving_mass = 0.7 kg, not read on the sheet" in said
+    assert run(["check", "catalogue:reference"]) == 0
+    assert "overlap, leakage, hysteresis = 0, as of an ideal valve" in capsys.readouterr().out
     path.write_text(SHORT.replace('stroke = "100 mm"', 'stroke = "500 m"'))
     run(["check", str(path)])
     assert "cylinder.stroke = 500000 mm; usual are 1 mm to" in capsys.readouterr().out

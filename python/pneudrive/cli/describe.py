@@ -18,8 +18,8 @@ from pneudrive.repr_tables import aligned
 with used_later(__name__):
     from pneudrive import references, views
     from pneudrive.campaign.planning import protocol
+    from pneudrive.control import mismatch, tuning
     from pneudrive.control import references as trajectories
-    from pneudrive.control import tuning
     from pneudrive.describe import components as component_texts
     from pneudrive.describe import kinds
     from pneudrive.describe.files import catalogue as parts
@@ -181,12 +181,21 @@ def check(drive: str) -> None:
     each = [f"{name} ({component.kind})" for name, component in described.circuit.components.items()]
     typer.echo(f"{described.name}: {len(each)} components, no errors\n  {', '.join(each)}")
     for title, lines in (
-        ("To note", described.notes),
+        ("To note", [*described.notes, *_together(_ideal_valves(described.circuit.core_json()))]),
         ("Values with a source", described.sources()),
         ("Assumed", list(_together(described.assumptions()))),
     ):
         if lines:
             typer.echo("\n".join(["", title, *(f"  {line}" for line in lines)]))
+
+
+def _ideal_valves(core_json: str) -> Iterator[tuple[str, str]]:
+    """Yield the parameters of proportional valves that are zero, each with the name of its valve."""
+    for component in json.loads(core_json)["components"]:
+        numbers = component["numbers"]
+        if zeros := [key for key in mismatch.OF_VALVE.values() if "overlap" in numbers and numbers[key] == 0.0]:
+            cost = "pneudrive control tune shows their effect on a controller"
+            yield f"{{}}: {', '.join(zeros)} = 0, as of an ideal valve; {cost}", component["name"]
 
 
 def _together(assumptions: Iterable[tuple[str, str]]) -> Iterator[str]:

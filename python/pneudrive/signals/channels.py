@@ -242,10 +242,10 @@ def pairs(own: ChannelFile, other: ChannelFile) -> list[SharedChannel]:
         same = next((it for it in other.channels if it.quantity == one.quantity), None)
         if same is None:
             continue
-        if one.unit == same.unit:
-            out.append(SharedChannel(one, same, 1.0, 0.0))
-        elif math.isfinite(one.slope + same.slope):
+        if math.isfinite(one.slope + same.slope):
             out.append(SharedChannel(one, same, same.slope / one.slope, (same.zero - one.zero) / one.slope))
+        elif one.unit == same.unit:
+            out.append(SharedChannel(one, same, 1.0, 0.0))
     return out
 
 

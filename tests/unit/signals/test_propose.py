@@ -1,11 +1,13 @@
 """A proposed layout reads the file that it was proposed for, and marks its guesses."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
 from pneudrive.characterise import Layout, characterise, load_recordings
 from pneudrive.errors import PneudriveWarning, RecordingError
-from pneudrive.signals.channels import open_channels
+from pneudrive.signals.channels import FileChannel, open_channels, pairs
 from pneudrive.signals.proposal import propose_layout
 
 
@@ -261,3 +263,11 @@ def test_what_holds_no_table_is_refused(tmp_path, content, words):
     (tmp_path / "a.csv").write_bytes(content)
     with pytest.raises(RecordingError, match=words):
         propose_layout(tmp_path / "a.csv")
+
+
+def test_gauge_pressures_of_two_ambients_are_compared_as_absolute():
+    sea, hill = (
+        SimpleNamespace(time=None, channels=[FileChannel("p", "p", "bar", "p", 1e5, zero)]) for zero in (1e5, 0.9e5)
+    )
+    (shared,) = pairs(sea, hill)
+    assert (shared.slope, shared.zero) == pytest.approx((1.0, -0.1))

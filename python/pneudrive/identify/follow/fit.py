@@ -38,6 +38,7 @@ LEAST_LEVEL = 0.3  # of the ambient pressure: a closed chamber below it is read 
 TOGETHER = 0.5  # least correlation of a pressure with the position that counts
 BETTER = 0.8  # another reading is named if its residuals are below this ratio
 POOR = 0.03  # of the range: larger residuals mean that the model or the reading is wrong
+OPEN_TOGETHER = 0.2  # least correlation of an open chamber's pressure with the rate of its volume that counts (assumed)
 NEAR_AMBIENT = 0.1  # of the ambient pressure: largest distance of an open chamber from it (assumed)
 
 
@@ -84,16 +85,21 @@ def _refuse_swapped(record: DrivenRecording) -> None:
 
 
 def _open_doubts(driven: DrivenCircuit, record: DrivenRecording) -> list[str]:
-    """Return a warning on chambers that seem open, but whose pressure is not near that of the ambient air."""
+    """Return warnings on chambers that seem open: pressure not near ambient, or higher during expansion."""
     ambient = float(driven.form["ambient"]["pressure_pa"])
-    means = record.pressures_pa.mean(axis=1)
+    means, found = record.pressures_pa.mean(axis=1), []
     far = np.abs(means - ambient) > NEAR_AMBIENT * ambient
-    if not far.any():
-        return []
-    twice = (np.abs(means - 2.0 * ambient) < NEAR_AMBIENT * ambient).all()
-    shown = " and ".join(f"{mean / 1e5:.4g} bar in {'ab'[k]}" for k, mean in enumerate(means) if far[k])
-    cause = "the pressures are read as gauge, but seem to be absolute" if twice else "check the unit"
-    return [f"the chambers are open, but have {shown} at {ambient / 1e5:.4g} bar of the ambient air: {cause}"]
+    if far.any():
+        twice = (np.abs(means - 2.0 * ambient) < NEAR_AMBIENT * ambient).all()
+        shown = " and ".join(f"{mean / 1e5:.4g} bar in {'ab'[k]}" for k, mean in enumerate(means) if far[k])
+        cause = "the pressures are read as gauge, but seem to be absolute" if twice else "check the unit"
+        found.append(f"the chambers are open, but have {shown} at {ambient / 1e5:.4g} bar of the ambient air: {cause}")
+    speed = np.gradient(record.positions_m, record.grid_s)
+    ways = zip(SIDES, record.pressures_pa, (speed, -speed), strict=True)
+    moving = [side for side, p, rate in ways if np.ptp(p) > 0.0 and np.corrcoef(p, rate)[0, 1] > OPEN_TOGETHER]
+    if moving:
+        found.append(sentence("notes", "open_swapped", sides=" and ".join(moving)))
+    return found
 
 
 def open_recordings(driven: DrivenCircuit, records: Sequence[DrivenRecording]) -> list[DrivenRecording]:
