@@ -16,6 +16,7 @@ def unpack(frame: bytes) -> tuple[dict[str, Any], dict[str, Array]]:
     (length,) = struct.unpack_from("<I", frame)
     head = json.loads(frame[4 : 4 + length])
     arrays = {}
-    for name, kind, at, count in head.pop("arrays"):
-        arrays[name] = np.frombuffer(frame, dtype=f"<{kind}", count=count, offset=4 + length + at)
+    for name, kind, at, count, *middle in head.pop("arrays"):
+        own = np.frombuffer(frame, dtype=f"<{kind}", count=count, offset=4 + length + at)
+        arrays[name] = own + np.float64(middle[0]) if middle else own
     return head, arrays

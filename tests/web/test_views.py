@@ -437,6 +437,22 @@ def test_what_is_no_request_is_answered_in_words(served: Served) -> None:
         assert not arrays
 
 
+def test_arrays_that_are_drawn_take_32_bits_and_lose_nothing_that_is_seen() -> None:
+    rng = np.random.default_rng(5)
+    values = {"pressure": 1e6 + 1e-3 * rng.random(2000), "time": np.linspace(1e5, 1e5 + 1e-2, 2000)}
+    values["pressure"][7] = np.nan
+    values["nothing"] = np.full(3, np.nan)
+    frame = pack({"a": 1}, values, drawn=True)
+    head, drawn = unpack(frame)
+    assert head == {"a": 1}
+    assert len(frame) < 4 * 4003 + 300
+    assert np.isnan(drawn["pressure"][7])
+    assert np.isnan(drawn["nothing"]).all()
+    for name in ("pressure", "time"):
+        off = np.nanmax(np.abs(drawn[name] - values[name]))
+        assert off <= 2.0**-25 * np.nanmax(values[name]) - 2.0**-25 * np.nanmin(values[name]) + np.spacing(1e6)
+
+
 def test_a_file_is_checked_as_it_is_read(served: Served) -> None:
     def got(**query: str) -> dict:
         return served.client.get("/api/file", params={"path": "axis.toml", **query}, headers=served.headers).json()

@@ -105,10 +105,8 @@ def _impacts(impacts: list[Keyed], begun: Sequence[float | None]) -> Iterator[Sh
         label = f"impact {number}" + (f", {impact['cylinder']}" if impact.get("cylinder") else "")
         values = {"end of chamber": (impact["end"], ""), "time": (impact["time_s"], "s")}
         values |= {} if at is None else {"stroke time": (impact["time_s"] - at, "s")}
-        values["speed"] = impact["speed_m_s"], "m/s"
-        values["energy"] = impact["energy_j"], "J"
-        values["depth"] = impact["depth_m"], "m"
-        values["peak force"] = impact["peak_force_n"], "N"
+        values |= {"speed": (impact["speed_m_s"], "m/s"), "energy": (impact["energy_j"], "J")}
+        values |= {"depth": (impact["depth_m"], "m"), "peak force": (impact["peak_force_n"], "N")}
         for name, (value, unit) in values.items():
             yield ShownValue(f"{label}.{name}", label, name, value, unit)
 

@@ -12,7 +12,6 @@ from pathlib import Path
 
 from pneudrive.errors import CommandError
 from pneudrive.files.writing import alone_in
-from pneudrive.simulation.trajectory import whole
 from pneudrive.web.workspace import TABLES, Workspace
 
 #: Space that stays free on the disk, bytes.
@@ -126,9 +125,13 @@ def add_example(workspace: Workspace) -> dict[str, str]:
     try:
         folder.mkdir(exist_ok=True)
         for file in files:
-            if not (folder / file.name).exists():
-                with whole(folder / file.name) as part:
-                    shutil.copyfile(file, part)
+            part = folder / f".pneudrive-{secrets.token_hex(8)}.part"
+            try:
+                shutil.copyfile(file, part)
+                with contextlib.suppress(CommandError):  # the folder exists already
+                    _place(part, folder / file.name)
+            finally:
+                part.unlink(missing_ok=True)
     except OSError as error:
         raise CommandError(f"{EXAMPLE} cannot be written: {error.strerror}") from None
     return {"path": f"{EXAMPLE}/{files[1].name}"}

@@ -155,8 +155,7 @@ def events_of(run: Run, impacts: Sequence[Keyed]) -> list[Plain]:
         moving = np.flatnonzero(sign)
         turns = moving[1:][np.diff(sign[moving]) != 0]
         gaps = np.flatnonzero(np.diff(moving) > LONG_REST)
-        out += [(float(time[at]), "reversal") for at in turns]
-        out += [(float(time[at]), "rest") for at in moving[gaps] + 1]
+        out += [(float(time[at]), "reversal") for at in turns] + [(float(time[moving[at] + 1]), "rest") for at in gaps]
     return [{"time_s": at, "what": what} for at, what in sorted(set(out))[:MOST_EVENTS]]
 
 

@@ -33,7 +33,7 @@ LONGEST_NAME = 200  # longest name in a message
 TYPES = {"float32": "<f4", "float64": "<f8"}
 
 
-def pack(head: Mapping[str, Any], arrays: Mapping[str, Array]) -> bytes:
+def pack(head: Mapping[str, Any], arrays: Mapping[str, Array], *, drawn: bool = False) -> bytes:
     """Pack a head and arrays of 32- or 64-bit floats.
 
     The head gets ``arrays``: name, type (``"f4"`` or ``"f8"``), offset after the head and length of each. Infinite
@@ -44,11 +44,19 @@ def pack(head: Mapping[str, Any], arrays: Mapping[str, Array]) -> bytes:
     head : mapping
     arrays : mapping
         Shape (n,) each.
+    drawn : bool
+        Whether arrays are only drawn. They are then sent in 32 bits as differences from a middle value, which is listed
+        last. The error of each value is at most 2^-25 of the range of its array.
     """
     listed, blocks, at = [], [], 0
     for name, values in arrays.items():
-        own = np.ascontiguousarray(values, dtype=TYPES[values.dtype.name])
-        listed.append([name, own.dtype.str[1:], at, len(own)])
+        if drawn:
+            ends = np.fmin.reduce(values, initial=np.inf), np.fmax.reduce(values, initial=-np.inf)
+            middle = 0.5 * float(ends[0]) + 0.5 * float(ends[1]) if np.isfinite(ends).all() else 0.0
+            own = np.subtract(values, middle, dtype=float).astype("<f4")
+        else:
+            middle, own = None, np.ascontiguousarray(values, dtype=TYPES[values.dtype.name])
+        listed.append([name, own.dtype.str[1:], at, len(own), *([] if middle is None else [middle])])
         padding = -own.nbytes % ALIGNED
         blocks += [own.tobytes(), bytes(padding)]
         at += own.nbytes + padding

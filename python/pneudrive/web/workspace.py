@@ -11,6 +11,7 @@ import hashlib
 import os
 import posixpath
 import re
+import secrets
 import shutil
 import sys
 import tempfile
@@ -66,6 +67,7 @@ class Workspace:
     """A folder and the names in it that the page may use."""
 
     root: Path
+    _saves: dict[Path, tuple[str, ...]] = field(default_factory=dict, init=False, repr=False, compare=False)
     _states: dict[Any, Any] = field(default_factory=dict, init=False, repr=False, compare=False)
     _lock: threading.Lock = field(default_factory=threading.Lock, init=False, repr=False, compare=False)
 
@@ -168,13 +170,18 @@ class Workspace:
 
     def read(self, name: str) -> tuple[str, str]:
         """Return the text of a file and its version. See `write`."""
-        text = read_text(self.path(name, DESCRIPTIONS), CommandError)
-        return text, fingerprint(text)
+        path = self.path(name, DESCRIPTIONS)
+        text = read_text(path, CommandError)
+        return text, self._version(path, text)
+
+    def _version(self, path: Path, text: str) -> str:
+        return "-".join([fingerprint(text), *self._saves.get(path, ())])
 
     def write(self, name: str, text: str, known: str | None) -> str:
         """Write a file that has not changed since the page read it, and return its new version.
 
-        A version is the SHA-256 of the text.
+        A version is the SHA-256 of the text. If the text is unchanged, a random word is appended, so that a second
+        writer with the same version notices the save.
 
         Parameters
         ----------
@@ -189,24 +196,31 @@ class Workspace:
         CommandError
             The file cannot be written.
         """
-        path = self.path(name, DESCRIPTIONS)
         with alone_in(self.root):  # two writers with the same version: the second one gets an error
-            if exists(path):
-                there = read_text(path, CommandError)
-                if known != fingerprint(there):
-                    raise ChangedError(there, fingerprint(there))
-                if "\r\n" in there:  # line ends of the file: an editor in a browser only has "\n"
-                    text = text.replace("\r\n", "\n").replace("\n", "\r\n")
-            elif known is not None:
-                raise ChangedError("", fingerprint(""))
-            elif not path.parent.is_dir():
-                raise CommandError(f"there is no folder {path.parent.name}", remedy="Make it first.")
-            try:
-                with whole(path) as temporary:
-                    temporary.write_bytes(text.encode())
-            except OSError as error:
-                raise CommandError(f"{name[:80]} cannot be written", rule=error.strerror or str(error)) from None
-            return fingerprint(text)
+            return self._write(name, text, known)
+
+    def _write(self, name: str, text: str, known: str | None) -> str:
+        path, there, is_same = self.path(name, DESCRIPTIONS), "", False
+        if exists(path):
+            there = read_text(path, CommandError)
+            is_same = known is not None and known.startswith(fingerprint(there))
+            if not is_same or (path in self._saves and known != self._version(path, there)):
+                raise ChangedError(there, self._version(path, there))
+            if "\r\n" in there:  # line ends of the file: an editor in a browser only has "\n"
+                text = text.replace("\r\n", "\n").replace("\n", "\r\n")
+        elif known is not None:
+            raise ChangedError("", fingerprint(""))
+        elif not path.parent.is_dir():
+            raise CommandError(f"there is no folder {path.parent.name}", remedy="Make it first.")
+        try:
+            with whole(path) as temporary:
+                temporary.write_bytes(text.encode())
+        except OSError as error:
+            raise CommandError(f"{name[:80]} cannot be written", rule=error.strerror or str(error)) from None
+        self._saves.pop(path, None)
+        if is_same and there == text:
+            self._saves[path] = (secrets.token_hex(4),)
+        return self._version(path, text)
 
 
 class NewNames:

@@ -31,6 +31,7 @@ from pneudrive.web.measured.tiles import BLOCK, Pyramid, TileWindow
 from pneudrive.web.messages import MOST_PIXELS, Array, PageRequest, fault_of, pack, problems_of
 from pneudrive.web.workspace import TABLES, Listed, Workspace, cache_folder, safe
 
+ENDS = 1 << 16  # bytes at both ends of a file that enter its key
 MOST_OPEN = 16  # recordings
 PART, MOST_PARTS = 1 << 17, 256  # samples of a part of a column, 1 MB, and number of kept parts
 MOST_VERSIONS = 2  # kept versions of a changing file: the shown one, and the one that is being read
@@ -297,7 +298,7 @@ def shown_window(workspace: Workspace, given: Keyed) -> bytes:
             beside = other.window((first, last), asked.pixels, [pair.other.column for pair in both])
             arrays["beside/time"] = beside.time_s + asked.shift
             arrays |= {f"beside/{pair.own.column}": pair.of(beside.channels[pair.other.column]) for pair in both}
-    return pack(head, arrays)
+    return pack(head, arrays, drawn=True)
 
 
 def shown_spectrum(workspace: Workspace, path: str, request: ViewRequest) -> bytes:
@@ -483,19 +484,24 @@ def _has_own_names(path: Path, _size: int, _changed_ns: int) -> bool:
 
 
 def _key(path: Path) -> str:
-    """Return the key of a file: its path, its inode, its size and times.
+    """Return the key of a file: its path, its inode, its size and times, and the bytes at both ends.
 
-    A different file of the same size and time has another inode. A changed file has another change time (ctime), which
-    users cannot set.
+    A different file of the same size and time has another inode. A file that was changed only in the middle has another
+    change time (ctime), which users cannot set.
     """
     if not path.is_file():
         raise RecordingError("there is no such file", where=path.name)
     try:
         status = path.stat()
+        said = (str(path), status.st_dev, status.st_ino, status.st_size, status.st_mtime_ns, status.st_ctime_ns)
+        digest = hashlib.sha256(repr(said).encode("utf-8", "surrogateescape"))
+        with path.open("rb") as file:
+            digest.update(file.read(ENDS))
+            file.seek(max(status.st_size - ENDS, 0))
+            digest.update(file.read(ENDS))
     except OSError as error:
         raise unreadable(Path(path.name), error, RecordingError) from None
-    said = (str(path), status.st_dev, status.st_ino, status.st_size, status.st_mtime_ns, status.st_ctime_ns)
-    return hashlib.sha256(repr(said).encode("utf-8", "surrogateescape")).hexdigest()[:32]
+    return digest.hexdigest()[:32]
 
 
 def _opened(path: Path, layout: Layout | None, cache: Path, watch: Watch) -> OpenRecording:

@@ -247,8 +247,7 @@ def drawn_columns(columns: Mapping[str, Array], pixels: int) -> dict[str, Array]
     starts = edges[:-1]
     pairs = {name: (np.fmin.reduceat(own, starts), np.fmax.reduceat(own, starts)) for name, own in values.items()}
     drawn = {name: np.column_stack(pair).ravel() for name, pair in pairs.items()}
-    at = {f"{name}/at": own[rows] for name, own in values.items()}
-    return {"time_s": sent, **drawn, **at}
+    return {"time_s": sent, **drawn, **{f"{name}/at": own[rows] for name, own in values.items()}}
 
 
 def _edges(seconds: Array, span: tuple[float, float], pixels: int) -> NDArray[np.int64]:
