@@ -227,22 +227,21 @@ def suitability(drive: Drive | Circuit, setup: Setup | str | Path = "real") -> V
         Whether each controller suits the drive, with the reason; the best one comes first.
     """
     valves = [one.kind for one in drive.circuit.components.values() if one.kind.startswith("valve/")]
+    unfit = "" if valves == ["valve/proportional-5/3"] else "; cannot be exported for these valves"
     tried = []
     for law in laws():
         trials = {of: _trial(drive, law, setup, {"moving_mass": mass}) for of, mass in MASSES.items()}
-        error_m, failed = max(error_m for error_m, _ in trials.values()), [of for of, (_, why) in trials.items() if why]
-        reason = f"{failed[0]} it {trials[failed[0]][1]}" if failed else f"errors up to {1e3 * error_m:.3g} mm"
-        if valves != ["valve/proportional-5/3"]:
-            reason += "; cannot be exported for these valves"
-        elif law == "nmpc":
-            reason += "; exported as an FMU only"
-        tried.append((bool(failed), law in BASELINES, error_m, law, reason))
+        faults = [f"{of} it {fault}" for of, (_, fault) in trials.items() if fault]
+        error_m = max(error_m for error_m, _ in trials.values())
+        export = unfit or ("; exported as an FMU only" if law == "nmpc" else "")
+        reason = faults[0] if faults else f"errors up to {1e3 * error_m:.3g} mm{export}"
+        tried.append((bool(faults), law in BASELINES, error_m, law, reason))
     rows = [
         ShownValue(f"{law}.{name}", law, name, text)
         for has_failed, is_baseline, _, law, reason in sorted(tried)
         for name, text in (
             ("suits", "does not suit" if has_failed else "suits"),
-            ("because", f"a baseline: {reason}" if is_baseline else reason),
+            ("because", f"a baseline: {reason}" if is_baseline and not has_failed else reason),
         )
     ]
     title = f"Each controller along {ALONG}, as described and with half of the mass, simulated; best first"

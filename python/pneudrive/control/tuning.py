@@ -687,6 +687,7 @@ def limitations(tuning: Tuning, setup: instrumentation.Setup) -> tuple[str, ...]
         said.append(f"The computer of the setup adds {1e3 * setup.computer.time_s:.3g} ms, which the law ignores.")
     if setup.sensors.pressure_a is None:
         said.append("The setup has no pressure sensors: the law computes the pressures with its model of the drive.")
+        said.append("At rest, the position shows the force of the gas, but not both pressures.")
     said.append(
         "No observer can separate: a force on the piston, a difference of friction between the directions, and zeros "
         "of the sensors; conductance of the valve and supply pressure; mass and force at constant speed."

@@ -82,7 +82,7 @@ def take(file: int) -> bool:
     import fcntl
 
     for _ in range(TRIES):
-        with suppress(BlockingIOError):
+        with suppress(BlockingIOError, PermissionError):  # EAGAIN, and EACCES of network file systems
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
             return True
         time.sleep(TRY_AGAIN_S)
@@ -100,7 +100,7 @@ def is_held(path: Path) -> bool:
     try:
         fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)
     except OSError as error:
-        return isinstance(error, BlockingIOError)
+        return isinstance(error, BlockingIOError | PermissionError)
     else:
         return False
     finally:

@@ -486,15 +486,14 @@ class Design(Viewed):
         speeds = sorted({p.speed_m_s for p in self.points})
         gauges = sorted({(p.gauge_a_pa, p.gauge_b_pa) for p in self.points})
         repeats = max(1, round(sum(p.repeats for p in self.points) / len(self.points)))
+        pairs = [{"a": f"{1e-5 * a:.6g} bar gauge", "b": f"{1e-5 * b:.6g} bar gauge"} for a, b in gauges]
         tables = {
             "schema": 1,
             "name": "Next points",
             "about": f"{self.criterion}-optimal points",
             "repeats": repeats,
             "speed": {"list": [f"{1e3 * v:.6g} mm/s" for v in speeds]},
-            "pressure": {
-                "pairs": [{c: f"{1e-5 * p:.6g} bar gauge" for c, p in zip("ab", g, strict=True)} for g in gauges]
-            },
+            "pressure": {"pairs": pairs},
             "order": {"kind": "randomised"},
         }
         return toml.write(tables)

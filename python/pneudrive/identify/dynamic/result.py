@@ -473,9 +473,7 @@ SENSELESS_PERCENT = 0.0
 def assembled(drive: Drive | Circuit, attempt: Attempt, options: SearchOptions, steps: int) -> DriveFit:
     """Return the fit of the best search, after a number of steps."""
     solved = attempt.solved
-    problem = solved.problem
-    parameters = solved.problem.parameters
-    records = solved.problem.records
+    problem, parameters, records = solved.problem, solved.problem.parameters, solved.problem.records
     values, names = problem.values(solved.point.eta), problem.names
     covariance, reach = solved.covariance, student(solved.freedom)
     every = [*parameters, *problem.sensors]

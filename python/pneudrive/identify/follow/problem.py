@@ -187,9 +187,8 @@ class FollowSolution:
     @property
     def intervals(self) -> dict[str, Interval]:
         """95 % intervals of the shared parameters, for the model of this solution."""
-        every = zip(
-            self.problem.numbers, self.point.shared, map(self.deviation, range(len(self.point.shared))), strict=True
-        )
+        halves = map(self.deviation, range(len(self.point.shared)))
+        every = zip(self.problem.numbers, self.point.shared, halves, strict=True)
         return {n.name: (float(np.exp(log - half)), float(np.exp(log + half))) for n, log, half in every}
 
     def deviation(self, place: int) -> float:
