@@ -177,11 +177,9 @@ def test_own_recording(server: Server, open_tab: Open) -> None:
     tab.picture("recording")
 
     whole = page.get_attribute("[data-from]", "data-to")
+    page.wait_for_selector(".answer-card")  # it stands above the plots, and moves them when it comes
     plot = page.locator("figure.plot .u-over >> nth=0")
-    box, before = plot.bounding_box(), None
-    while box != before:  # it moves down while the parts above it are drawn
-        page.wait_for_timeout(500)
-        box, before = plot.bounding_box(), box
+    box = plot.bounding_box()
     page.mouse.move(box["x"] + 0.4 * box["width"], box["y"] + 50)
     page.mouse.down()
     page.mouse.move(box["x"] + 0.6 * box["width"], box["y"] + 60, steps=5)
