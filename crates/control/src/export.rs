@@ -63,7 +63,7 @@ pub struct LawProgram {
     pub gains: usize,
     /// Numbers that are stored from one sample to the next, and between the pieces of a step.
     pub memory: [usize; 2],
-    /// [`CHECKED`], the checked inputs, and the state of the checks.
+    /// Whether the valve opens, whether the observer begins, the status, the checked inputs, and the state of the checks.
     pub check: LawGraph,
     /// State at the first sample, with the values learned earlier.
     pub begin: LawGraph,
@@ -83,9 +83,6 @@ pub fn along_a_move() -> LawGraph {
         between([from, to], blend((t - begin) / duration), Traced::one() / duration).numbers().to_vec()
     })
 }
-
-/// Results of [`LawProgram::check`] before the checked inputs.
-pub const CHECKED: [&str; 3] = ["opens", "begins", "status"];
 
 /// Results of [`LawProgram::command`] before the state.
 pub const RESULTS: [(&str, &str, &str); 4] = [

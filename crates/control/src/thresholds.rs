@@ -2,20 +2,9 @@
 //!
 //! The controller file has the bounds that users set. The page on the theory prints [`thresholds`].
 
-/// A threshold.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Threshold {
-    /// Its name in the code.
-    pub name: &'static str,
-    /// Its value, or values, in its unit.
-    pub value: String,
-    /// Unit in SI, or the counted thing; `1` for a pure number.
-    pub unit: &'static str,
-    /// Its meaning.
-    pub meaning: &'static str,
-    /// Why it has this value.
-    pub reason: &'static str,
-}
+/// A threshold: its name in the code; its value, or values; their unit in SI, or the counted thing, `1` for a pure number;
+/// its meaning; why it has this value.
+pub type Threshold = (&'static str, String, &'static str, &'static str, &'static str);
 
 macro_rules! thresholds {
     ($($name:ident: $kind:ty = $value:expr, $unit:literal, $meaning:literal, $reason:literal;)*) => {
@@ -23,9 +12,7 @@ macro_rules! thresholds {
 
         /// All thresholds, in the order of the code.
         pub fn thresholds() -> Vec<Threshold> {
-            vec![$(Threshold {
-                name: stringify!($name), value: format!("{:?}", $name), unit: $unit, meaning: $meaning, reason: $reason,
-            }),*]
+            vec![$((stringify!($name), format!("{:?}", $name), $unit, $meaning, $reason)),*]
         }
     };
 }

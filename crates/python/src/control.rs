@@ -22,9 +22,8 @@ pub fn control_laws() -> Vec<&'static str> {
 
 /// Thresholds of controllers, observer and supervisor: name, value, unit, meaning and reason.
 #[pyfunction]
-pub fn control_thresholds() -> Vec<(&'static str, String, &'static str, &'static str, &'static str)> {
-    let row = |own: control::thresholds::Threshold| (own.name, own.value, own.unit, own.meaning, own.reason);
-    control::thresholds::thresholds().into_iter().map(row).collect()
+pub fn control_thresholds() -> Vec<control::thresholds::Threshold> {
+    control::thresholds::thresholds()
 }
 
 /// Factors on gains: controller, factor, gain.

@@ -153,7 +153,7 @@ def simulate(
         with absolute pressure. Its ``attrs`` hold description_hash, version, solver, rtol, statistics, warnings,
         citations and assumed. command_steps of a drive has time in s and command of each change (at most 1000). impacts
         has each contact with an end stop as a dict. Its entries are time_s, end ("a" or "b"), speed_m_s (at first
-        touch), energy_j (kinetic, of the moving mass and load), depth_m, peak_force_n (the largest until it leaves),
+        touch), energy_j (kinetic, of all that moves towards it), depth_m, peak_force_n (the largest until it leaves),
         and met_cover (whether the stop was fully compressed). A contact slower than 1 mm/s that does not fully compress
         the stop is not listed.
 

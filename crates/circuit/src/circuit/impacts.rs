@@ -36,8 +36,8 @@ const HALVINGS: u32 = 20;
 
 /// The moving body.
 pub(crate) enum Mover {
-    /// A mass. Index of the state x; the next state is v.
-    Mass(Box<Axis<f64>>, usize),
+    /// A mass, and the masses that couplings move with it. Index of the state x of each; the next state is v.
+    Masses(Vec<(Axis<f64>, usize)>),
     /// A leg of a platform whose first state is this one.
     Leg(Box<Platform<f64>>, usize, usize),
 }
@@ -47,16 +47,21 @@ impl Mover {
     #[inline(always)]
     fn motion(&self, mut state: impl FnMut(usize) -> f64) -> [f64; 2] {
         match self {
-            Mover::Mass(_, first) => [state(*first), state(first + 1)],
+            Mover::Masses(each) => [state(each[0].1), state(each[0].1 + 1)],
             Mover::Leg(platform, first, leg) => platform.leg_in((*first, *leg), &mut state),
         }
     }
 
-    /// Returns the mass that moves with it, kg.
-    fn mass(&self, x: f64, mut state: impl FnMut(usize) -> f64) -> f64 {
+    /// Returns the kinetic energy of all that moves in a direction, J.
+    fn energy(&self, way: f64, mut state: impl FnMut(usize) -> f64) -> f64 {
+        let of = |mass: f64, v: f64| 0.5 * mass * (way * v).max(0.0) * (way * v).max(0.0);
         match self {
-            Mover::Mass(axis, _) => axis.mass_at(x),
-            Mover::Leg(platform, first, leg) => platform.mass_on((*first, *leg), &mut state),
+            Mover::Masses(each) => {
+                each.iter().map(|(axis, first)| of(axis.mass_at(state(*first)), state(first + 1))).sum()
+            }
+            Mover::Leg(platform, first, leg) => {
+                of(platform.mass_on((*first, *leg), &mut state), self.motion(&mut state)[1])
+            }
         }
     }
 }
@@ -70,10 +75,6 @@ pub(crate) struct Impacts {
 }
 
 impl Impacts {
-    pub fn new(stops: EndStops<f64>, mover: Mover) -> Self {
-        Impacts { stops, mover, open: None, done: Vec::new() }
-    }
-
     fn touches(&self, x: f64) -> bool {
         x < 0.0 || x > self.stops.stroke
     }
@@ -96,24 +97,19 @@ impl Impacts {
             let (mut low, mut high) = (0.0, 1.0);
             for _ in 0..if self.touches(at(0.0)[0]) { 0 } else { HALVINGS } {
                 let middle = 0.5 * (low + high);
-                if self.touches(at(middle)[0]) {
-                    high = middle;
-                } else {
-                    low = middle;
-                }
+                (low, high) = if self.touches(at(middle)[0]) { (low, middle) } else { (middle, high) };
             }
             from = low;
-            let [x, v] = at(if low == 0.0 { 0.0 } else { high });
+            let touch = if low == 0.0 { 0.0 } else { high };
+            let [x, v] = at(touch);
             let at_b = x > 0.5 * self.stops.stroke;
-            let speed = if at_b { v } else { -v };
-            let mass = self.mover.mass(x, |i| states.course(i).value(high));
-            let energy = 0.5 * mass * v * v;
+            let way = if at_b { 1.0 } else { -1.0 };
             self.open = Some(Impact {
                 axis: AxisId(self.stops.axis),
                 time: t + low * h,
                 at_b,
-                speed,
-                energy,
+                speed: way * v,
+                energy: self.mover.energy(way, |i| states.course(i).value(touch)),
                 depth: 0.0,
                 force: 0.0,
                 through: false,
@@ -146,21 +142,36 @@ impl Impacts {
 impl Circuit<f64> {
     /// Trackers of the impacts of each cylinder.
     pub(crate) fn impacts(&self) -> Vec<Impacts> {
-        let usual = self.parts.cylinders.iter().map(|(place, part)| (place, &part.stops, &part.axis));
-        let others = self.parts.other_cylinders.iter().map(|(place, part)| (place, &part.stops, &part.axis));
-        let alone = self.parts.end_stops.iter().filter_map(|(_, stops)| {
-            let (place, axis) = self.parts.axes.iter().find(|(_, axis)| axis.node == stops.axis)?;
-            Some((place, stops, axis))
+        let usual = self.parts.cylinders.iter().map(|(_, part)| &part.stops);
+        let others = self.parts.other_cylinders.iter().map(|(_, part)| &part.stops);
+        let alone = self.parts.end_stops.iter().map(|(_, stops)| stops);
+        let each = usual.chain(others).chain(alone).cloned().filter_map(|mut stops| {
+            let mover = if let Some((_, leg, first, platform)) = self.leg(AxisId(stops.axis)) {
+                Mover::Leg(Box::new(platform.clone()), first, leg)
+            } else {
+                stops.meet(0);
+                let mut moved = Vec::new();
+                self.move_along(stops.axis, &mut moved);
+                moved.first()?;
+                Mover::Masses(moved)
+            };
+            Some(Impacts { stops, mover, open: None, done: Vec::new() })
         });
-        let each = usual.chain(others).chain(alone).map(|(place, stops, axis)| {
-            let mut stops = stops.clone();
-            stops.meet(0);
-            Impacts::new(stops, Mover::Mass(Box::new(axis.clone()), place.first))
-        });
-        let legs = self.parts.end_stops.iter().filter_map(|(_, stops)| {
-            let (_, leg, first, platform) = self.leg(AxisId(stops.axis))?;
-            Some(Impacts::new(stops.clone(), Mover::Leg(Box::new(platform.clone()), first, leg)))
-        });
-        each.chain(legs).collect()
+        each.collect()
+    }
+
+    /// Adds a mass, and the masses that couplings move with it.
+    fn move_along(&self, node: usize, moved: &mut Vec<(Axis<f64>, usize)>) {
+        let Some((_, place, axis, _)) = self.masses().find(|(.., axis, _)| axis.node == node) else { return };
+        if moved.iter().any(|(own, _)| own.node == node) {
+            return;
+        }
+        moved.push((axis.clone(), place.first));
+        let links = self.parts.links.iter().map(|(_, own)| [own.from, own.to]);
+        let plays = self.parts.couplings.iter().map(|(_, own)| [own.from, own.to]);
+        let magnets = self.parts.magnets.iter().map(|(_, own)| [own.from, own.to]);
+        for ends in links.chain(plays).chain(magnets).filter(|ends| ends.contains(&node)) {
+            ends.iter().for_each(|end| self.move_along(*end, moved));
+        }
     }
 }

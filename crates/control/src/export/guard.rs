@@ -81,9 +81,9 @@ fn is<S: Number>(status: S, value: f64) -> S {
 }
 
 impl<S: Number> Guard<S> {
-    /// Checks the inputs of a sample for a controller. `velocity` is the estimate at the last sample, m/s. Returns
-    /// [`CHECKED`](super::CHECKED) and the inputs after the checks. The flags, 1 or 0, say whether the valve may open and
-    /// whether control begins.
+    /// Checks the inputs of a sample for a controller. `velocity` is the estimate at the last sample, m/s. Returns two
+    /// flags, 1 or 0, that say whether the valve may open and whether control begins, then the status and the inputs after
+    /// the checks.
     pub fn check(
         &mut self,
         own: &Follower,
