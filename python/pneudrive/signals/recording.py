@@ -342,13 +342,6 @@ def equal_runs(values: Array) -> Runs:
     return starts, np.diff(starts, append=values.size)
 
 
-def _fill(size: int, starts: NDArray[np.intp], lengths: NDArray[np.intp]) -> Bools:
-    mask = np.zeros(size, dtype=bool)
-    for start, length in zip(starts, lengths, strict=True):
-        mask[start : start + length] = True
-    return mask
-
-
 def _usual_run(lengths: NDArray[np.intp]) -> float:
     """Return the usual length of runs from coarse quantisation, weighted by samples.
 
@@ -381,22 +374,18 @@ def clipped(values: Array, runs: Runs) -> Bools:
 def stuck_runs(position: Array, runs: Runs) -> Bools:
     """Mark runs of one value while the piston moves."""
     starts, lengths = runs
-    long = lengths >= max(STUCK_RUN, 4 * _usual_run(lengths))
-    starts, lengths = starts[long], lengths[long]
-    # Out and back ends at its start: the whole way counts, not its ends.
-    runs_of = [position[start : start + length] for start, length in zip(starts, lengths, strict=True)]
-    moved = np.array([np.ptp(run) > STUCK_TRAVEL_SHARE * np.ptp(position) for run in runs_of], dtype=bool)
-    return _fill(position.size, starts[moved], lengths[moved])
+    stuck = lengths >= max(STUCK_RUN, 4 * _usual_run(lengths))
+    for run in np.flatnonzero(stuck):  # out and back ends at its start: the whole way counts, not its ends
+        way = np.ptp(position[starts[run] : starts[run] + lengths[run]])
+        stuck[run] = way > STUCK_TRAVEL_SHARE * np.ptp(position)
+    return np.repeat(stuck, lengths)
 
 
 def stuck_position(position: Array, runs: Runs) -> Bools:
     """Mark runs of one position that end in a jump, because a real piston starts without a jump."""
     starts, lengths = runs
-    inside = (lengths >= STUCK_RUN) & (starts + lengths < position.size)
-    starts, lengths = starts[inside], lengths[inside]
-    jump = np.abs(position[starts + lengths] - position[starts])
-    hit = jump > STUCK_TRAVEL_SHARE * np.ptp(position)
-    return _fill(position.size, starts[hit], lengths[hit])
+    jump = np.abs(np.diff(position[starts], append=position[-1:]))
+    return np.repeat((lengths >= STUCK_RUN) & (jump > STUCK_TRAVEL_SHARE * np.ptp(position)), lengths)
 
 
 #: Quantiles for the plausibility check of a channel, to ignore outliers.
