@@ -170,10 +170,9 @@ def _characterise(reading: CampaignData, choice: SampleChoice) -> CampaignCharac
             "sources": campaign_curves.sources(fits, reading.gain, rig.force_calibration),
         }
     if points is not None:
+        parts["stick_slip"], parts["stick_slip_thresholds"] = campaign_curves.stick_slip(points)
         parts |= {
             "position": trends.position_dependence(points),
-            "stick_slip": campaign_curves.stick_slip_points(points),
-            "stick_slip_thresholds": campaign_curves.thresholds(points),
             "loops": tuple(_loops(reading, points, choice)),
         }
     cycles = _cycles(reading, points)

@@ -11,8 +11,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from itertools import groupby
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -26,7 +25,7 @@ from pneudrive.friction.friction_map import BOTH, Condition
 from pneudrive.friction.sentences import sentence
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Sequence
+    from collections.abc import Callable, Sequence
 
     from pneudrive.arrays import Array, Bools, Ints
     from pneudrive.signals.force_calibration import ForceCalibration
@@ -147,8 +146,12 @@ def _fit_points(points: CurvePoints, tares: CycleTable) -> Fits | None:
     friction = smooth.CurveData(points["friction_n"][use], points["friction_stderr_n"][use] ** 2, *alike, blocks)
     share = smooth.carried_drift(friction)
     better = _better(replace(friction, drift=share < smooth.CARRIED))
-    offset = smooth.CurveData(points["offset_n"][use], points["offset_stderr_n"][use] ** 2, *alike)
-    offset = _with_tares(tares, offset)
+    # Zero runs are observations of the zero alone, without a curve.
+    zero, one = (tares["standing_n"], tares["standing_stderr_n"] ** 2), np.ones(len(tares))
+    of_tares = (*zero, np.nan * one, np.full(len(tares), -1), tares["order"], one, one)
+    of_points = (points["offset_n"][use], points["offset_stderr_n"][use] ** 2, *alike)
+    columns: list[Any] = [np.concatenate(both) for both in zip(of_points, of_tares, strict=True)]
+    offset = smooth.CurveData(*columns)
     carries = smooth.carried_drift(offset) < smooth.CARRIED or (offset.curve < 0).sum() > 1
     return Fits(points, better, smooth.fit_curves(replace(offset, drift=carries)), share, kind)
 
@@ -182,15 +185,6 @@ def _better(data: smooth.CurveData) -> smooth.CurveFit:
     better = relative if likelier > plain.fit.log_likelihood() else plain
     del plain, relative  # free the other one before a third: each takes much memory
     return smooth.either_chance(better)
-
-
-def _with_tares(tares: CycleTable, data: smooth.CurveData) -> smooth.CurveData:
-    """Add the zero runs: observations of the zero alone, without a curve."""
-    ones = np.ones(len(tares))
-    columns = (tares["standing_n"], tares["standing_stderr_n"] ** 2, np.nan * ones, np.full(len(tares), -1))
-    added = smooth.CurveData(*columns, tares["order"], ones, ones)
-    names = [name for name, values in vars(added).items() if isinstance(values, np.ndarray)]
-    return replace(data, **{name: np.concatenate([getattr(data, name), getattr(added, name)]) for name in names})
 
 
 def systematic(fits: Fits, friction_n: Array, half_sum_n: Array, condition: int) -> SharedTerms:
@@ -329,8 +323,9 @@ def air_shares(fits: Fits, *, separated: bool) -> tuple[result.AirShare, ...]:
     """Divide the total drag at each condition into air and seal, if chamber pressures were measured (``separated``)."""
     points = fits.points
     whole: list[tuple[Array, Array, Array]] = []
-    total = fit_response(fits, points.total_n, points["total_stderr_n"], drift=True)
-    for band in fits.bands:  # the whole drag drifts like friction
+    # The whole drag, the readings of the force sensor without weight and inertia, drifts like friction.
+    total = fit_response(fits, points["friction_n"] + points["air_n"], points["total_stderr_n"], drift=True)
+    for band in fits.bands:
         value, low, high = by_chance(fits, total, band.number, band.speed_m_s, band.cycles)
         whole.append(_with_u(value, low, high, systematic(fits, value, value, band.index).friction_n()))
     del total  # one model after the other: each needs much memory
@@ -390,53 +385,41 @@ def sources(fits: Fits, gain: Gain, known: ForceCalibration | None) -> tuple[res
     return tuple(result.UncertaintySource(*row) for row in rows)
 
 
-def _cells(points: CurvePoints) -> Iterator[tuple[Condition, float, CurvePoints]]:
-    """Return the points of each condition and speed level."""
+def stick_slip(
+    points: CurvePoints,
+) -> tuple[tuple[result.StickSlipPoint, ...], tuple[result.StickSlipThreshold, ...]]:
+    """Return the conditions and speeds with unsteady sliding, and for each condition the speed below which it starts.
+
+    The speed of the start is an interval between two measured speeds.
+    """
+    found, thresholds = [], []
     for index, condition in enumerate(points.conditions):
-        for level, speed in enumerate(points.level_speeds_m_s.tolist()):
-            here = points.at((points["curve"] == index) & (points["level"] == level))
-            if len(here):
-                yield condition, speed, here
-
-
-def stick_slip_points(points: CurvePoints) -> tuple[result.StickSlipPoint, ...]:
-    """Return the conditions and speeds with unsteady sliding."""
-    found = []
-    for condition, speed, here in _cells(points):
-        share = float(np.isin(here["reason"].tolist(), NAMES).mean())
-        if share:
-            slipping = here["stick_slip"] == 1.0
-            ripple = np.nan_to_num([here["ripple"], here["piston_ripple"]]).max(axis=0)
-            period, step = (float(np.median(here[name][slipping])) if slipping.any() else np.nan for name in OF_SLIPS)
-            swing = float(np.median(here["swing_n"]))
-            medians = (float(np.median(ripple)), period, step, swing)
-            found.append(result.StickSlipPoint(condition, speed, share, ripple.size, *medians))
-    return tuple(found)
-
-
-def thresholds(points: CurvePoints) -> tuple[result.StickSlipThreshold, ...]:
-    """Return the speed below which stick-slip starts, as the interval between two measured speeds."""
-    found = []
-    for condition, cells in groupby(_cells(points), lambda cell: cell[0]):
         top, steady = 0.0, list[float]()
-        for _, speed, here in cells:  # speeds ascend
-            reasons = here["reason"].tolist()
+        for level, speed in enumerate(points.level_speeds_m_s.tolist()):  # speeds ascend
+            here = points.at((points["curve"] == index) & (points["level"] == level))
+            if not len(here):
+                continue
+            share = float(np.isin(here["reason"].tolist(), NAMES).mean())
+            if share:
+                slipping = here["stick_slip"] == 1.0
+                ripple = np.nan_to_num([here["ripple"], here["piston_ripple"]]).max(axis=0)
+                period, step = (float(np.median(here[n][slipping])) if slipping.any() else np.nan for n in OF_SLIPS)
+                medians = (float(np.median(ripple)), period, step, float(np.median(here["swing_n"])))
+                found.append(result.StickSlipPoint(condition, speed, share, ripple.size, *medians))
             # An uneven speed may come from the axis or its encoder, and is therefore not sufficient evidence.
-            if np.isin(reasons, STICK_SLIP).mean() > 0.5:
+            if np.isin(here["reason"].tolist(), STICK_SLIP).mean() > 0.5:
                 top = speed
-            elif np.isin(reasons, NAMES, invert=True).mean() >= 0.5:
+            elif share <= 0.5:
                 steady.append(speed)
-        found += [_threshold(condition, top, steady)] if top or steady else []
-    return tuple(found)
-
-
-def _threshold(condition: Condition, top: float, steady: Sequence[float]) -> result.StickSlipThreshold:
-    above, mixed = min((v for v in steady if v > top), default=np.inf), [v for v in steady if v < top]
-    kind = "none" if top == 0.0 else "between" if np.isfinite(above) else "all"
-    text = sentence(f"threshold.{kind}", low=1e3 * top, high=1e3 * above)
-    if mixed and kind == "between":
-        text += sentence("threshold.mixed", speeds=", ".join(f"{1e3 * v:.3g}" for v in mixed))
-    return result.StickSlipThreshold(condition, top, above, text)
+        if not top and not steady:
+            continue
+        above, mixed = min((v for v in steady if v > top), default=np.inf), [v for v in steady if v < top]
+        kind = "none" if top == 0.0 else "between" if np.isfinite(above) else "all"
+        text = sentence(f"threshold.{kind}", low=1e3 * top, high=1e3 * above)
+        if mixed and kind == "between":
+            text += sentence("threshold.mixed", speeds=", ".join(f"{1e3 * v:.3g}" for v in mixed))
+        thresholds.append(result.StickSlipThreshold(condition, top, above, text))
+    return tuple(found), tuple(thresholds)
 
 
 HOUR_S = 3600.0

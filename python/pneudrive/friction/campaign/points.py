@@ -191,9 +191,9 @@ def reduce(cycles: CycleTable, edges_m: Array, steady: Bools) -> tuple[Pattern, 
     covered = np.isfinite(friction)
     forces = {"offset": (up + down) / 2.0, "air": np.where(covered, -(air_up - air_down) / 2.0, np.nan)}
     tells = steady if steady.sum() >= ENOUGH_CYCLES else np.ones(len(cycles), dtype=bool)
-    common: Bools = np.asarray(covered[tells].mean(axis=0) >= COMMON_SHARE)
+    common: Bools = covered[tells].mean(axis=0) >= COMMON_SHARE
     if not common.any():
-        common = np.asarray(covered.any(axis=0))
+        common = covered.any(axis=0)
     patterns = {"friction": _pattern(friction[tells], common, relative=True)}
     mean = _means(friction, patterns["friction"], common, relative=True)
     speed = (cycles["velocity_m_s"][:, 0] - cycles["velocity_m_s"][:, 1]) / 2.0
@@ -242,7 +242,7 @@ def _means(values: Array, pattern: Array, common: Bools, *, relative: bool = Fal
 def _used(values: Array, common: Bools) -> Bools:
     """Mark the common bins of each row. Rows without common bins use all bins."""
     has = np.asarray((np.isfinite(values) & common).any(axis=1))
-    return np.where(has[:, None], common[None, :], True)
+    return np.where(has[:, None], common, True)
 
 
 def _by_chance(scatter: Array, rest: Array, common: Bools, speed: Array) -> Array:
@@ -309,17 +309,12 @@ class CurvePoints(CycleTable):
     @property
     def use(self) -> Bools:
         """Cycles that are points of F(v)."""
-        return np.asarray(self["reason"] == "", dtype=bool)
+        return self["reason"] == ""
 
     @property
     def is_large(self) -> bool:
         """Whether there are too many points to fit each of them."""
         return bool(self.use.sum() > MOST_CYCLES)
-
-    @property
-    def total_n(self) -> Array:
-        """Half the difference of the force sensor's readings, without weight and inertia."""
-        return self["friction_n"] + self["air_n"]
 
     @property
     def cell(self) -> Ints:
@@ -385,7 +380,7 @@ class CurvePoints(CycleTable):
         speeds = np.array([self["speed_m_s"][level].mean() for level in levels])
         counts = np.array([self.count[level].sum() for level in levels], dtype=np.int64)
         between = np.geomspace(speeds[0], speeds[-1], BETWEEN + 2)[1:-1] if speeds.size > 1 else np.zeros(0)
-        apart = np.abs(between[:, None] / speeds[None, :] - 1.0).min(axis=1) > SAME_SPEED / 2.0
+        apart = np.abs(between[:, None] / speeds - 1.0).min(axis=1) > SAME_SPEED / 2.0
         every = np.concatenate([speeds, between[apart]])
         cycles = np.concatenate([counts, np.zeros(every.size - speeds.size, dtype=np.int64)])
         order = np.argsort(every)
@@ -405,7 +400,7 @@ def points_of(reading: CampaignData) -> CurvePoints | None:
     if not len(cycles):
         return None
     shaky = unsteady(cycles, reading.tares, rig.stiffness_n_m, rig.mass_beyond_sensor_kg)
-    pattern, columns = reduce(cycles, reading.edges_m, np.asarray(shaky == "", dtype=bool))
+    pattern, columns = reduce(cycles, reading.edges_m, shaky == "")
     conditions = tuple(sorted(set(cycles["condition"])))
     curve = np.array([conditions.index(c) for c in cycles["condition"]], dtype=np.int64)
     speed = columns["speed_m_s"]
@@ -471,20 +466,16 @@ def grouped(place: Ints, stretch: Ints, level: Ints, rows: int, most: int) -> tu
             levels += 1
         else:
             break
-    members: dict[int, list[int]] = {}
-    for i, key in enumerate(cell.tolist()):
-        members.setdefault(key, []).append(i)
-    each = -(-cell.size // rows)
-    groups = [some[k : k + each] for some in members.values() for k in range(0, len(some), each)]
-    groups.sort(key=lambda group: group[len(group) // 2])
-    return groups, levels
+    order, each = np.argsort(cell, kind="stable"), -(-cell.size // rows)
+    members = np.split(order, np.flatnonzero(np.diff(cell[order])) + 1)
+    groups = [some[k : k + each].tolist() for some in members for k in range(0, some.size, each)]
+    return sorted(groups, key=lambda group: group[len(group) // 2]), levels
 
 
 def shares_of(labels: Sequence[Sequence[int]]) -> Array:
     """Return the fraction of each label in each group of labels, shape (groups, labels)."""
-    column = {label: k for k, label in enumerate(sorted({label for row in labels for label in row}))}
-    shares = np.zeros((len(labels), len(column)))
-    for i, row in enumerate(labels):
-        for label in row:
-            shares[i, column[label]] += 1.0
-    return shares / shares.sum(axis=1, keepdims=True)
+    group = np.repeat(np.arange(len(labels)), [len(row) for row in labels])
+    names, column = np.unique([label for row in labels for label in row], return_inverse=True)
+    counts = np.bincount(group * names.size + column, minlength=len(labels) * names.size)
+    counts = counts.reshape(len(labels), names.size)
+    return counts / counts.sum(axis=1, keepdims=True)

@@ -15,7 +15,8 @@ the prediction from the good cycles. A cycle is suspect if the data do not decid
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, fields, replace
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -105,10 +106,52 @@ class CurveData:
         """Reference size of the response: its median absolute value, or 1 for a logarithm."""
         return 1.0 if self.logarithmic else float(np.median(np.abs(self.y)))
 
+    @cached_property
+    def lowest_m_s(self) -> float:
+        """Lowest speed of a curve."""
+        return self.speed_m_s[self.curve >= 0].min()
+
+    @cached_property
+    def width(self) -> float:
+        """Range of the stretched speed."""
+        return max(stretched(self.speed_m_s[self.curve >= 0], self.lowest_m_s).max(), 1e-6)
+
+    @cached_property
+    def kept(self) -> NDArray[np.intp]:
+        """Independent columns of `fixed`."""
+        return mixed.independent(self.fixed(self.speed_m_s, self.curve, observed=True))
+
+    def place(self, speed_m_s: Array) -> Array:
+        """Return the stretched speed, scaled to 0 to 1 over the measured range."""
+        return np.nan_to_num(stretched(speed_m_s, self.lowest_m_s) / self.width)
+
+    def levels(self, curve: Ints) -> Array:
+        """Return one column for each curve, 1 on the curve."""
+        return (curve[:, None] == np.arange(self.curve.max() + 1)).astype(float)
+
+    def fixed(self, speed_m_s: Array, curve: Ints, *, observed: bool) -> Array:
+        """Return the columns of one level per curve, a common slope, and the zero if there is one."""
+        slope = np.where(curve >= 0, self.place(speed_m_s) - 0.5, 0.0)
+        zero = np.full((curve.size, int((self.curve < 0).any())), float(observed))
+        return np.column_stack([zero, self.levels(curve), slope])
+
+    def kernels(self, first: tuple[Array, Ints], second: tuple[Array, Ints]) -> dict[str, Array]:
+        """Return the covariance of the smooth deviations between speeds on curves."""
+        (s, i), (t, j) = first, second
+        s, t = self.place(s), self.place(t)
+        on = (i >= 0)[:, None] & (j >= 0)
+        bend = integrated_wiener(s, t)
+        found = {"shape": bend * on}
+        if self.curve.max() > 0:
+            same = on & (i[:, None] == j)
+            found["own shape"] = (bend + 3.0 * (s - 0.5)[:, None] * (t - 0.5)) * same
+            found["local"] = matern(s * self.width, t * self.width, LOCAL_REACH) * same
+        return found
+
     def part(self, rows: NDArray[np.intp]) -> CurveData:
         """Return some of the observations."""
-        arrays = {name: values[rows] for name, values in vars(self).items() if isinstance(values, np.ndarray)}
-        return replace(self, **arrays)
+        columns = {field.name: getattr(self, field.name) for field in fields(self)}
+        return replace(self, **{n: values[rows] for n, values in columns.items() if isinstance(values, np.ndarray)})
 
     def logarithms(self) -> CurveData:
         """Return the data with the logarithm of a positive response."""
@@ -139,7 +182,6 @@ class CurveFit:
     drift: Array
     drift_half: Array
     sd: dict[str, float]
-    known: dict[tuple[int, bytes], mixed.Predicted] = field(default_factory=dict)  # asked for before
 
     @property
     def logarithmic(self) -> bool:
@@ -153,18 +195,13 @@ class CurveFit:
 
     def at(self, curve: int, speed_m_s: Array) -> mixed.Predicted:
         """Return the curve at these speeds, in the unit of the response (its logarithm if `logarithmic`)."""
-        key = (curve, speed_m_s.tobytes())
-        if key not in self.known:
-            self.known[key] = self.over(curve, speed_m_s).predict()
-        return self.known[key]
+        return self.over(curve, speed_m_s).predict()
 
     def over(self, curve: int, speed_m_s: Array) -> mixed.Functionals:
         """Return the curve at these speeds as linear functions of the model."""
-        basis = _Basis.of(self.data)
-        number = np.full(speed_m_s.size, curve, dtype=np.int64)
-        fixed = basis.fixed(speed_m_s, number, observed=False)[:, basis.kept]
-        own = basis.kernels((speed_m_s, number), (speed_m_s, number))
-        return mixed.Functionals(self.fit, fixed, basis.with_data(speed_m_s, number), own)
+        data, at = self.data, (speed_m_s, np.full(speed_m_s.size, curve, dtype=np.int64))
+        fixed = data.fixed(*at, observed=False)[:, data.kept]
+        return mixed.Functionals(self.fit, fixed, data.kernels(at, (data.speed_m_s, data.curve)), data.kernels(at, at))
 
     def steady(self) -> Array:
         """Return the curves at the observations, in the unit of the response, shape (n,); NaN without a curve."""
@@ -175,64 +212,14 @@ class CurveFit:
         return found
 
 
-@dataclass(frozen=True, eq=False)
-class _Basis:
-    """Columns and kernels of the curves."""
-
-    data: CurveData
-    lowest: float
-    width: float
-    curves: int
-    kept: NDArray[np.intp]
-
-    @classmethod
-    def of(cls, data: CurveData) -> _Basis:
-        on = data.curve >= 0
-        lowest = data.speed_m_s[on].min()
-        width = max(stretched(data.speed_m_s[on], lowest).max(), 1e-6)
-        basis = cls(data, lowest, width, int(data.curve.max()) + 1, np.zeros(0, dtype=np.intp))
-        return replace(basis, kept=mixed.independent(basis.fixed(data.speed_m_s, data.curve, observed=True)))
-
-    def place(self, speed_m_s: Array) -> Array:
-        """Return the stretched speed, scaled to 0 to 1 over the measured range."""
-        return np.nan_to_num(stretched(speed_m_s, self.lowest) / self.width)
-
-    def fixed(self, speed_m_s: Array, curve: Ints, *, observed: bool) -> Array:
-        """Return the columns of one level per curve, a common slope, and the zero if there is one."""
-        levels = (curve[:, None] == np.arange(self.curves)[None, :]).astype(float)
-        slope = np.where(curve >= 0, self.place(speed_m_s) - 0.5, 0.0)
-        zero = np.full((curve.size, int((self.data.curve < 0).any())), float(observed))
-        return np.column_stack([zero, levels, slope])
-
-    def with_data(self, speed_m_s: Array, curve: Ints) -> dict[str, Array]:
-        """Return the covariance of the smooth deviations at given speeds with those at the observations."""
-        return self.kernels((speed_m_s, curve), (self.data.speed_m_s, self.data.curve))
-
-    def kernels(self, first: tuple[Array, Ints], second: tuple[Array, Ints]) -> dict[str, Array]:
-        """Return the covariance of the smooth deviations between speeds on curves."""
-        (s, i), (t, j) = first, second
-        s, t = self.place(s), self.place(t)
-        on = (i >= 0)[:, None] & (j >= 0)[None, :]
-        bend = integrated_wiener(s, t)
-        found = {"shape": bend * on}
-        if self.curves > 1:
-            same = on & (i[:, None] == j[None, :])
-            found["own shape"] = (bend + 3.0 * (s - 0.5)[:, None] * (t - 0.5)[None, :]) * same
-            found["local"] = matern(s * self.width, t * self.width, LOCAL_REACH) * same
-        return found
-
-
 def carried_drift(data: CurveData) -> float:
     """Return the fraction of a steady drift that curves could absorb: 1 if the order determines the speed."""
     on = data.curve >= 0
     if on.sum() < 3 or np.ptp(data.order[on]) == 0:
         return 1.0
-    basis = _Basis.of(data)
-    place = basis.place(data.speed_m_s[on])
-    curve = data.curve[on]
+    place, levels = data.place(data.speed_m_s[on]), data.levels(data.curve[on])
     speeds = np.unique(np.round(np.log(data.speed_m_s[on]), 2)).size
     degree = min(CURVE_DEGREE, speeds - 1)
-    levels = (curve[:, None] == np.arange(basis.curves)[None, :]).astype(float)
     columns = np.hstack([levels * place[:, None] ** k for k in range(degree + 1)])
     time = data.order[on]
     left = time - columns @ np.linalg.lstsq(columns, time, rcond=None)[0]
@@ -285,32 +272,27 @@ def with_doubt(fitted: CurveFit, readings: Sequence[NDArray[np.intp]], spread: f
     odds : float
         Prior odds of an outlier.
     """
-    model = fitted.fit.model
-    others = []
-    for rows in readings:
-        little = np.zeros(len(fitted.data))
-        little[rows] = spread**2
-        others.append(replace(model, noise=model.noise + little).fit())
+    model, number = fitted.fit.model, np.arange(len(fitted.data))
+    noises = (model.noise + spread**2 * np.isin(number, rows) for rows in readings)
+    others = (replace(model, noise=noise).fit() for noise in noises)
     fit, _ = fitted.fit.averaged(*others, odds=[odds**rows.size for rows in readings])
     return _described(fitted.data, fit, fitted.relative)
 
 
 def curve_model(data: CurveData) -> mixed.MixedModel:
     """Return the model that `fit_curves` fits."""
-    basis = _Basis.of(data)
-    on = data.curve >= 0
+    on, observed = data.curve >= 0, (data.speed_m_s, data.curve)
     spread = max(float(np.std(data.y[on])), 1e-9 * float(np.abs(data.y[on]).max() + 1e-12), 1e-12)
     usual = CYCLE_SCALE if data.logarithmic else CYCLE_SCALE * max(np.abs(data.y[on]).mean(), spread)
     scales = {"shape": 5.0 * spread, "own shape": spread, "local": usual}
-    kernels = basis.with_data(data.speed_m_s, data.curve)
+    kernels = data.kernels(observed, observed)
     components = [mixed.RandomEffect(name, kernel, scales[name]) for name, kernel in kernels.items()]
     components.append(mixed.RandomEffect("cycle", on * data.chance**2 / data.count, usual, power=FEW_AGREE))
     if data.drift:
         components.append(mixed.RandomEffect("drift", centred_walk(data.order), usual))
     if data.blocks is not None:
         components.append(mixed.RandomEffect("block", data.blocks @ data.blocks.T, usual))
-    x = basis.fixed(data.speed_m_s, data.curve, observed=True)[:, basis.kept]
-    return mixed.MixedModel(data.y, x, data.noise, tuple(components))
+    return mixed.MixedModel(data.y, data.fixed(*observed, observed=True)[:, data.kept], data.noise, tuple(components))
 
 
 ENOUGH = 9  # least number of cycles to find a wild one
@@ -326,15 +308,6 @@ ON_TRIAL = 2  # cycles that are removed though none stands out
 MOST_SHARE = 0.1  # share of the cycles (and at least two): more are not outliers, but typical of the rig
 
 
-@dataclass(frozen=True, eq=False)
-class _Taken:
-    """Removed cycles, standard deviations of the rest, and negative log probability."""
-
-    rows: list[int]
-    sd: Array
-    cost: float
-
-
 def wild_cycles(data: CurveData) -> tuple[list[int], list[list[int]]]:
     """Find the outliers, as rows of the data.
 
@@ -348,33 +321,35 @@ def wild_cycles(data: CurveData) -> tuple[list[int], list[list[int]]]:
     if len(data) < ENOUGH:
         return [], []
     path = _path(data)
-    least_cost = min(one.cost for one in path)
-    possible = [one for one in path if one.cost < least_cost + OPEN]
-    taken, sd = list(possible[0].rows), possible[0].sd
+    least_cost = min(cost for _, _, cost in path)
+    possible = [(rows, sd) for rows, sd, cost in path if cost < least_cost + OPEN]
+    taken, sd = possible[0][0].copy(), possible[0][1]
     while taken:
         own = [_against(data, taken, i, sd) for i in taken]
         least = int(np.argmin(own))
         if own[least] > SURE:
             break
         taken.pop(least)
-        sd, _ = _deviations(data, taken, sd)
-    readings = [sorted(set(one.rows) - set(taken)) for one in possible]
+        sd, _ = _others(data, taken)[1].most_probable(sd)
+    readings = [sorted(set(rows) - set(taken)) for rows, _ in possible]
     return sorted(taken), [rows for rows in readings if rows]
 
 
-def _path(data: CurveData) -> list[_Taken]:
+def _path(data: CurveData) -> list[tuple[list[int], Array, float]]:
     """Remove cycles one by one, each time the one whose removal makes the others most probable.
 
-    Return all steps, beginning with no removal.
+    Return for each step, beginning with no removal: removed cycles, standard deviations of the rest, negative log
+    probability.
     """
     size = len(data)
     most = max(2, int(MOST_SHARE * size))
     # Cost of an outlier: -log(odds of an outlier * its density / density of a good cycle).
     price = np.log((1.0 - WILD) / WILD) + np.log(WILD_SPREAD * data.level)
-    path = [_Taken([], *_deviations(data, [], None))]
-    while len(path[-1].rows) < most:
-        taken, sd = path[-1].rows, path[-1].sd
-        rows, off, far = _off(data, taken, sd)
+    path = [([], *_others(data, [])[1].most_probable(None))]
+    while len(path[-1][0]) < most:
+        taken, sd, _ = path[-1]
+        rows, model = _others(data, taken)
+        off, far = model.left_out(sd)
         z = np.abs(off) / far
         usual = max(robust_deviation(off / far), 1e-12)
         curve = data.curve[rows]
@@ -384,7 +359,7 @@ def _path(data: CurveData) -> list[_Taken]:
         if not suspect.any():
             # Among few cycles, two outliers hide each other by their scatter: neither is visible before both are
             # removed. So some are removed on trial.
-            best = min(range(len(path)), key=lambda k: path[k].cost)
+            best = min(range(len(path)), key=lambda k: path[k][2])
             if size > FEW or len(path) - 1 - best >= ON_TRIAL or not large.any():
                 break
             suspect = large
@@ -393,29 +368,22 @@ def _path(data: CurveData) -> list[_Taken]:
         # bends the curve makes its neighbours look like outliers. Remove the cycle without which the others are most
         # likely.
         tries = [order[: most - len(taken)]] if size > mixed.MOST_FOR_SEARCH else [[i] for i in order[:TRIED]]
-        found = [(_deviations(data, [*taken, *some], sd), [*taken, *some]) for some in tries]
-        (sd, cost), taken = min(found, key=lambda one: one[0][1])
-        path.append(_Taken(taken, sd, cost + price * len(taken)))
+        removed = ([*taken, *some] for some in tries)
+        found = [(some, *_others(data, some)[1].most_probable(sd)) for some in removed]
+        taken, sd, cost = min(found, key=lambda step: step[2])
+        path.append((taken, sd, cost + price * len(taken)))
     # With very many cycles the standard deviations come from some of them: their costs are not comparable.
     return path if size <= mixed.MOST_FOR_SEARCH else path[-1:]
 
 
-def _rows(data: CurveData, taken: list[int]) -> NDArray[np.intp]:
-    return np.setdiff1d(np.arange(len(data)), taken)
-
-
-def _deviations(data: CurveData, taken: list[int], start: Array | None) -> tuple[Array, float]:
-    return curve_model(data.part(_rows(data, taken))).most_probable(start)
-
-
-def _off(data: CurveData, taken: list[int], sd: Array) -> tuple[NDArray[np.intp], Array, Array]:
-    """Return the remaining cycles, the deviation of each from the others, and its standard deviation."""
-    rows = _rows(data, taken)
-    return rows, *curve_model(data.part(rows)).left_out(sd)
+def _others(data: CurveData, taken: list[int]) -> tuple[NDArray[np.intp], mixed.MixedModel]:
+    """Return the remaining cycles and their model."""
+    rows = np.setdiff1d(np.arange(len(data)), taken)
+    return rows, curve_model(data.part(rows))
 
 
 def _against(data: CurveData, taken: list[int], one: int, sd: Array) -> float:
     """Return the deviation of a removed cycle from the others, in standard deviations."""
-    rows, off, far = _off(data, [i for i in taken if i != one], sd)
-    at = int(np.searchsorted(rows, one))
+    rows, model = _others(data, [i for i in taken if i != one])
+    (off, far), at = model.left_out(sd), int(np.searchsorted(rows, one))
     return abs(off[at]) / far[at] if abs(off[at]) > LEAST_SHARE * data.level else 0.0
