@@ -119,7 +119,7 @@ def mean_profile(strokes_n: Array) -> Array:
     profile = np.zeros(strokes_n.shape[1])
     for _ in range(ALTERNATIONS):
         profile = known_mean(strokes_n - level[:, None], axis=0)
-        change = np.nan_to_num(known_mean(strokes_n - profile[None, :], axis=1) - level)
+        change = np.nan_to_num(known_mean(strokes_n - profile, axis=1) - level)
         level += change - (level + change).mean()
         if np.abs(change).max() <= CONVERGED * np.abs(strokes_n[known]).max(initial=0.0):
             break
@@ -130,7 +130,7 @@ def stroke_means(strokes_n: Array, bins: Bools) -> Array:
     """Return the mean of each stroke over the chosen bins, shape (strokes,), missing bins filled from the profile."""
     part = strokes_n[:, bins]
     profile = mean_profile(part)
-    return known_mean(part - profile[None, :], axis=1) + np.nanmean(profile)
+    return known_mean(part - profile, axis=1) + np.nanmean(profile)
 
 
 def known_mean(values: Array, axis: int) -> Array:

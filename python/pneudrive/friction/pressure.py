@@ -154,7 +154,7 @@ def _closure(points: list[LevelPoint]) -> ClosureFit | None:
             force = force - push[side]
     matrix = np.column_stack([*(sum(push[s] for s in sides) for sides in factors), np.ones(len(points))])
     solution = np.linalg.lstsq(matrix, force, rcond=None)[0]
-    residual = np.asarray(force - matrix @ solution, dtype=float)
+    residual = force - matrix @ solution
     dof = len(points) - matrix.shape[1]
     deviation = np.sqrt(residual @ residual / dof) if dof > 0 else np.nan
     errors = deviation * np.sqrt(np.diag(np.linalg.inv(matrix.T @ matrix)))
@@ -390,7 +390,7 @@ def _line(title: str, seal: str, points: list[LevelPoint], spread: RunSpread | N
         points=tuple(points),
         intercept_n=float(solution[0]),
         slope_n_pa=float(solution[1] / scale),
-        covariance=np.asarray(unit @ (inverse * variance) @ unit, dtype=float),
+        covariance=unit @ (inverse * variance) @ unit,
         band_pressure_pa=band,
         band_mean_n=mean,
         band_low_n=mean - half,

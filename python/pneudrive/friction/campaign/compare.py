@@ -209,7 +209,7 @@ def compare_curves(
         return "too few cycles at common speeds and pressures"
     u, u_log = np.sqrt(2.0) * gain, np.log10(common.points["speed_m_s"].to_numpy())
     sign = (campaign.astype(float) - 0.5)[:, None]
-    dummies = (point[:, None] == np.arange(m)[None, :]).astype(float)
+    dummies = np.eye(m)[point]
     away = u_log - u_log.mean()
     speeds, bar = np.unique(np.round(away, 2)).size, common.points.select(KEY[1:3]).to_numpy(order="c") / 1e5
     # Level, slope and bend over log speed; pressures of both chambers, or their sum if they are always equal.

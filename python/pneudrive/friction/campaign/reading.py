@@ -53,9 +53,9 @@ def condition_of(head: Head) -> Condition:
 
 
 def read_or_skip(
-    read: Callable[[CycleFile, Samples], T], file: CycleFile, samples: Samples | CampaignError
+    read: Callable[..., T], file: CycleFile, samples: Samples | CampaignError, *rest: object
 ) -> T | Skipped:
-    """Read a cycle, or return the reason why it cannot be read.
+    """Read a cycle by ``read(file, samples, *rest)``, or return the reason why it cannot be read.
 
     Parameters
     ----------
@@ -64,11 +64,13 @@ def read_or_skip(
     file : CycleFile
     samples : Samples or CampaignError
         Its raw samples, or the error of reading them.
+    *rest
+        Further arguments.
     """
     try:
         if isinstance(samples, CampaignError):
             raise samples
-        return read(file, samples)
+        return read(file, samples, *rest)
     except PneudriveError as error:
         reason = f"{error.what} ({error.value})" if error.value is not None else error.what
     except (ValueError, IndexError, ArithmeticError, np.linalg.LinAlgError) as error:
@@ -77,9 +79,10 @@ def read_or_skip(
     return Skipped(file.head.cycle.key, file.path.name, reason)
 
 
-def read_each(read: Callable[[CycleFile, Samples], T], files: Sequence[CycleFile]) -> list[T | Skipped]:
+def read_each(files: Sequence[CycleFile], read: Callable[..., T], *rest: object) -> list[T | Skipped]:
     """Read cycles one after the other by `read_or_skip`."""
-    return [read_or_skip(read, file, samples) for file, samples in zip(files, read_samples(files), strict=True)]
+    both = zip(files, read_samples(files), strict=True)
+    return [read_or_skip(read, file, samples, *rest) for file, samples in both]
 
 
 def standing_row(file: CycleFile, recording: Recording, samples: Samples, ambient_pa: float) -> Row:
@@ -304,7 +307,7 @@ def loop_of(reading: CampaignData, key: str, choice: SampleChoice) -> cycles.Loo
         recording, _ = recording_of(file, reading.identity, samples)
         return cycles.reversal_loop(_motion(recording, choice), key, condition_of(file.head))
 
-    (loop,) = read_each(read, [file for file in reading.files if file.head.cycle.key == key])
+    (loop,) = read_each([file for file in reading.files if file.head.cycle.key == key], read)
     return None if isinstance(loop, Skipped) else loop
 
 

@@ -249,7 +249,7 @@ def read_strokes(files: Sequence[CycleFile], identity: Identity) -> list[Uninter
         return strokes_of(file, recording, steps_of(recording, samples))
 
     # The characterisation of the cycle reports skipped parts.
-    return [s for strokes in read_each(read, files) if not isinstance(strokes, Skipped) for s in strokes]
+    return [s for strokes in read_each(files, read) if not isinstance(strokes, Skipped) for s in strokes]
 
 
 def _means(values: Array, most: int) -> tuple[Array, float]:
@@ -476,8 +476,8 @@ def recover(bins: Array, running_stderr_n: float, speed_m_s: float) -> Row:
     coarse = np.geomspace(s[0], 3.0 * s[-1], LENGTHS)
 
     def at(lengths: Array) -> Scan:
-        decay = np.exp(-s[None, :] / lengths[:, None])
-        return scan(lengths[:, None], np.stack([decay, np.ones_like(decay)], axis=2) / sigma[None, :, None], y / sigma)
+        decay = np.exp(-s / lengths[:, None])
+        return scan(lengths[:, None], np.stack([decay, np.ones_like(decay)], axis=2) / sigma[:, None], y / sigma)
 
     found = refined(at, coarse, LENGTHS, lambda one: one.rise(freedom, 1.0))
     lengths = found.shape[:, 0]
@@ -587,7 +587,7 @@ def _forms(time: Array, force: Array, variance: Array) -> Row:
     for form, shapes in candidates.items():
         shape = np.array(shapes).reshape(len(shapes), -1)
         columns = np.concatenate([np.ones((len(shapes), time.size, 1)), -_basis(form, time, shape)], axis=2)
-        fits[form] = scan(shape, columns * root[None, :, None], force * root)
+        fits[form] = scan(shape, columns * root[:, None], force * root)
         aicc[form] = corrected_criterion(fits[form].cost.min(), 1 + 2 * shape.shape[1], time.size)
     form = min(aicc, key=lambda name: aicc[name])
     best, log, freedom = fits[form], fits["log"], max(time.size - 3, 1)

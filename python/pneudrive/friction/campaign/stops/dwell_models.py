@@ -89,7 +89,7 @@ class DwellForm:
     def derivatives(self, duration_s: Array, time_s: float, exponent: float | None = None) -> Array:
         """Return psi and its derivatives with respect to duration, time and exponent, shape (n, 4)."""
         m = self.exponent if exponent is None else exponent
-        return _core.dwell_growth(self.growth, np.asarray(duration_s, dtype=float), float(time_s), float(m))
+        return _core.dwell_growth(self.growth, np.asarray(duration_s, dtype=float), time_s, m)
 
     def psi(self, duration_s: Array, *shape: float) -> Array:
         """Return psi, shape (n,)."""
@@ -150,7 +150,7 @@ class DwellLawFit(Shown):
 
     def increment_n(self, duration_s: Array, condition: int) -> Array:
         """Return the breakaway increment after stops of these durations."""
-        psi = self.form.psi(np.asarray(duration_s, dtype=float), *self.shape.values())
+        psi = self.form.psi(duration_s, *self.shape.values())
         return self.level_n[condition] + self.amplitude_n[condition] * psi
 
 
@@ -217,14 +217,14 @@ def _fit(curve: DwellCurve, form: DwellForm, whitener: Array, reference_s: float
 def _at(curve: DwellCurve, form: DwellForm, whitener: Array, times: Array) -> mixed.Scan:
     """Fit a law at these times, and at all exponents if they are free."""
     data, conditions = curve.data, len(curve.data.conditions)
-    own = (data.condition[:, None] == np.arange(conditions)[None, :]).astype(float)
+    own = np.eye(conditions)[data.condition]
     columns = [times, EXPONENTS][: len(form.units)]
     shapes = np.stack(np.meshgrid(*columns, indexing="ij"), axis=-1).reshape(-1, len(columns)) if columns else EMPTY
     designs = np.broadcast_to(np.c_[own, curve.extra], (len(shapes), len(data), conditions + curve.extra.shape[1]))
     if form.growth:
         dwell = data["dwell_s"]
         psi = np.array([form.psi(dwell, *shape) for shape in shapes])
-        designs = np.concatenate([designs, own[None, :, :] * psi[:, :, None]], axis=2)
+        designs = np.concatenate([designs, own * psi[:, :, None]], axis=2)
     return mixed.scan(shapes, whitener @ designs, whitener @ data["increment_n"])
 
 
@@ -343,14 +343,14 @@ class DwellCurve:
         rows, fixed = np.arange(of.size), np.zeros((of.size, self.fit.model.x.shape[1]))
         fixed[rows, of] = 0.0 if derivative else 1.0
         fixed[rows, conditions + of] = 1.0 if derivative else at - self.centre
-        with_stops = np.where(of[:, None] == self.data.condition[None, :], 1.0, COMMON_BEND)
-        with_each = np.where(of[:, None] == of[None, :], 1.0, COMMON_BEND)
+        with_stops = np.where(of[:, None] == self.data.condition, 1.0, COMMON_BEND)
+        with_each = np.where(of[:, None] == of, 1.0, COMMON_BEND)
         cross, own = {}, {}
         for name, (length, _) in BENDS.items():
             k, z = gaussian(at, self.data.log_s, length), gaussian(at, at, length)
             if derivative:
-                away = (at[:, None] - at[None, :]) / length
-                k = -k * (at[:, None] - self.data.log_s[None, :]) / length**2
+                away = (at[:, None] - at) / length
+                k = -k * (at[:, None] - self.data.log_s) / length**2
                 z = z * (1.0 - away * away) / length**2
             cross[name], own[name] = k * with_stops, z * with_each
         return mixed.Functionals(self.fit, fixed, cross, own)
@@ -396,7 +396,7 @@ def _places_and_drift(data: DwellData, x: Array) -> tuple[Array, Array, float]:
     n = len(data)
     at = np.round(data["position_m"] / SAME_PLACE_M).astype(np.int64)
     names, member = np.unique(cells(data["direction"], at), return_inverse=True)
-    extra = (member[:, None] == np.arange(names.size)[None, :]).astype(float) - 1.0 / names.size
+    extra = np.eye(names.size)[member] - 1.0 / names.size
     extra = extra[:, mixed.independent(np.c_[x, extra])[x.shape[1] :] - x.shape[1]]
     if n - x.shape[1] - extra.shape[1] < SPARE_FOR_PLACES:
         extra = np.zeros((n, 0))
@@ -433,14 +433,14 @@ def _components(data: DwellData, x: Array, hidden: Array) -> tuple[mixed.RandomE
     swing = max(np.ptp(line), tau)
     out = [mixed.RandomEffect("scatter", size / size.mean(), tau)]
     if data.durations > 2:
-        share = np.where(data.condition[:, None] == data.condition[None, :], 1.0, COMMON_BEND)
+        share = np.where(data.condition[:, None] == data.condition, 1.0, COMMON_BEND)
         out += [
             mixed.RandomEffect(name, gaussian(u, u, length) * share, swing * size)
             for name, (length, size) in BENDS.items()
         ]
-    names, member = np.unique(data["block"], return_inverse=True)
-    if names.size > 1:
-        same = (member[:, None] == member[None, :]).astype(float)
+    block = data["block"]
+    if (names := np.unique(block)).size > 1:
+        same = (block[:, None] == block).astype(float)
         out.append(mixed.RandomEffect("block", same, tau))
         if names.size >= BLOCKS_FOR_SLOPES:
             away = (u - u.mean()) / max(u.std(), 1e-9)

@@ -73,7 +73,10 @@ TRACE = ("trace_time_s", "trace_position_m", "trace_friction_n")
 def _read(
     file: CycleFile, samples: Samples, identity: Identity, others: Sequence[course.UninterruptedStroke]
 ) -> Row | Skipped:
-    """Return the columns of a stop, or the reason why they are missing."""
+    """Return the columns of a stop, or the reason why they are missing.
+
+    Uninterrupted strokes of `others`, which are other cycles, serve cycles without their own.
+    """
     recording, _ = recording_of(file, identity, samples)
     step = steps_of(recording, samples)
     cycle, condition = file.head.cycle, condition_of(file.head)
@@ -237,27 +240,11 @@ def find_stops(
     if not stops:
         return pl.DataFrame(), ()
     others = course.read_strokes(_comparable(files, stops), campaign.identity)
-    found = share_out(read_stops, stops, campaign.identity, others, least=WORTH_WORKERS, processes=processes)
+    found = share_out(read_each, stops, _read, campaign.identity, others, least=WORTH_WORKERS, processes=processes)
     rows = sorted((s for s in found if isinstance(s, dict)), key=lambda row: row["index"])
     skipped = sorted((s for s in found if isinstance(s, Skipped)), key=lambda s: s.file)
     texts = {"flags": pl.List(pl.String)}
     return pl.DataFrame(rows, schema_overrides=texts, infer_schema_length=None), tuple(skipped)
-
-
-def read_stops(
-    files: Sequence[CycleFile], identity: Identity, others: Sequence[course.UninterruptedStroke]
-) -> list[Row | Skipped]:
-    """Read some stops one after the other.
-
-    Parameters
-    ----------
-    files : sequence of CycleFile
-    identity : Identity
-        Values of the rig.
-    others : sequence of UninterruptedStroke
-        Strokes of other cycles, for cycles without their own.
-    """
-    return read_each(lambda file, samples: _read(file, samples, identity, others), files)
 
 
 def _comparable(files: Sequence[CycleFile], stops: Sequence[CycleFile]) -> list[CycleFile]:
