@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import math
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from pneudrive.signals.layout import Column, FileLayout, Layout
 
     Array = NDArray[Any]
+    Names = dict[str, str]  # by name of a column
 
 MOST_CHANNELS = 16
 MOST_COLUMNS = 200
@@ -161,15 +162,6 @@ class SharedChannel:
         return values if (self.slope, self.zero) == (1.0, 0.0) else self.slope * values + self.zero
 
 
-@dataclass(frozen=True)
-class _OpenTable:
-    """A table with the units of its file, and the names of its columns in the layout."""
-
-    table: Table
-    units: dict[str, str] = field(default_factory=dict)
-    roles: dict[str, str] = field(default_factory=dict)
-
-
 def open_channels(path: Path, layout: Layout | None, cache: Path) -> ChannelFile:
     """Open a recording of any format, like `load_recording`.
 
@@ -192,28 +184,28 @@ def open_channels(path: Path, layout: Layout | None, cache: Path) -> ChannelFile
     notes: tuple[str, ...] = ()
     try:
         said = None if layout is None else layout.for_file(path, layout.kind)
-        opened = _open(path, said, cache)
+        table, units, roles = _open(path, said, cache)
     except (RecordingError, LayoutError) as error:
         if layout is None:
             raise
         try:
-            said, opened = None, _open(path, None, cache)
+            said, (table, units, roles) = None, _open(path, None, cache)
         except RecordingError:
             raise error from None
         told = (f"the layout does not fit this file: {error.what}", "its columns are shown unchanged", error.remedy)
         notes = ("; ".join(filter(None, told)),)
-    kinds = _kinds(opened.table)
+    kinds = _kinds(table)
     if not any(kind in "iuf" for kind in kinds.values()):
         raise RecordingError("the file has no column of numbers", where=path.name)
-    time = _time(said, opened, kinds)
+    time = _time(said, units, roles, kinds)
     first = 0 if said is None else said.skip_samples
     origin = None
     if time is not None and kinds[time.column] == "M":
-        begin = opened.table.get([time.column], (0, first + 1))[time.column].astype("datetime64[ns]")
+        begin = table.get([time.column], (0, first + 1))[time.column].astype("datetime64[ns]")
         origin = next((one for one in begin if not np.isnat(one)), begin[0])
     found = [
-        _channel(name, opened.roles.get(name), said, opened.units.get(name, ""))
-        for name in sorted(kinds, key=lambda one: one not in opened.roles)
+        _channel(name, roles.get(name), said, units.get(name, ""))
+        for name in sorted(kinds, key=lambda one: one not in roles)
         if kinds[name] in "iuf" and (time is None or name != time.column)
     ]
     notes += () if time is not None else ("no time column: sample numbers replace the time",)
@@ -221,7 +213,7 @@ def open_channels(path: Path, layout: Layout | None, cache: Path) -> ChannelFile
         notes += (f"shown as recorded, without the layout's delay_s: {', '.join(late)}",)
     if len(found) > MOST_CHANNELS:
         notes += (f"the first {MOST_CHANNELS} of {len(found)} channels are shown",)
-    return ChannelFile(path.name, opened.table, time, tuple(found[:MOST_CHANNELS]), first, origin, notes)
+    return ChannelFile(path.name, table, time, tuple(found[:MOST_CHANNELS]), first, origin, notes)
 
 
 def pairs(own: ChannelFile, other: ChannelFile) -> list[SharedChannel]:
@@ -263,8 +255,8 @@ def _channel(name: str, role: str | None, said: FileLayout | None, unit: str) ->
     return FileChannel(name, quantity.replace("_", " "), unit, quantity, slope, zero)
 
 
-def _open(path: Path, said: FileLayout | None, cache: Path) -> _OpenTable:
-    """Open a file as a table that can be read in parts.
+def _open(path: Path, said: FileLayout | None, cache: Path) -> tuple[Table, Names, Names]:
+    """Open a file as a table that can be read in parts, with units of the file and names in the layout by column.
 
     A file that is not Parquet, or has dates as texts, is converted.
 
@@ -276,11 +268,11 @@ def _open(path: Path, said: FileLayout | None, cache: Path) -> _OpenTable:
     if (sniff_format(path) if said is None else said.format) == "parquet":
         table = open_table(path, "parquet")
         if said is None:
-            return _OpenTable(table)
+            return table, {}, {}
         names = names_of(said.places, table.names, path)
         kinds = [table.get([name], (0, 16))[name].dtype.kind for name in names.values()]
         if said.is_plain and not any(kind in TEXT_KINDS for kind in kinds):
-            return _OpenTable(table, roles={names[column.column]: channel for channel, column in said.channels.items()})
+            return table, {}, {names[column.column]: channel for channel, column in said.channels.items()}
     how = (said.format, said.text_form, said.channels) if said is not None else ()
     converted = cache / f"table-{hashlib.sha256(repr(how).encode()).hexdigest()[:16]}.parquet"
     if not converted.is_file():
@@ -288,7 +280,8 @@ def _open(path: Path, said: FileLayout | None, cache: Path) -> _OpenTable:
         cache.mkdir(parents=True, exist_ok=True)
         save_columns(columns, about, converted)
     table = open_table(converted, "parquet")
-    return _OpenTable(table, **json.loads(table.metadata["pneudrive"]))
+    about = json.loads(table.metadata["pneudrive"])
+    return table, about["units"], about.get("roles", {})
 
 
 def _converted(path: Path, said: FileLayout | None) -> tuple[dict[str, Array], dict[str, Any]]:
@@ -316,14 +309,14 @@ def _kinds(table: Table) -> dict[str, str]:
     return out
 
 
-def _time(said: FileLayout | None, opened: _OpenTable, kinds: dict[str, str]) -> FileChannel | None:
+def _time(said: FileLayout | None, units: Names, roles: Names, kinds: Names) -> FileChannel | None:
     """Return the time column, in s: that of the layout, or a column named like a time with a fitting unit."""
-    for name, role in opened.roles.items():
+    for name, role in roles.items():
         if role == "time" and said is not None and name in kinds:
             return _channel(name, role, said, "s")
     for name in kinds:
-        unit = opened.units.get(name, "").strip("[]() ")
-        if name.lower() in _TIME_NAMES and name not in opened.roles:
+        unit = units.get(name, "").strip("[]() ")
+        if name.lower() in _TIME_NAMES and name not in roles:
             try:
                 return FileChannel(name, "time", "s", "time", converter(unit, "s")[0] if is_unit(unit) else 1.0, 0.0)
             except DescriptionError:

@@ -269,15 +269,11 @@ def speed_was_controlled(strokes: list[Stroke]) -> bool:
     """Return whether the speed was controlled: neighbouring strokes in both directions have equal speeds."""
     if len(strokes) < 2:
         return True
-    speeds = np.array([abs(s.speed_m_s) for s in strokes])
-    pairs = [
-        abs(speeds[i] - speeds[i + 1]) / max(speeds[i], speeds[i + 1])
-        for i in range(len(strokes) - 1)
-        if strokes[i].direction != strokes[i + 1].direction
-    ]
+    turns = [(a.speed_m_s, b.speed_m_s) for a, b in pairwise(strokes) if a.direction != b.direction]
+    slow, fast = np.sort(np.abs(np.reshape(turns, (-1, 2))), axis=1).T
     # A pair differs if the class changes between neighbours: at most every second pair does.
-    agree = np.sort(pairs)[: max(len(pairs) // 2, 1)] if pairs else np.array([1.0])
-    return bool(agree[-1] <= CONTROLLED_TOLERANCE)
+    agree = np.sort((fast - slow) / fast)[: max(fast.size // 2, 1)]
+    return bool((agree[-1:] <= CONTROLLED_TOLERANCE).any())
 
 
 def speed_levels(strokes: list[Stroke]) -> Levels:
