@@ -192,7 +192,7 @@ def systematic(fits: Fits, friction_n: Array, half_sum_n: Array, condition: int)
 
     The zero is left out if it is known.
     """
-    points, pattern = fits.points, fits.points.pattern
+    points, (unseen, unseen_offset_n) = fits.points, fits.points.pattern.unseen()
     here = points.at(points.use & (points["curve"] == condition))
     gain = here["u_gain_n"].mean() / max(abs(here["friction_n"].mean()), 1e-12)
     spread, size = fits.friction.drift.std(), np.abs(friction_n)
@@ -200,9 +200,9 @@ def systematic(fits: Fits, friction_n: Array, half_sum_n: Array, condition: int)
     return SharedTerms(
         gain_n=gain * size,
         hysteresis_n=np.mean(here["u_hysteresis_n"]) * ones,
-        position_n=pattern.u_friction * size,
+        position_n=unseen * size,
         state_n=spread * (size if fits.friction.logarithmic else ones),
-        zero_n=np.hypot(np.mean(here["u_offset_n"]), pattern.u_offset_n) * ones,
+        zero_n=np.hypot(np.mean(here["u_offset_n"]), unseen_offset_n) * ones,
         half_sum_n=0.0 * ones if fits.has_zero else np.abs(half_sum_n),
     )
 

@@ -253,13 +253,11 @@ def _width(motion: RecordedMotion, friction: Array, stroke: Stroke, presliding: 
     number = np.arange(speed.size)
     rising = (number < fast[0]) & (travel > PRESLIDINGS * presliding)
     falling = number > fast[-1]
-    edges = np.linspace(0.2, 0.8, SPEED_BINS + 1)
-    differences = []
-    for low, high in pairwise(edges):
-        inside = (speed >= low) & (speed < high)
-        if (inside & rising).any() and (inside & falling).any():
-            own = stroke.direction * friction[part]
-            differences.append(float(own[inside & falling].mean() - own[inside & rising].mean()))
+    own, differences = stroke.direction * friction[part], []
+    for low, high in pairwise(np.linspace(0.2, 0.8, SPEED_BINS + 1)):
+        slowing, speeding = (own[(speed >= low) & (speed < high) & ramp] for ramp in (falling, rising))
+        if slowing.size and speeding.size:
+            differences.append(float(slowing.mean() - speeding.mean()))
     return float(np.mean(differences)) if len(differences) >= SPEED_BINS // 2 else np.nan
 
 

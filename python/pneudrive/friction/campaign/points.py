@@ -158,15 +158,13 @@ class Pattern:
     friction: Array
     offset_n: Array
 
-    @property
-    def u_friction(self) -> float:
-        """Relative standard uncertainty of the common range's mean as an estimate of the whole stroke's mean."""
-        return unseen_n(self.friction[self.common], self.common.mean())
+    def unseen(self) -> tuple[float, float]:
+        """Return standard uncertainties of the common range's means as estimates of the whole stroke's means.
 
-    @property
-    def u_offset_n(self) -> float:
-        """The same for half the sum, N."""
-        return unseen_n(self.offset_n[self.common], self.common.mean())
+        The first is relative, of friction; the second is that of half the sum, N.
+        """
+        friction, offset = (unseen_n(each[self.common], self.common.mean()) for each in (self.friction, self.offset_n))
+        return friction, offset
 
 
 def reduce(cycles: CycleTable, edges_m: Array, steady: Bools) -> tuple[Pattern, dict[str, Array]]:

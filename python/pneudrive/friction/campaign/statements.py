@@ -140,11 +140,11 @@ def _left(fits: Fits) -> Iterator[Statement]:
     """Return statements on good cycles that differ from a curve by more than the scatter, and on suspect cycles."""
     points, pure = fits.points, pure_scatter(fits)
     if pure is not None:
-        data = fits.friction.data
+        data, found = fits.friction.data, pure[0]
         rest = data.y - fits.friction.drift - fits.friction.steady()
-        scatter = np.hypot(pure.estimate.value / np.sqrt(data.count), np.sqrt(data.noise))
+        scatter = np.hypot(found.value / np.sqrt(data.count), np.sqrt(data.noise))
         off = np.abs(rest) / np.maximum(scatter, ROUNDING * np.abs(points["friction_n"]).max())
-        far = np.flatnonzero(off > student(pure.estimate.degrees_of_freedom) * LEAVES)
+        far = np.flatnonzero(off > student(found.degrees_of_freedom) * LEAVES)
         if far.size:
             keys, worst = points["key"][points.use], far[np.argsort(-off[far])].tolist()
             several = named(f"{keys[i]} by {off[i]:.2g} times" for i in worst)

@@ -104,10 +104,11 @@ def _effect(fits: Fits, column: Array, unit: str) -> Estimate | None:
 
 def repeatability(fits: Fits) -> Repeatability:
     """Return the standard deviations of a cycle's friction, from repeats and control runs if there are any."""
-    fit, pure = fits.friction, pure_scatter(fits)
-    scale = pure.level_n if pure is not None and fit.logarithmic else fits.scale_n
+    fit, pure, scale, basis = fits.friction, pure_scatter(fits), fits.scale_n, "smooth curve"
     if pure is not None:
-        within = pure.estimate.scaled(scale)
+        found, level, basis = pure
+        scale = level if fit.logarithmic else scale
+        within = found.scaled(scale)
     else:
         noise = float(np.sqrt(np.mean(fit.data.noise))) * scale
         within = fit.fit.deviation("cycle").scaled(scale)
@@ -126,23 +127,13 @@ def repeatability(fits: Fits) -> Repeatability:
             high=value * np.exp(reach),
             stderr=stderr,
         )
-    return Repeatability(within, between, total, fit.relative > 0.5, pure.basis if pure is not None else "smooth curve")
+    return Repeatability(within, between, total, fit.relative > 0.5, basis)
 
 
-@dataclass(frozen=True)
-class Pure:
-    """Scatter of cycles repeated at one condition and speed, in the unit of the curves' response.
-
-    ``level_n`` is the mean friction of these cycles.
-    """
-
-    estimate: Estimate
-    level_n: float
-    basis: str
-
-
-def pure_scatter(fits: Fits) -> Pure | None:
+def pure_scatter(fits: Fits) -> tuple[Estimate, float, str] | None:
     """Estimate the standard deviation of a cycle from repeats and control runs, independent of the curves.
+
+    Return the estimate in the unit of the curves' response, the mean friction of these cycles, N, and the source.
 
     Cycles at one condition and speed are used, after subtracting their mean, a line over the campaign and the means of
     the blocks. Means of several cycles have a larger weight. None without repeats.
@@ -180,7 +171,7 @@ def pure_scatter(fits: Fits) -> Pure | None:
     kinds = (["repeats"] if others.max() > 1 else []) + (["sentinels"] if sentinel.any() else [])
     basis = " and ".join(kinds)
     estimate = Estimate(value, low, high, value / float(np.sqrt(2.0 * free)), "N", free)
-    return Pure(estimate, float(points["friction_n"][use].mean()), basis)
+    return estimate, float(points["friction_n"][use].mean()), basis
 
 
 #: Largest number of waves of a pattern. Waves have 0.9 to 8 periods in the range; longer waves count as a trend.

@@ -634,7 +634,9 @@ def _even(time: Array, friction: Array) -> tuple[Array, Array]:
     if steps.size < 2:
         return time, friction
     top = min(max(int(np.argmax(_quick(friction))), 1), steps.size - 1)
-    part = _one_rate(steps, top)
+    usual = np.median(steps[max(top - 3, 0) : top + 3])
+    run = _run(np.abs(steps - usual) <= UNEVEN * usual, top)
+    part = slice(run.start, run.stop + 1)
     near = min(top - part.start, part.stop - 1 - top)
     if near >= NEAR_CHANGE or (part.stop >= time.size - 1 and part.start == 0):
         return time[part], friction[part]
@@ -644,12 +646,6 @@ def _even(time: Array, friction: Array) -> tuple[Array, Array]:
     wanted = np.arange(max(time[top] - span, time[0]), min(time[top] + span, time[-1]), coarse)
     chosen = np.unique(np.clip(np.searchsorted(time, wanted), 0, time.size - 1))
     return time[chosen], friction[chosen]
-
-
-def _one_rate(steps: Array, top: int) -> slice:
-    usual = np.median(steps[max(top - 3, 0) : top + 3])
-    run = _run(np.abs(steps - usual) <= UNEVEN * usual, top)
-    return slice(run.start, run.stop + 1)
 
 
 def _height(time: Array, friction: Array, noise: Noise) -> tuple[float, float, float, float]:
