@@ -13,12 +13,16 @@ Array: TypeAlias = NDArray[np.float64]
 #: Array of booleans, and array of integers.
 Bools: TypeAlias = NDArray[np.bool_]
 Ints: TypeAlias = NDArray[np.int64]
+#: Two arrays: values and derivatives, or lower and upper ends.
+ArrayPair: TypeAlias = tuple[Array, Array]
 #: Lower and upper end.
 Interval: TypeAlias = tuple[float, float]
 #: Two numbers: one for each chamber, or the coordinates of a point.
 Pair: TypeAlias = tuple[float, float]
 #: Values by column or key.
 Row: TypeAlias = dict[str, Any]
+#: Real numbers by name.
+Numbers: TypeAlias = dict[str, float]
 #: Plain data by key, as in TOML and JSON: writable, and read-only.
 Plain: TypeAlias = dict[str, Any]
 Keyed: TypeAlias = Mapping[str, Any]

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pneudrive.estimate.estimates import CONFIDENCE
-from pneudrive.identify.dynamic.search import SINGULAR_SHARE
+from pneudrive.identify.dynamic.search import SINGULAR_SHARE, equations
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -39,10 +39,10 @@ def drive_bootstrap(solved: Solved, count: int, seed: int) -> Array:
     ndarray, shape (count, P)
         Values in SI, in the order of `FitProblem.names`.
     """
-    problem, point, found = solved.problem, solved.point, solved.information
+    problem, point = solved.problem, solved.point
     information_of, gradient_of = [], []
-    tau = max((t for _, t in found.inflation.values()), default=1.0)
-    for slopes, residual in zip(found.slopes, solved.at.standing.residuals, strict=True):
+    tau = max((t for _, t in solved.inflation.values()), default=1.0)
+    for slopes, residual in zip(solved.slopes, solved.at.residuals, strict=True):
         n = residual.shape[0]
         blocks = int(np.clip(n / max(10.0 * tau, 50.0), LEAST_BLOCKS, 200))
         for part in np.array_split(np.arange(n), min(blocks, n)):
@@ -52,7 +52,7 @@ def drive_bootstrap(solved: Solved, count: int, seed: int) -> Array:
     info, grad = np.array(information_of), np.array(gradient_of)
     grad = grad - grad.mean(axis=0)  # at the estimate the gradient is only rounding
     rng = np.random.default_rng(seed)
-    project = found.inverse @ found.matrix  # onto the directions that the data determine
+    project = solved.inverse @ equations(problem, point, solved.at)[0]  # onto the directions that the data determine
     out = np.empty((count, problem.size))
     for row in range(count):
         drawn = rng.multinomial(len(info), np.full(len(info), 1.0 / len(info)))

@@ -11,7 +11,7 @@ import numpy as np
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from pneudrive.arrays import Array, Bools, Ints
+    from pneudrive.arrays import Array, Bools, Interval, Ints
 
 
 #: Number of values above which the autocorrelation is computed from block means, with fewer lags.
@@ -64,9 +64,9 @@ def stderrs_of_means(rows: Array) -> Array:
 SAME_SPEED = 0.05
 
 
-def distinct_levels(values: Array) -> list[tuple[float, float]]:
+def distinct_levels(values: Array) -> list[Interval]:
     """Return the lowest and highest value of each level: values within `SAME_SPEED` of its largest one."""
-    levels: list[tuple[float, float]] = []
+    levels: list[Interval] = []
     for value in np.sort(np.abs(values)).tolist():
         if not levels or value - levels[-1][0] > SAME_SPEED * value:
             levels.append((value, value))

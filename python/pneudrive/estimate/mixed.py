@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from pneudrive.arrays import Array, Interval
+    from pneudrive.arrays import Array, ArrayPair, Interval
 
 
 # --- Least squares of laws that are linear except for shape parameters: grid of shapes, and intervals by profile.
@@ -234,7 +234,7 @@ class MixedModel:
         best = _search(few, np.log(scales) - 1.0 if start is None else np.log(start), scales)
         return np.exp(best), _cost(few, best, scales)[0]
 
-    def left_out(self, sd: Array) -> tuple[Array, Array]:
+    def left_out(self, sd: Array) -> ArrayPair:
         """Compare each observation with its prediction from all others, at these standard deviations.
 
         Returns

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike
 
-    from pneudrive.arrays import Array
+    from pneudrive.arrays import Array, ArrayPair, Interval
 
 
 # --- Transforms between bounded values and the unbounded coordinates of a search.
@@ -124,7 +124,7 @@ def _exp(q: Array) -> Array:
         return np.exp(q)
 
 
-def intervals(values: Array, reach: Array, lower: ArrayLike, upper: ArrayLike = np.inf) -> tuple[Array, Array]:
+def intervals(values: Array, reach: Array, lower: ArrayLike, upper: ArrayLike = np.inf) -> ArrayPair:
     """Return first-order intervals on the scales of the coordinates, shape (p,) for each end.
 
     Parameters
@@ -176,7 +176,7 @@ def profile_interval(
     least: float,
     allowed: float,
     farthest: float = FARTHEST,
-) -> tuple[float, float]:
+) -> Interval:
     """Return the interval of one coordinate in which the cost grows by no more than `allowed`.
 
     For a linear model, the square root of the cost increase is linear in the coordinate, so a secant method finds each

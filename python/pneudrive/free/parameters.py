@@ -36,7 +36,7 @@ if TYPE_CHECKING:
 
     from pneudrive._core import Circuit as CoreCircuit
     from pneudrive._core import Shooting, Shot
-    from pneudrive.arrays import Array, Keyed, Plain
+    from pneudrive.arrays import Array, ArrayPair, Keyed, Numbers, Pair, Plain
     from pneudrive.describe import Circuit, Drive, Initial
     from pneudrive.describe.system import ShortNames
 
@@ -86,7 +86,7 @@ def table_of(form: Plain, path: str) -> tuple[Plain, str]:
     return component, key
 
 
-def at_rest(name: str, pressures: tuple[Array, Array] | tuple[float, float], temperature_k: float) -> Array | float:
+def at_rest(name: str, pressures: ArrayPair | Pair, temperature_k: float) -> Array | float:
     """Return the start value of a friction state or of gas in a tube, from the chamber pressures, Pa.
 
     Examples
@@ -435,7 +435,7 @@ class DriveFamily:
             columns[one.path] = values
         return np.array([columns[path] for path in self.paths]).reshape(len(self.paths), len(rows)).T.copy()
 
-    def derived_values(self, values: Array) -> dict[str, float]:
+    def derived_values(self, values: Array) -> Numbers:
         """Return the derived values for these values, by their names in the drive file."""
         self._set(values)
         return {one.name: self.get(one.path) for one in (*self.settled, *self.moving)}
@@ -489,27 +489,20 @@ def circuit_numbers(circuit: Circuit) -> dict[str, Parameter]:
             quantities = parameter_quantities(friction.entry)
             given = {key: quantities[key] for key in friction.parameters}
             tables.append((f"{name}.friction.", f"{name}.{LAW}", given, friction.entry))
-    values, found = dict(_core_numbers(json.loads(circuit.core_json()))), {}
+    form, found = json.loads(circuit.core_json()), {}
     for name, path, written, entry in tables:
         rows, discrete = {row["key"]: row for row in entry["parameters"]}, entry.get("discrete", ())
         for key, mark in written.items():
-            about = (mark_unit(mark), values.get(path + key, np.nan), rows.get(key), _SIGNED_KEYS.get(key))
+            table, last = table_of(form, path + key)
+            value = table.get(last, np.nan)
+            about = (mark_unit(mark), value if math.isfinite(value) else np.nan, rows.get(key), _SIGNED_KEYS.get(key))
             found[name + key] = _bounded(name + key, path + key, *about, discrete=key in discrete, mark=mark)
     ambient = circuit.ambient.marks()
     for name, path in AMBIENT.items():
         mark = ambient[name.partition(".")[2]]
-        found[name] = _bounded(name, path, mark_unit(mark), values[path], None, mark=mark)
+        found[name] = _bounded(name, path, mark_unit(mark), form["ambient"][path.partition(".")[2]], None, mark=mark)
     lasts = {key: name.rpartition(".")[2] for key, name in circuit.start_names.items()}
     return found | start_numbers({key: start_mark(last)[1] for key, last in lasts.items() if last != "contact_age_s"})
-
-
-def _core_numbers(form: Plain) -> Iterator[tuple[str, float]]:
-    """Yield the numbers of the core's form in which members may differ, by their paths."""
-    yield from ((path, form["ambient"][path.partition(".")[2]]) for path in AMBIENT.values())
-    for one in form["components"]:
-        yield from ((f"{one['name']}.{key}", value) for key, value in one["numbers"].items() if math.isfinite(value))
-        for key, value in ((one["friction"] or {}).get("parameters") or {}).items():
-            yield f"{one['name']}.{LAW}{key}", value
 
 
 # --- Exact derivatives of a trajectory by numbers of the drive: those of the numerical solution, including events.

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike
 
-    from pneudrive.arrays import Array
+    from pneudrive.arrays import Array, ArrayPair
     from pneudrive.describe import Circuit, Drive, Initial
     from pneudrive.simulation.command import Commands
 
@@ -112,7 +112,7 @@ class Differentiable:
         """Return the derivatives of the results, shape (k, p). Errors are those of a call."""
         return self.value_and_jacobian(values)[1]
 
-    def value_and_jacobian(self, values: ArrayLike) -> tuple[Array, Array]:
+    def value_and_jacobian(self, values: ArrayLike) -> ArrayPair:
         """Return results and derivatives of one run, shapes (k,) and (k, p). Errors are those of a call."""
         return self._reduce(self._run(values, derivatives=True))
 
@@ -185,7 +185,7 @@ class Differentiable:
                 times = np.union1d(times, np.linspace(given[first], given[last], _BETWEEN * (last - first) + 1))
         return times, self._of.run(values, times, self._columns, derivatives=derivatives)
 
-    def _reduce(self, ran: tuple[Array, Sensitivities]) -> tuple[Array, Array]:
+    def _reduce(self, ran: tuple[Array, Sensitivities]) -> ArrayPair:
         times, found = ran
         given, parts = np.searchsorted(times, self._times), []
         for one in self._reductions:
@@ -211,7 +211,7 @@ def _passes(x: Array, one: Reduction) -> int:
     return int(holds.argmax()) - 1
 
 
-def _crossing(one: Reduction, times: Array, x: Array, by: Array) -> tuple[Array, Array]:
+def _crossing(one: Reduction, times: Array, x: Array, by: Array) -> ArrayPair:
     """Return the time at which a signal passes a level, and its derivatives, from the signal's slope in time."""
     k = _passes(x, one)
     share = (one.level - x[k]) / (x[k + 1] - x[k])
@@ -221,7 +221,7 @@ def _crossing(one: Reduction, times: Array, x: Array, by: Array) -> tuple[Array,
     return np.array([times[k] + share * (times[k + 1] - times[k])]), (-moved / slopes)[None]
 
 
-def _extreme(one: Reduction, times: Array, x: Array, by: Array) -> tuple[Array, Array]:
+def _extreme(one: Reduction, times: Array, x: Array, by: Array) -> ArrayPair:
     """Return the extreme of a parabola around the largest or smallest sample, and its derivatives."""
     k = int(x.argmax() if one.word == "max" else x.argmin())
     if not 0 < k < len(x) - 1:
@@ -250,7 +250,7 @@ def _where(x: Array, one: Reduction) -> tuple[int, int]:
     return max(k - 1, 0), min(k + 1, len(x) - 1)
 
 
-def _reduced(one: Reduction, times: Array, x: Array, by: Array) -> tuple[Array, Array]:
+def _reduced(one: Reduction, times: Array, x: Array, by: Array) -> ArrayPair:
     """Return results, shape (k,), and derivatives, shape (k, p), from a signal, shape (n,), and its derivatives."""
     if one.word == "final":
         return x[-1:], by[-1:]

@@ -15,7 +15,7 @@ from pneudrive.errors import FitError, nearest, package_table
 from pneudrive.estimate.estimates import NORMAL_95, student
 from pneudrive.files.inputs import INPUTS, located, stored_beside
 from pneudrive.identify.export import Exported, SlidingCurve, export, middle_of
-from pneudrive.identify.identified import FittedData, Identified, comparison_figure, correlations_of, joined
+from pneudrive.identify.identified import FittedData, Identified, comparison_figure, joined
 from pneudrive.lazy_names import upper
 from pneudrive.numbers import plain
 from pneudrive.simulation.trajectory import write_whole
@@ -25,9 +25,10 @@ from pneudrive.views import MOST_LEADING, Finding, LeadingValue, ShownFigure, Sh
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 
+    from numpy.typing import ArrayLike
     from typing_extensions import Self
 
-    from pneudrive.arrays import Array, Interval, Plain
+    from pneudrive.arrays import Array, Interval, Numbers, Pair, Plain
 
 #: Note of a fit of simulated data.
 SIMULATED = "from simulated recordings"
@@ -257,17 +258,17 @@ class Fit(Viewed):
     TITLE: ClassVar[str]
     WORDS: ClassVar[Plain]
 
-    values: dict[str, float]
+    values: Numbers
     units: dict[str, str]
     free: tuple[str, ...]
     covariance: Array
     intervals: dict[str, Interval]
-    systematic: dict[str, float] = field(default_factory=dict)
-    model_errors: dict[str, float] = field(default_factory=dict)
+    systematic: Numbers = field(default_factory=dict)
+    model_errors: Numbers = field(default_factory=dict)
     sources: dict[str, tuple[str, ...]] = field(default_factory=dict)
     undetermined: tuple[Any, ...] = ()
     notes: tuple[str, ...] = ()
-    statistics: dict[str, float]
+    statistics: Numbers
     provenance: dict[str, Any]
     converged: bool = True
     details: dict[str, dict[str, Any]] = field(default_factory=dict)
@@ -314,7 +315,7 @@ class Fit(Viewed):
         return SIMULATED in self.notes
 
     @property
-    def standard_errors(self) -> dict[str, float]:
+    def standard_errors(self) -> Numbers:
         """Statistical standard error of each free value that has an interval (first order)."""
         every = zip(self.free, np.sqrt(np.maximum(np.diag(self.covariance), 0.0)).tolist(), strict=True)
         return {name: error for name, error in every if name in self.intervals}
@@ -330,7 +331,11 @@ class Fit(Viewed):
     @property
     def correlation(self) -> Array:
         """Correlation matrix in the order of `free`; 0 for values without variance."""
-        spread = np.sqrt(np.maximum(np.diag(self.covariance), 0.0))
+        return self._correlation(0.0)
+
+    def _correlation(self, systematic: ArrayLike) -> Array:
+        """Return the correlation matrix, which independent systematic uncertainties reduce."""
+        spread = np.hypot(np.sqrt(np.maximum(np.diag(self.covariance), 0.0)), systematic)
         out = self.covariance / np.outer(*[np.where(spread > 0.0, spread, np.inf)] * 2)
         np.fill_diagonal(out, 1.0)
         return out
@@ -421,7 +426,7 @@ class Fit(Viewed):
         a, b = (middle_of(gauge_pa, said.get(f"gauge_{side}_pa")) for side, gauge_pa in sides)
         return self._curve(speeds_m_s or said.get("speed_m_s"), (a, b))
 
-    def _curve(self, speeds_m_s: Any, gauges_pa: Interval) -> SlidingCurve:  # noqa: ANN401 - checked below
+    def _curve(self, speeds_m_s: Any, gauges_pa: Pair) -> SlidingCurve:  # noqa: ANN401 - checked below
         """Return the curve between two speeds at the gauge pressures of the chambers."""
         del speeds_m_s, gauges_pa
         raise FitError(f"the {self.TITLE} has no friction to export", rule="a fit of friction or of a drive")
@@ -493,6 +498,9 @@ class Fit(Viewed):
         ends = {key: self.intervals[name] for name, key in keys.items() if name in self.intervals}
         wide = {keys[name]: u for name, u in self.systematic.items() if name in keys}
         values = {key: self.values[name] for name, key in keys.items()}
+        known = {key: self.free.index(name) for name, key in keys.items() if key in ends and name in self.free}
+        known = known if self.covariance.size else {}
+        shares = self._correlation([self.systematic.get(n, 0.0) for n in self.free]) if known else self.covariance
         return Identified(
             values=values,
             intervals={key: whole_interval(values[key], ends[key], wide.get(key, 0.0)) for key in ends},
@@ -501,21 +509,18 @@ class Fit(Viewed):
             or hashlib.sha256(self.toml().encode()).hexdigest()[:HASH_DIGITS],
             file=self.file,
             model_errors={keys[name]: error for name, error in self.model_errors.items() if name in keys},
-            correlations=correlations_of(
-                {name: key for name, key in keys.items() if key in ends and name in self.free},
-                self.free,
-                self.covariance,
-                self.systematic,
-            ),
+            correlations={
+                one: {two: float(shares[i, j]) for two, j in known.items() if two != one} for one, i in known.items()
+            },
         )
 
     # -- the file ---------------------------------------------------------------------------------------------
 
-    def _groups(self) -> tuple[dict[str, float], ...]:
+    def _groups(self) -> tuple[Numbers, ...]:
         """Return the values, one dict for each table of the file."""
         return (self.values,)
 
-    def free_values(self) -> dict[str, float]:
+    def free_values(self) -> Numbers:
         """Return all values with a name in `free`: values of the drive, and others such as those of sensors."""
         return {name: value for group in self._groups() for name, value in group.items()}
 
@@ -680,7 +685,7 @@ class Fit(Viewed):
         """Return tables of recordings and other models."""
         return ()
 
-    def _shown(self) -> dict[str, float]:
+    def _shown(self) -> Numbers:
         """Return the values of the table."""
         return self.free_values()
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pneudrive.arrays import Array, Ints, Plain, by_name
+from pneudrive.arrays import Array, Interval, Ints, Numbers, Pair, Plain, by_name
 from pneudrive.describe.files import toml
 from pneudrive.errors import FitError, nearest
 from pneudrive.estimate.autocorrelation import distinct_levels
@@ -411,8 +411,8 @@ class Limits:
         Settling time before each point.
     """
 
-    speed_m_s: tuple[float, float]
-    gauges_pa: tuple[tuple[float, float], ...] = ((0.0, 0.0),)
+    speed_m_s: Interval
+    gauges_pa: tuple[Pair, ...] = ((0.0, 0.0),)
     stroke_m: float = 0.1
     acceleration_m_s2: float = 5.0
     strokes: int = 1
@@ -453,8 +453,8 @@ class Design(Viewed):
 
     points: tuple[Point, ...]
     criterion: str
-    half_widths_now: dict[str, float]
-    half_widths_then: dict[str, float]
+    half_widths_now: Numbers
+    half_widths_then: Numbers
     seconds: float
     limits: Limits
 
@@ -601,7 +601,7 @@ def _gradients(prior: Prior, at: sliding.Observations) -> Array:
     return np.array([prior.model.value_and_jacobian(q, at)[1] for q in prior.draws])
 
 
-def _half_widths(prior: Prior, matrix: Array, values: int) -> dict[str, float]:
+def _half_widths(prior: Prior, matrix: Array, values: int) -> Numbers:
     """Return half-widths in natural units: the median over the prior samples.
 
     Student's t refers to the number of values after the measurement.

@@ -23,9 +23,9 @@ from pneudrive.simulation.trajectory import meaning
 from pneudrive.units import readable
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Mapping
 
-    from pneudrive.arrays import Array, Interval, Keyed, Plain
+    from pneudrive.arrays import Array, Interval, Keyed, Numbers, Plain
     from pneudrive.describe.drive import Drive
 
 
@@ -215,24 +215,26 @@ def apply_identified(
     DescriptionError
         A value is not valid for the drive.
     """
-    if isinstance(drive, Circuit):
-        return _circuit_with(found, drive)
     changes: dict[str, object] = dict(tables or {})
     if beside is not None:
         found = found.lowered({f"friction.{name}": force for name, force in beside.sliding.items()})
-    drive = with_shape(drive, found.values)
-    known = provenance.marks(drive)
     law = changes.get("friction.law")
-    entry = drive.friction.entry if law is None else friction_laws()[str(law)]
-    known |= {f"friction.{key}": mark for key, mark in parameter_quantities(entry).items()}
-    known |= {name: _chamber(drive, name) for name in found.values if name.endswith((".a", ".b"))}
-    own = {name: p.mark for name, p in numbers_of(drive).items() if name.startswith(("tubing.", "flow_control."))}
-    known |= own
+    if isinstance(drive, Circuit):
+        known = {name: number.mark for name, number in circuit_numbers(drive).items()}
+        own = {name: mark for name, mark in known.items() if not name.startswith("ambient.")}
+    else:
+        drive = with_shape(drive, found.values)
+        known = provenance.marks(drive)
+        entry = drive.friction.entry if law is None else friction_laws()[str(law)]
+        known |= {f"friction.{key}": mark for key, mark in parameter_quantities(entry).items()}
+        known |= {name: _chamber(drive, name) for name in found.values if name.endswith((".a", ".b"))}
+        own = {name: p.mark for name, p in numbers_of(drive).items() if name.startswith(("tubing.", "flow_control."))}
+        known |= own
     found = _off_bounds(found, known)
     for name, value in found.values.items():
         table, _, last = name.rpartition(".")
         if name not in known:
-            raise FitError(f"the fit has {name}, but this drive does not", remedy=nearest(name, known))
+            raise FitError(f"the fit has {name}, but this {drive.file_kind} does not", remedy=nearest(name, known))
         written = _rounded(value, found.intervals.get(name), known[name])
         if name in own:
             changes[name] = {"value": written} | _said(found, name, own[name])
@@ -240,6 +242,8 @@ def apply_identified(
             changes.setdefault(table, _both(drive, table))[last] = written  # type: ignore[index]
         else:
             changes[name] = written
+    if isinstance(drive, Circuit):
+        return drive.replace(changes).read_from(found.file)
     changes |= _within_limits(found, drive, changes)
     if law is None:
         changes |= _assumed(found, drive)
@@ -255,21 +259,6 @@ def apply_identified(
         origins |= replace(found, values=values, intervals=inside, sources=sources).origins(marks)
     origins = {name: origin for name, origin in origins.items() if name not in own}
     return after.replace({"provenance": origins}).read_from(found.file)
-
-
-def _circuit_with(found: Identified, circuit: Circuit) -> Circuit:
-    """Return a circuit with identified values, each with its origin."""
-    known = {name: number.mark for name, number in circuit_numbers(circuit).items()}
-    found = _off_bounds(found, known)
-    changes: dict[str, object] = {}
-    for name, value in found.values.items():
-        if name not in known:
-            raise FitError(f"the fit has {name}, but this circuit does not", remedy=nearest(name, known))
-        written = _rounded(value, found.intervals.get(name), known[name])
-        changes[name] = written
-        if not name.startswith("ambient."):
-            changes[name] = {"value": written} | _said(found, name, known[name])
-    return circuit.replace(changes).read_from(found.file)
 
 
 def _off_bounds(found: Identified, known: Mapping[str, Quantity | StatedPressure | None]) -> Identified:
@@ -311,13 +300,12 @@ def _within_limits(found: Identified, drive: Drive, changed: Keyed) -> dict[str,
     known = drive.friction.parameters
     if len(kept) != 1 or kept[0].removeprefix("friction.") not in known or "friction.law" in changed:
         return {}
-    own = known[kept[0].removeprefix("friction.")]
-    limit = found.values[breakaway if kept == [coulomb] else coulomb]
-    if own <= limit if kept == [coulomb] else own >= limit:
+    name, other = (coulomb, breakaway) if kept == [coulomb] else (breakaway, coulomb)
+    own, limit = known[name.removeprefix("friction.")], found.values[other]
+    if own <= limit if name == coulomb else own >= limit:
         return {}
-    warn(sentence("notes", "limit", name=kept[0], own=own, limit=limit))
-    other = breakaway if kept == [coulomb] else coulomb
-    return {kept[0]: _rounded(limit, found.intervals.get(other), provenance.marks(drive)[other])}
+    warn(sentence("notes", "limit", name=name, own=own, limit=limit))
+    return {name: _rounded(limit, found.intervals.get(other), provenance.marks(drive)[other])}
 
 
 def _chamber(drive: Drive, name: str) -> Quantity | None:
@@ -412,35 +400,6 @@ def joined(names: tuple[str, ...]) -> str:
     return ", ".join(names[:MOST_SOURCES]) + (f" and {more} more" if more > 0 else "")
 
 
-def correlations_of(
-    keys: Mapping[str, str], free: Sequence[str], covariance: Array, systematic: Mapping[str, float]
-) -> dict[str, dict[str, float]]:
-    """Return the correlations of values by their names in the drive file.
-
-    Systematic uncertainties are independent and reduce the correlations.
-
-    Parameters
-    ----------
-    keys : mapping
-        Name in the fit -> name in the drive file.
-    free : sequence of str
-        Names of the rows and columns of `covariance`; without values it is empty.
-    covariance : ndarray, shape (n, n)
-    systematic : mapping
-        Systematic standard uncertainty by name.
-    """
-    if not covariance.size:
-        return {}
-    places = {name: free.index(name) for name in keys}
-    whole = {n: math.hypot(math.sqrt(max(covariance[i, i], 0.0)), systematic.get(n, 0.0)) for n, i in places.items()}
-
-    def share(one: str, other: str) -> float:
-        size = whole[one] * whole[other]
-        return float(covariance[places[one], places[other]]) / size if size > 0.0 else 0.0
-
-    return {keys[one]: {keys[two]: share(one, two) for two in keys if two != one} for one in keys}
-
-
 @dataclass(frozen=True)
 class Dependences:
     """Measured friction modifiers in addition to the sliding law.
@@ -462,7 +421,7 @@ class Dependences:
 
     source: str = ""
     notes: tuple[str, ...] = ()
-    sliding: dict[str, float] = field(default_factory=dict)
+    sliding: Numbers = field(default_factory=dict)
     intervals: dict[str, list[float]] = field(default_factory=dict)
     tables: dict[str, dict[str, Any]] = field(default_factory=dict)
 

@@ -10,7 +10,7 @@ side, the interval is open and the value is not determined.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from itertools import product
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar
@@ -19,7 +19,7 @@ import numpy as np
 from scipy.optimize import OptimizeResult, least_squares
 
 from pneudrive import units
-from pneudrive.arrays import Array, Interval, Plain, by_name
+from pneudrive.arrays import Array, Interval, Numbers, Plain, by_name
 from pneudrive.constants import STANDARD_ATMOSPHERE_PA
 from pneudrive.describe.base import Described
 from pneudrive.describe.files import toml
@@ -33,7 +33,7 @@ from pneudrive.free.parameters import DriveFamily, Parameter
 from pneudrive.identify.base import Fit, FitFile, Undetermined, recording_tables
 from pneudrive.identify.dynamic import search
 from pneudrive.identify.dynamic.fit import noise_of, solve
-from pneudrive.identify.dynamic.problem import FitProblem, FittedRecording, Iterate, SegmentStarts, Shooter
+from pneudrive.identify.dynamic.problem import FitProblem, FittedRecording, Iterate
 from pneudrive.identify.dynamic.result import CORRELATED, LARGEST_REACH, applied_note, warn_of_mixture
 from pneudrive.identify.dynamic.sensors import Channel
 from pneudrive.identify.identified import FittedData, number_table, sentence, sentences
@@ -144,6 +144,8 @@ APART = 0.05
 SHORT_REGION, LAST_SAMPLES = 0.99999, 10
 #: Prior standard deviations of a start: pressure, Pa (practically free), and temperature, K (practically held).
 BELIEF = np.array([1e5, 1e-6])
+#: Sizes of a start, which scale gaps: pressure, Pa, and temperature, K.
+SIZE = np.array([1e4, 10.0])
 
 
 def identify_volume(
@@ -193,9 +195,9 @@ def identify_volume(
     minima, tank = min(tried, key=lambda found: found[0][0][0])
     problem, _ = _problem(tank, records, names, watch)
     options = search.SearchOptions(None, RTOL, threads=1)
-    attempt = solve(problem, minima[0][1], options, watcher)
-    others = _other_minima(attempt.solved, [point for _, point in minima[1:]]) if attempt.converged else []
-    return _result(tank, records, attempt, others, held, options.notes)
+    solved = solve(problem, minima[0][1], options, watcher)
+    others = _other_minima(solved, [point for _, point in minima[1:]]) if solved.converged else []
+    return _result(tank, records, solved, others, held, options.notes)
 
 
 def _linear_regions(tank: Tank, records: list[VolumeRecording]) -> list[Tank]:
@@ -278,19 +280,16 @@ def _problem(tank: Tank, records: list[VolumeRecording], names: list[str], watch
         Parameter(name, path, NUMBERS[name][1], value, 0.0, _upper(tank, name), value)
         for name, path, value in zip(names, family.paths, values, strict=True)
     ]
-    experiments = []
+    experiments, nowhere = [], np.full(2, np.inf)
     for record in records:
         channels = [Channel(column.removesuffix("_pa"), column, "Pa") for column in record.measured]
-        shooter = Shooter(record, list(record.measured), np.zeros(1, np.int64), family, RTOL, 1, watch=watch)
-        state = np.array([[np.median(record.pressure_pa[:3]), tank.start_temperature_k]])
-        nowhere = np.full(2, np.inf)
-        starts = SegmentStarts(state, BELIEF, np.array([1e4, 10.0]), np.zeros(2, dtype=bool), (-nowhere, nowhere))
-        experiments.append(
-            FittedRecording(shooter, channels, starts, np.array([noise_of(c, record, RTOL) for c in channels]))
-        )
+        noise = np.array([noise_of(c, record, RTOL) for c in channels])
+        one = FittedRecording(record, channels, np.zeros(1, np.int64), family, noise, RTOL, 1, watch=watch)
+        one.belief, one.size, one.hidden, one.limits = BELIEF, SIZE, np.ones(2, dtype=bool), (-nowhere, nowhere)
+        experiments.append(one)
     transforms = Transforms([p.lower for p in parameters], [p.upper for p in parameters])
-    point = Iterate(transforms.internal(values), [e.starts.state for e in experiments])
-    return FitProblem(parameters, [], transforms, experiments), point
+    starts = [np.array([[np.median(r.pressure_pa[:3]), tank.start_temperature_k]]) for r in records]
+    return FitProblem(parameters, [], transforms, experiments), Iterate(transforms.internal(values), starts)
 
 
 def _upper(tank: Tank, name: str) -> float:
@@ -312,7 +311,7 @@ def _minima(
             point, at, _ = search.join_segments(problem, Iterate(eta, first.states), first.states, watcher)
         except FitError:
             continue
-        found.append((at.standing.cost, point))
+        found.append((at.cost, point))
     if not found:
         raise FitError("the tank cannot be simulated at the start values", remedy="Give other start values.")
     distinct: list[tuple[float, Iterate]] = []
@@ -330,10 +329,9 @@ def _other_minima(solved: search.Solved, points: list[Iterate]) -> list[search.S
             end, at, converged = search.join_segments(problem, point, solved.believed, None)
         except FitError:
             continue
-        known = [solved, *found]
-        is_new = all(np.abs(end.eta - other.point.eta).max() > APART for other in known)
-        if converged and is_new and at.standing.cost - solved.at.standing.cost < student(solved.freedom) ** 2:
-            found.append(replace(solved, point=end, at=at, information=search.information(problem, at)))
+        is_new = all(np.abs(end.eta - other.point.eta).max() > APART for other in (solved, *found))
+        if converged and is_new and at.cost - solved.at.cost < student(solved.freedom) ** 2:
+            found.append(search.solution(problem, end, solved.believed, at))
     return found
 
 
@@ -349,19 +347,18 @@ def _thinned(record: VolumeRecording) -> VolumeRecording:
 def _result(
     tank: Tank,
     records: list[VolumeRecording],
-    attempt: search.Attempt,
+    solved: search.Solved,
     others: list[search.Solved],
     held: list[Undetermined],
     interrupted: list[str],
 ) -> VolumeFit:
-    solved = attempt.solved
-    problem, at, found = solved.problem, solved.at, solved.information
+    problem = solved.problem
     values = problem.named(solved.point.eta)
-    intervals = {n: _hull(solved, others, n) for n in problem.names} if attempt.converged else {}
+    intervals = {n: _hull(solved, others, n) for n in problem.names} if solved.converged else {}
     lost = [u for n in intervals if (u := _lost(tank, records, n, values[n], *intervals[n]))]
     fitted, rests, shares = {}, [], []
-    for experiment, residual, record in zip(problem.experiments, at.standing.residuals, records, strict=True):
-        experiment.shooter.watch = UNWATCHED
+    for experiment, residual, record in zip(problem.experiments, solved.at.residuals, records, strict=True):
+        experiment.watch = UNWATCHED
         for c, pressure in enumerate(record.measured.values()):
             rest = residual[:, c] * experiment.noise[c]
             name = record.name if pressure is record.pressure_pa else f"{record.name}, inlet"
@@ -369,7 +366,7 @@ def _result(
             rests.append(rest)
             shares.append(rms(rest) / float(np.ptp(pressure) or 1.0))
     off = np.concatenate(rests)
-    tau = float(np.median([tau for _, tau in found.inflation.values()]))
+    tau = float(np.median([tau for _, tau in solved.inflation.values()]))
     return VolumeFit(
         values=values,
         units={name: NUMBERS[name][1] for name in values},
@@ -378,7 +375,7 @@ def _result(
         intervals=intervals,
         undetermined=(*held, *lost),
         notes=(
-            *_notes(tank, attempt, tau, interrupted),
+            *_notes(tank, solved, tau, interrupted),
             *_alternatives(others),
             *applied_note(solved, {u.parameter for u in lost}),
         ),
@@ -389,7 +386,7 @@ def _result(
             "noise.pressure": float(np.sqrt(np.sum(off**2) / solved.freedom)),
             "correlation_time.samples": tau,
         },
-        converged=attempt.converged,
+        converged=solved.converged,
         provenance=origin(
             tank,
             records,
@@ -405,7 +402,7 @@ def _result(
 
 def _hull(solved: search.Solved, others: list[search.Solved], name: str) -> Interval:
     """Return the union of intervals over all minima, with the cost limit relative to the best minimum."""
-    ends = [search.profile(minimum, name, least=solved.at.standing.cost) for minimum in (solved, *others)]
+    ends = [search.profile(minimum, name, least=solved.at.cost) for minimum in (solved, *others)]
     return min(low for low, _ in ends), max(high for _, high in ends)
 
 
@@ -450,16 +447,16 @@ def _alternatives(others: list[search.Solved]) -> list[str]:
     return notes
 
 
-def _notes(tank: Tank, attempt: search.Attempt, tau: float, interrupted: list[str]) -> list[str]:
+def _notes(tank: Tank, solved: search.Solved, tau: float, interrupted: list[str]) -> list[str]:
     notes = []
     if tank.line is not None and tank.line.linear_above == SHORT_REGION:
         notes.append(f"line.linear_above = {SHORT_REGION:g} fits the end of the recordings better than the default")
-    if not attempt.converged:
+    if not solved.converged:
         notes += interrupted or ["the search did not converge, so there are no intervals; give other start values"]
     if tank.volume.start_temperature_k is None:
         notes.append(sentence("notes", "wall_start", kelvin=tank.start_temperature_k))
-    if attempt.missed:
-        notes.append(sentence("notes", "tank_misfit", ratio=max(attempt.missed.values())))
+    if solved.missed:
+        notes.append(sentence("notes", "tank_misfit", ratio=max(solved.missed.values())))
     elif tau > CORRELATED:
         notes.append(f"residuals are correlated over {tau:.0f} samples; intervals are widened for it")
     return notes
@@ -541,7 +538,7 @@ class RegulatorFit(Fit, kind="regulator-fit"):
     """
 
     name: str
-    runs: dict[str, dict[str, float]]
+    runs: dict[str, Numbers]
 
     def findings(self) -> tuple[Finding, ...]:
         """Return the undetermined values."""
@@ -639,7 +636,7 @@ def identify_regulator(
     )
 
 
-def _named(point: Array) -> dict[str, float]:
+def _named(point: Array) -> Numbers:
     return by_name(REGULATOR_UNITS, REGULATOR_SCALES.natural(point))
 
 

@@ -17,7 +17,7 @@ from oracle.drive_records import record
 from pneudrive.errors import Cancelled, FitError, PneudriveWarning
 from pneudrive.free.parameters import chosen, family_of
 from pneudrive.identify import fit_friction
-from pneudrive.identify.dynamic.problem import Shooter
+from pneudrive.identify.dynamic.problem import FittedRecording
 from pneudrive.identify.dynamic.result import DriveFit
 
 pytestmark = pytest.mark.filterwarnings("ignore::pneudrive.errors.PneudriveWarning")
@@ -197,7 +197,7 @@ def test_a_search_is_cancelled_within_a_run_of_the_core(monkeypatch) -> None:
         def is_set(self) -> bool:
             return self.runs
 
-    flag, plain = WhileItRuns(), Shooter._shoot
+    flag, plain = WhileItRuns(), FittedRecording._shoot
 
     def shoot(self, *args, **kwargs):
         flag.runs = True
@@ -206,7 +206,7 @@ def test_a_search_is_cancelled_within_a_run_of_the_core(monkeypatch) -> None:
         finally:
             flag.runs = False
 
-    monkeypatch.setattr(Shooter, "_shoot", shoot)
+    monkeypatch.setattr(FittedRecording, "_shoot", shoot)
     truth = pn.Drive.load("catalogue:reference")
     made = record(truth, 4, 4.0, steps=[(0.02 * i, 0.3 * (-1.0) ** i) for i in range(200)])
     with pytest.raises(Cancelled):

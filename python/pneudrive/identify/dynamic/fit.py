@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
     from pathlib import Path
 
-    from pneudrive.arrays import Array, Interval
+    from pneudrive.arrays import Array, Interval, Numbers, Pair
     from pneudrive.describe import Drive
     from pneudrive.identify.dynamic.sensors import SensorParameter
     from pneudrive.signals.drive_recording import DriveRecording, VolumeRecording
@@ -212,20 +212,18 @@ def identify(
     parameters = _resolvable(drive, chosen(drive, free), records, described, options)
     watcher = search.Watcher(progress, Watch(cancel=cancel))
 
-    def attempt(values: Array | None) -> search.Attempt:
+    def attempt(values: Array | None) -> search.Solved:
         start = None if values is None else values[: len(parameters)]
         problem, point = _problem(drive, parameters, records, present, described, options, watcher.watch, start)
         return solve(problem, point, options, watcher)
 
     best = _best_of_attempts(attempt, options)
-    for experiment in best.solved.problem.experiments:
-        experiment.shooter.watch = UNWATCHED  # later calls on the fit have their own watch
+    for experiment in best.problem.experiments:
+        experiment.watch = UNWATCHED  # later calls on the fit have their own watch
     return assembled(drive, best, options, watcher.count)
 
 
-def _best_of_attempts(
-    attempt: Callable[[Array | None], search.Attempt], options: search.SearchOptions
-) -> search.Attempt:
+def _best_of_attempts(attempt: Callable[[Array | None], search.Solved], options: search.SearchOptions) -> search.Solved:
     """Repeat the search with shorter segments, as long as that helps, if the first search does not fit the motion.
 
     Errors of short segments are small even for wrong values. A search with short segments therefore avoids local
@@ -245,7 +243,7 @@ def _best_of_attempts(
             break
     options.segment_s = SEGMENT_S
     for lengths_s in (search.LADDER_S, search.SECOND_LADDER_S):
-        best = min(tried, key=search.Attempt.rank)
+        best = min(tried, key=search.Solved.rank)
         nearest = min(tried, key=lambda one: one.score)
         helped = not best.converged or nearest.score < best.score - GAIN
         if options.interrupted or best.good or not helped:
@@ -255,10 +253,10 @@ def _best_of_attempts(
         if options.last_attempt:
             options.rtol *= LAST_RTOL
         try:
-            tried.append(attempt(nearest.solved.problem.values(nearest.solved.point.eta)))
+            tried.append(attempt(nearest.problem.values(nearest.point.eta)))
         except FitError:
             break
-    return min(tried, key=search.Attempt.rank)
+    return min(tried, key=search.Solved.rank)
 
 
 def _resolvable(
@@ -302,28 +300,21 @@ def _problem(
     """Return the fit problem (recordings in segments) and the starts of segments, from start values."""
     family = family_of(drive, parameters, options.axis)
     values = np.array([p.value for p in parameters]) if values is None else values
-    experiments = []
+    experiments, states = [], []
     for record, names in zip(records, present, strict=True):
         own = [described[name] for name in names]
         starts = shooting.segment_starts(record.time_s, options.first_segment_s(record))
-        outputs = [c.column for c in own]
-        delay_s, threads = options.delay_s or 0.0, options.threads
-        shooter = shooting.Shooter(record, outputs, starts, family, options.rtol, threads, delay_s, watch)
         noise = np.array([noise_of(c, record, options.rtol) for c in own])
-        inner = shooter.inner_states(values)
-        state, spread = shooting.measured_starts(shooter, own, noise, drive, inner)
-        experiments.append(
-            shooting.FittedRecording(shooter, own, shooting.observed(shooter, values, state, spread, inner), noise)
-        )
+        how = options.rtol, options.threads, options.delay_s or 0.0, watch
+        experiments.append(shooting.FittedRecording(record, own, starts, family, noise, *how))
+        states.append(shooting.start_states(experiments[-1], drive, values))
     free_sensors = sensing.sensor_parameters(
         list(described.values()), [r.name for r in records], [set(p) for p in present], delay=options.delay_s is None
     )
     transforms = transforms_of(parameters, free_sensors, drive)
     problem = shooting.FitProblem(parameters, free_sensors, transforms, experiments)
-    return problem, shooting.Iterate(
-        transforms.internal(np.r_[values, [sensing.START[s.kind] for s in free_sensors]]),
-        [e.starts.state.copy() for e in experiments],
-    )
+    first = transforms.internal(np.r_[values, [sensing.START[s.kind] for s in free_sensors]])
+    return problem, shooting.Iterate(first, states)
 
 
 def _least_noise(channel: sensing.Channel, rtol: float) -> float:
@@ -339,14 +330,14 @@ def noise_of(channel: sensing.Channel, record: DriveRecording | VolumeRecording,
 
 def solve(
     problem: shooting.FitProblem, point: shooting.Iterate, options: search.SearchOptions, watcher: search.Watcher
-) -> search.Attempt:
+) -> search.Solved:
     """Search, and estimate the noise of the sensors from the residuals, until the noise converges.
 
     If a search stops early, its residuals are not used as noise before the last attempt.
     """
     converged = False
     watcher.point, at = point, None
-    family = problem.experiments[0].shooter.family
+    family = problem.experiments[0].family
     believed = [s.copy() for s in point.states]
     try:
         if options.segment_s is not None:
@@ -358,7 +349,7 @@ def solve(
             if is_whole:
                 point = _regrouped(problem, point, None)
                 for experiment in problem.experiments:  # the solver's error adds up over a long segment
-                    experiment.shooter.rtol = max(LAST_RTOL * options.rtol, 1e-12)
+                    experiment.rtol = max(LAST_RTOL * options.rtol, 1e-12)
             for _ in range(NOISE_ROUNDS):
                 point, at, converged = search.join_segments(problem, point, believed, watcher)
                 if not (converged or options.last_attempt) or not _renew_noise(problem, at, options.rtol):
@@ -375,20 +366,17 @@ def solve(
         if isinstance(shots, str):
             raise FitError("the search ended at values for which the drive cannot be simulated", value=shots)
         at = search.linearise(problem, point, believed, shots)
-    found = search.information(problem, at)
-    measured = int(sum(e.weight.sum() for e in problem.experiments))
-    freedom = measured - problem.size - sum(s.shape[1] for s in point.states)
-    solved = search.Solved(problem, point, believed, at, found, max(freedom, 1))
-    over = over_noise(solved)
+    over = _over_noise(problem, at)
     missed = {name: ratio for name, ratio in over.items() if ratio > MISFIT and not options.interrupted}
     score = float(np.mean(np.log([max(ratio, 1e-9) for ratio in over.values()])))
-    return search.Attempt(solved, converged, missed, score, options.segment_s)
+    found = search.solution(problem, point, believed, at)
+    return replace(found, converged=converged, missed=missed, score=score, segment_s=options.segment_s)
 
 
-def over_noise(solved: search.Solved) -> dict[str, float]:
+def _over_noise(problem: shooting.FitProblem, at: search.Misfit) -> Numbers:
     """Return the residuals of each channel in the worst recording, relative to its sample-to-sample noise."""
-    worst: dict[str, float] = {}
-    for experiment, residual in zip(solved.problem.experiments, solved.at.standing.residuals, strict=True):
+    worst: Numbers = {}
+    for experiment, residual in zip(problem.experiments, at.residuals, strict=True):
         for c, channel in enumerate(experiment.channels):
             used = experiment.weight[:, c] > 0.0
             own = experiment.noise[c] * rms(residual[used, c])
@@ -401,18 +389,18 @@ def _regrouped(problem: shooting.FitProblem, point: shooting.Iterate, length_s: 
     """Join the short segments of the first phase to longer ones with the same starts."""
     states = []
     for experiment, state in zip(problem.experiments, point.states, strict=True):
-        old = experiment.shooter.starts
-        wanted = shooting.segment_starts(experiment.shooter.recording.time_s, length_s)
+        old = experiment.starts
+        wanted = shooting.segment_starts(experiment.recording.time_s, length_s)
         kept = np.unique(np.abs(old[:, None] - wanted).argmin(axis=0))
-        experiment.shooter = replace(experiment.shooter, starts=old[kept])
+        experiment.starts = old[kept]
         states.append(state[kept])
     return shooting.Iterate(point.eta, states)
 
 
-def _renew_noise(problem: shooting.FitProblem, at: search.Joined, rtol: float) -> bool:
+def _renew_noise(problem: shooting.FitProblem, at: search.Misfit, rtol: float) -> bool:
     """Estimate noise that is not stated from the residuals; return whether the noise changed."""
     changed = False
-    for experiment, residual in zip(problem.experiments, at.standing.residuals, strict=True):
+    for experiment, residual in zip(problem.experiments, at.residuals, strict=True):
         for c, channel in enumerate(experiment.channels):
             if channel.noise:
                 continue
@@ -532,7 +520,7 @@ def identify_presliding(
     )
 
 
-def _lost(step: float, level: float, values: dict[str, float], ends: dict[str, Interval]) -> tuple[Undetermined, ...]:
+def _lost(step: float, level: float, values: Numbers, ends: dict[str, Interval]) -> tuple[Undetermined, ...]:
     unresolved = unresolved_damping(step, level, values[STIFFNESS])
     remedies = {STIFFNESS: "reverse more slowly and more often, with a finer encoder"}
     remedies |= {} if unresolved else {DAMPING: "reverse at several speeds, some of them ten times faster"}
@@ -573,7 +561,7 @@ def _swing(reversal: Array) -> float:
     return float(np.median(reversal[1, reversal.shape[1] * 3 // 4 :]))
 
 
-def _slope(reversal: Array, step: float) -> tuple[float, float] | None:
+def _slope(reversal: Array, step: float) -> Pair | None:
     """Return the slopes of friction over displacement at the reversal and over speed, by least squares.
 
     The model is x = b (F - s v) + c F^2, because friction is more accurate than a displacement of a few encoder steps.

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pneudrive.arrays import Array, Bools, Ints, by_name
+from pneudrive.arrays import Array, ArrayPair, Bools, Ints, Numbers, by_name
 from pneudrive.describe.circuit import Circuit
 from pneudrive.errors import FitError
 from pneudrive.free.parameters import COMMAND_STEPS, DriveFamily, Parameter, at_rest
@@ -54,37 +54,61 @@ class Shot:
 
 
 @dataclass
-class Shooter:
-    """Runner of the segments of one recording.
+class FittedRecording:
+    """Recording in the fit: its segments, their runs, and the measured channels.
 
     Parameters
     ----------
     recording : DriveRecording
-    outputs : sequence of str
-        Requested columns of the core.
+    channels : list of Channel
+        The c compared channels.
     starts : ndarray of int, shape (k,)
         Samples at which segments begin.
     family : DriveFamily
+    noise : ndarray, shape (c,)
+        Standard deviations that weight the channels.
     rtol : float
     threads : int
     delay_s : float
         Default delay of the valve after the command, s.
     watch : Watch
         Checked during each run.
+
+    Attributes
+    ----------
+    measured, weight : ndarray, shape (n, c)
+        Measurements, and 1 or 0 for missing ones.
+    belief, size : ndarray, shape (s,)
+        Prior standard deviations and relevant changes of the start states.
+    hidden : ndarray of bool, shape (s,)
+        Mask of unmeasured start states.
+    limits : (ndarray, ndarray), shape (s,)
+        Bounds of a start; infinite for measured states.
     """
 
     recording: DriveRecording
-    outputs: Sequence[str]
+    channels: list[Channel]
     starts: Ints
     family: DriveFamily
+    noise: Array
     rtol: float
     threads: int
     delay_s: float = 0.0
     watch: Watch = UNWATCHED
+    belief: Array = field(init=False)
+    size: Array = field(init=False)
+    hidden: Bools = field(init=False)
+    limits: ArrayPair = field(init=False)
 
-    def inner_states(self, values: Array) -> list[str]:
-        """Names of the start states other than piston and chambers: states of friction, gas of tubes."""
-        return list(self.family.core(values).segment_names[6:])
+    def __post_init__(self) -> None:
+        self.measured = np.stack([self.recording[c.column] for c in self.channels], axis=1)
+        self.weight = np.isfinite(self.measured).astype(float)
+
+    @property
+    def segments(self) -> list[slice]:
+        """Samples of each segment."""
+        edges = [*self.starts.tolist(), self.measured.shape[0]]
+        return [slice(a, b) for a, b in pairwise(edges)]
 
     def run(
         self,
@@ -94,6 +118,7 @@ class Shooter:
         derivatives: bool = True,
         by_start: Ints | None = None,
         delay_s: float | None = None,
+        outputs: Sequence[str] = (),
     ) -> Shot:
         """Run all segments.
 
@@ -109,6 +134,8 @@ class Shooter:
             Columns of the starts for derivatives, default: all; others are zero.
         delay_s : float, optional
             Free delay of the command: its derivatives follow those by the values.
+        outputs : sequence of str, optional
+            Columns of the core; default: those of the channels.
 
         Raises
         ------
@@ -117,7 +144,7 @@ class Shooter:
         """
         try:
             core = self.family.core(values)
-            found = self._shoot(core, initial, delay_s, derivatives=derivatives, by_start=by_start)
+            found = self._shoot(core, initial, delay_s, derivatives=derivatives, by_start=by_start, outputs=outputs)
             slopes = self._slopes_by_command(values, initial, delay_s) if derivatives else []
         except ValueError as error:
             raise FitError(f"the core rejects a drive of the search: {error}") from None
@@ -174,6 +201,7 @@ class Shooter:
         *,
         derivatives: bool = False,
         by_start: Ints | None = None,
+        outputs: Sequence[str] = (),
     ) -> CoreShot:
         times, commands = delayed(*self.recording.steps, self.delay_s if delay_s is None else delay_s)
         asked: Shooting = {
@@ -184,14 +212,14 @@ class Shooter:
             "initial": np.ascontiguousarray(initial),
             "parameters": self.family.exact if derivatives else [],
             "with_initial": derivatives if by_start is None or not derivatives else by_start.tolist(),
-            "outputs": list(self.outputs),
+            "outputs": list(outputs) or [c.column for c in self.channels],
             "rtol": self.rtol,
             "threads": self.threads,
         }
         return self.family.shoot(core, asked, lambda _: self.watch.look())
 
 
-def delayed(times: Array, commands: Array, delay_s: float) -> tuple[Array, Array]:
+def delayed(times: Array, commands: Array, delay_s: float) -> ArrayPair:
     """Shift the steps of a command in time. The first step keeps its time."""
     if delay_s == 0.0:
         return times, commands
@@ -218,29 +246,6 @@ def segment_starts(time_s: Array, length_s: float | None) -> Ints:
     wanted = time_s[0] + total * np.arange(count) / count
     starts = np.unique(np.searchsorted(time_s, wanted - 1e-9 * total))
     return starts[starts < time_s.size - 1].astype(np.int64)
-
-
-@dataclass
-class FittedRecording:
-    """Recording in the fit. `noise` has the standard deviations that weight its channels."""
-
-    shooter: Shooter
-    channels: list[Channel]
-    starts: SegmentStarts
-    noise: Array
-    measured: Array = field(init=False)
-    weight: Array = field(init=False)
-
-    def __post_init__(self) -> None:
-        recording = self.shooter.recording
-        self.measured = np.stack([recording[c.column] for c in self.channels], axis=1)
-        self.weight = np.isfinite(self.measured).astype(float)
-
-    @property
-    def segments(self) -> list[slice]:
-        """Samples of each segment."""
-        edges = [*self.shooter.starts.tolist(), self.measured.shape[0]]
-        return [slice(a, b) for a, b in pairwise(edges)]
 
 
 @dataclass(frozen=True)
@@ -289,7 +294,7 @@ class FitProblem:
     @property
     def records(self) -> list[DriveRecording]:
         """Recordings of the fit."""
-        return [experiment.shooter.recording for experiment in self.experiments]
+        return [experiment.recording for experiment in self.experiments]
 
     @property
     def offsets(self) -> Bools:
@@ -305,7 +310,7 @@ class FitProblem:
         """Return the free values of the drive and the sensors, SI."""
         return self.transforms.natural(eta)
 
-    def named(self, eta: Array) -> dict[str, float]:
+    def named(self, eta: Array) -> Numbers:
         """Return the free values by name, SI."""
         return by_name(self.names, self.values(eta))
 
@@ -313,10 +318,10 @@ class FitProblem:
         """Return the cost of the deviation from prior knowledge."""
         return float(self.prior @ eta**2)
 
-    def rms(self, residuals: list[Array]) -> dict[str, float]:
+    def rms(self, residuals: list[Array]) -> Numbers:
         """Return the root mean square of each channel's residuals, SI."""
-        power: dict[str, float] = {}
-        count: dict[str, float] = {}
+        power: Numbers = {}
+        count: Numbers = {}
         for experiment, residual in zip(self.experiments, residuals, strict=True):
             for c, channel in enumerate(experiment.channels):
                 own = np.sum((residual[:, c] * experiment.noise[c]) ** 2)
@@ -334,20 +339,20 @@ class FitProblem:
         shots = []
         for i, (experiment, states) in enumerate(zip(self.experiments, point.states, strict=True)):
             delay_s = float(values[self.delays[i]]) if i in self.delays else None
-            hidden = np.flatnonzero(~experiment.starts.measured) if reset else None
-            shot = experiment.shooter.run(
+            hidden = np.flatnonzero(experiment.hidden) if reset else None
+            shot = experiment.run(
                 values[: self.drive_size], states, derivatives=derivatives, by_start=hidden, delay_s=delay_s
             )
             if shot.failures:
                 j, why = next(iter(shot.failures.items()))
-                record = experiment.shooter.recording
-                return f"{record.name}, segment from {record.time_s[experiment.shooter.starts[j]]:g} s: {why}"
+                record = experiment.recording
+                return f"{record.name}, segment from {record.time_s[experiment.starts[j]]:g} s: {why}"
             shots.append(shot)
         return shots
 
     def possible(self, point: Iterate) -> Iterate:
         """Project unmeasured states onto their bounds."""
-        states = [np.clip(s, *e.starts.limits) for s, e in zip(point.states, self.experiments, strict=True)]
+        states = [np.clip(s, *e.limits) for s, e in zip(point.states, self.experiments, strict=True)]
         return Iterate(point.eta, states)
 
     def by_coordinates(self, index: int, shot_by_parameter: Array, eta: Array) -> Array:
@@ -360,7 +365,7 @@ class FitProblem:
             out[..., place] = shot_by_parameter[..., p] * self.sensors[place - p].size
         return out
 
-    def measure(self, index: int, eta: Array, where: slice, outputs: Array, derivatives: Array) -> tuple[Array, Array]:
+    def measure(self, index: int, eta: Array, outputs: Array, derivatives: Array) -> ArrayPair:
         """Pass outputs through the sensors and compare them with the measurements, in units of the noise.
 
         Parameters
@@ -368,8 +373,6 @@ class FitProblem:
         index : int
             Recording.
         eta : ndarray, shape (P,)
-        where : slice
-            Samples.
         outputs : ndarray, shape (n, c)
         derivatives : ndarray, shape (n, c, P + more)
             Derivatives with respect to the global coordinates (zeros for the sensors), then to others.
@@ -382,7 +385,7 @@ class FitProblem:
             Derivatives of the model, over the noise.
         """
         experiment, values = self.experiments[index], self.values(eta)
-        time = experiment.shooter.recording.time_s[where]
+        time = experiment.recording.time_s
         model, slopes = np.empty_like(outputs), np.empty_like(derivatives)
         for c, channel in enumerate(experiment.channels):
             own = ((i, s) for i, s in enumerate(self.sensors) if s.channel == channel.name)
@@ -402,8 +405,8 @@ class FitProblem:
             if "lag" in number:  # differentiate lag h' + h = u by the lag
                 rate = (outputs[:, c] - h) / lag
                 slopes[:, c, self.drive_size + number["lag"]] -= gain * lag * lagged(time, rate, lag)
-        weight = experiment.weight[where] / experiment.noise
-        residual = np.where(weight > 0.0, experiment.measured[where] - model, 0.0) * weight
+        weight = experiment.weight / experiment.noise
+        residual = np.where(weight > 0.0, experiment.measured - model, 0.0) * weight
         return residual, slopes * weight[:, :, None]
 
 
@@ -447,43 +450,13 @@ DISTINCT_PA = (110001.0, 130003.0)
 SIZE = np.array([1e-3, 1e-2, 1e4, 10.0, 1e4, 10.0])
 
 
-@dataclass(frozen=True)
-class SegmentStarts:
-    """Starts of the segments of one recording.
-
-    Attributes
-    ----------
-    state : ndarray, shape (k, s)
-    belief : ndarray, shape (s,)
-        Prior standard deviations.
-    size : ndarray, shape (s,)
-        Relevant change of each state.
-    measured : ndarray of bool, shape (s,)
-        Mask of measured columns.
-    limits : (ndarray, ndarray), shape (s,)
-        Bounds of a start; infinite for measured columns.
-    """
-
-    state: Array
-    belief: Array
-    size: Array
-    measured: Bools
-    limits: tuple[Array, Array]
-
-
-def measured_starts(
-    shooter: Shooter, channels: list[Channel], noise: Array, drive: Drive | Circuit, inner: list[str]
-) -> tuple[Array, Array]:
+def measured_starts(experiment: FittedRecording, drive: Drive | Circuit, inner: list[str]) -> ArrayPair:
     """Return starts from smoothed signals. Unmeasured states have the values of a drive at rest.
 
     Parameters
     ----------
-    shooter : Shooter
-        Runner of k segments.
-    channels : list of Channel
-        The c measured channels.
-    noise : ndarray, shape (c,)
-        Noise of the channels.
+    experiment : FittedRecording
+        Recording in k segments.
     drive : Drive or Circuit
     inner : list of str
         Further states: those of friction start at zero, gas of tubes at the pressure of its chamber.
@@ -493,19 +466,19 @@ def measured_starts(
     ndarray, shape (k, 6 + inner), ndarray, shape (6 + inner,)
         Starts, and standard deviations of measured columns; NaN for others.
     """
-    ambient, piston = drive.ambient, shooter.family.piston
-    recording, starts = shooter.recording, shooter.starts
-    usual = [0.5 * shooter.family.get(f"{piston}.stroke"), 0.0]
+    ambient, piston = drive.ambient, experiment.family.piston
+    recording, starts = experiment.recording, experiment.starts
+    usual = [0.5 * experiment.family.get(f"{piston}.stroke"), 0.0]
     usual += [ambient.pressure_pa, ambient.temperature_k] * 2
     usual += [0.0] * len(inner)
     state = np.tile(np.array(usual), (starts.size, 1))
     spread = np.full(state.shape[1], np.nan)
-    for channel, white in zip(channels, noise, strict=True):
+    for channel, white in zip(experiment.channels, experiment.noise, strict=True):
         column = _MEASURED.get(channel.name)
         if column is None:
             continue
         values = (recording[channel.column] - channel.offset) / channel.gain
-        state[:, column], slope, sloping = _smoothed(recording.time_s, values, starts, float(white), shooter.watch)
+        state[:, column], slope, sloping = _smoothed(recording.time_s, values, starts, float(white), experiment.watch)
         spread[column] = np.hypot(white, channel.offset_spread)
         if channel.name == "position" and "velocity_m_s" not in recording:
             state[:, VELOCITY] = slope
@@ -513,7 +486,7 @@ def measured_starts(
     for column in (PRESSURE_A, PRESSURE_B):
         state[:, column] = np.maximum(state[:, column], 0.1 * ambient.pressure_pa)
     chambers = (state[:, PRESSURE_A], state[:, PRESSURE_B])
-    start: dict[str, float] = {}
+    start: Numbers = {}
     if isinstance(drive, Circuit):
         a, b = DISTINCT_PA
         distinct = {f"{piston}.a": f"{a} Pa abs", f"{piston}.b": f"{b} Pa abs"}
@@ -529,17 +502,20 @@ def measured_starts(
     return state, spread
 
 
-def observed(shooter: Shooter, values: Array, state: Array, spread: Array, names: list[str]) -> SegmentStarts:
-    """Return starts with unmeasured states from the model: gas temperatures, bristles, gas of tubes.
+def start_states(experiment: FittedRecording, drive: Drive | Circuit, values: Array) -> Array:
+    """Return the starts of the segments, shape (k, s), and set their priors, sizes and limits.
 
-    All segments are run repeatedly, and each takes unmeasured states from the end of the previous segment. A wrong
-    guess decays after a few rounds. `names` are the start states other than piston and chambers.
+    Unmeasured states come from the model: gas temperatures, bristles, gas of tubes. All segments are run repeatedly,
+    and each takes unmeasured states from the end of the previous segment. A wrong guess decays after a few rounds.
     """
-    hidden = np.flatnonzero(np.isnan(spread))
+    names = experiment.family.core(values).segment_names[6:]  # states of friction, gas of tubes
+    state, spread = measured_starts(experiment, drive, names)
+    experiment.hidden = np.isnan(spread)
+    hidden = np.flatnonzero(experiment.hidden)
     inner = state.shape[1] - BELIEF.size
     most = np.zeros(inner)
     for _ in range(ROUNDS):
-        shot = shooter.run(values, state, derivatives=False)
+        shot = experiment.run(values, state, derivatives=False)
         good = [j for j in range(len(state) - 1) if j not in shot.failures]
         for j in good:
             state[j + 1, hidden] = shot.ends[j, hidden]
@@ -552,19 +528,19 @@ def observed(shooter: Shooter, values: Array, state: Array, spread: Array, names
         if name.endswith((_PRESSURE, _TEMPERATURE)):
             of = PRESSURE_A if name.endswith(_PRESSURE) else TEMPERATURE_A
             most[i], size[i] = BELIEF[of], SIZE[of]
-    belief = np.r_[
-        BELIEF, most
-    ]  # wide also for measured columns, as the samples are more accurate than their smoothed start
-    reach = np.where(np.isnan(spread), POSSIBLE * belief, np.inf)
+    # wide also for measured columns, as the samples are more accurate than their smoothed start
+    belief = experiment.belief = np.r_[BELIEF, most]
+    experiment.size = np.r_[SIZE, size]
+    reach = np.where(experiment.hidden, POSSIBLE * belief, np.inf)
     grows, is_gas = np.zeros(belief.size, dtype=bool), np.arange(belief.size) > VELOCITY
     grows[BELIEF.size :] = [name in GROWING for name in names]
     is_gas[BELIEF.size :] = [name.endswith((_PRESSURE, _TEMPERATURE)) for name in names]
     lowest = state.min(axis=0)
-    limits = (
-        np.where(is_gas & np.isnan(spread), np.maximum(lowest - reach, LEAST_SHARE * lowest), lowest - reach),
+    experiment.limits = (
+        np.where(is_gas & experiment.hidden, np.maximum(lowest - reach, LEAST_SHARE * lowest), lowest - reach),
         np.where(grows, np.inf, state.max(axis=0) + reach),
     )
-    return SegmentStarts(state, belief, np.r_[SIZE, size], ~np.isnan(spread), limits)
+    return state
 
 
 def _smoothed(time_s: Array, values: Array, at: Ints, noise: float, watch: Watch) -> tuple[Array, Array, float]:

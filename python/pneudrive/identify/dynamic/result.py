@@ -16,7 +16,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Any
@@ -24,7 +24,7 @@ from typing import Any
 import numpy as np
 
 from pneudrive import __version__, _core
-from pneudrive.arrays import Array, Interval, Keyed, Plain, by_name
+from pneudrive.arrays import Array, Interval, Keyed, Numbers, Pair, Plain, by_name
 from pneudrive.describe import Circuit, Drive
 from pneudrive.errors import FitError, PneudriveError, warn
 from pneudrive.estimate.estimates import rms, student
@@ -33,7 +33,7 @@ from pneudrive.files.inputs import INPUTS, inputs_of
 from pneudrive.free.parameters import DriveFamily, Parameter, family_of, numbers_of
 from pneudrive.identify.base import HASH_DIGITS, SIMULATED, Fit, FitFile, Undetermined, recording_tables
 from pneudrive.identify.dynamic.problem import Iterate
-from pneudrive.identify.dynamic.search import Attempt, SearchOptions, Solved, profile
+from pneudrive.identify.dynamic.search import SearchOptions, Solved, profile
 from pneudrive.identify.dynamic.sensors import CHANNELS
 from pneudrive.identify.export import SlidingCurve, curve_of_drive
 from pneudrive.identify.identified import FittedData, apply_identified, remedy_for, sentence, stated
@@ -85,7 +85,7 @@ class DriveFit(Fit, kind="drive"):
         Description with the start values of the search.
     """
 
-    sensors: dict[str, float]
+    sensors: Numbers
     start: Drive | Circuit = field(repr=False)
     fits: bool = True
     solved: Solved | None = field(repr=False, default=None)
@@ -97,7 +97,7 @@ class DriveFit(Fit, kind="drive"):
             return "not converged: the best so far, without intervals"
         return "converged" if self.fits else "converged, but the model does not fit"
 
-    def sensors_of(self, recording: str) -> dict[str, dict[str, float]]:
+    def sensors_of(self, recording: str) -> dict[str, Numbers]:
         """Return the fitted errors of the sensors of a recording, in the form for `pn.validate`.
 
         Parameters
@@ -149,12 +149,12 @@ class DriveFit(Fit, kind="drive"):
             self.identified_as({n: n for n in self.determined}), self.start if drive is None else drive
         )
 
-    def _curve(self, speeds_m_s: Any, gauges_pa: tuple[float, float]) -> SlidingCurve:  # noqa: ANN401 - checked
+    def _curve(self, speeds_m_s: Any, gauges_pa: Pair) -> SlidingCurve:  # noqa: ANN401 - checked
         if isinstance(self.start, Circuit):
             raise FitError(**stated("application", "circuit"))
         return curve_of_drive(self.apply(), speeds_m_s, *gauges_pa)
 
-    def _groups(self) -> tuple[dict[str, float], ...]:
+    def _groups(self) -> tuple[Numbers, ...]:
         return self.values, self.sensors
 
     def _first(self) -> Plain:
@@ -253,26 +253,26 @@ def applied_note(solved: Solved, kept: Collection[str]) -> list[str]:
     return [f"{words}the error of a free run of this mixture is {', '.join(errors)}, rms"]
 
 
-def _free_run(solved: Solved, values: Array) -> dict[str, float]:
+def _free_run(solved: Solved, values: Array) -> Numbers:
     """Return the root mean square error of each channel of free runs, SI; empty if a run fails."""
-    problem, whole = solved.problem, np.zeros(1, dtype=np.int64)
-    shooters = [experiment.shooter for experiment in problem.experiments]
+    problem = solved.problem
+    segments = [experiment.starts for experiment in problem.experiments]
     point = Iterate(problem.transforms.internal(values), [states[:1] for states in solved.point.states])
     try:
         for experiment in problem.experiments:
-            experiment.shooter = replace(experiment.shooter, starts=whole)
+            experiment.starts = np.zeros(1, dtype=np.int64)
         shots = problem.run(point, derivatives=False)
         if isinstance(shots, str):
             return {}
         return problem.rms([
-            problem.measure(i, point.eta, slice(None), s.outputs, np.zeros((*s.outputs.shape, problem.size)))[0]
+            problem.measure(i, point.eta, s.outputs, np.zeros((*s.outputs.shape, problem.size)))[0]
             for i, s in enumerate(shots)
         ])  # fmt: skip
     except FitError:  # the core rejects such a drive
         return {}
     finally:
-        for experiment, shooter in zip(problem.experiments, shooters, strict=True):
-            experiment.shooter = shooter
+        for experiment, starts in zip(problem.experiments, segments, strict=True):
+            experiment.starts = starts
 
 
 #: Relative error of each term of a model of a drive (assumed).
@@ -281,10 +281,12 @@ MODEL_SHARE = 0.01
 SLIDES = 0.01
 #: Fraction of the largest scaled derivative below which a direction is not determined.
 SINGULAR_SHARE = 1e-3
+#: Balances of a recording as a function of the drive's numbers, at the fitted numbers, and their terms there.
+Along = tuple[Callable[["Array"], "list[Array]"], "list[Array]", "list[Array]"]
 _STATES = ("position_m", "velocity_m_s", "pressure_a_pa", "pressure_b_pa")
 
 
-def model_errors(drive: Drive | Circuit, solved: Solved) -> dict[str, float]:
+def model_errors(drive: Drive | Circuit, solved: Solved) -> Numbers:
     """Return the assumed minimum of the model error of each free value that affects sliding, SI."""
     if not drive.is_plain:  # the balances of the chambers differ
         return {}
@@ -295,13 +297,9 @@ def model_errors(drive: Drive | Circuit, solved: Solved) -> dict[str, float]:
     values = np.array([p.value for p in (*free, *held)])
     steps = np.array([MODEL_SHARE * max(abs(p.value), p.size if np.isinf(p.lower) else 0.0) for p in (*free, *held)])
     try:
-        motions = [_motion(solved, index) for index in range(len(solved.problem.experiments))]
-        at = [_balances(family, values, motion) for motion in motions]
-        scale = np.sqrt([sum(np.sum(one[1][b] ** 2) for one in at) for b in range(3)])
-        here = [balances for balances, _ in at]
-        columns = np.column_stack(
-            [_change(family, values, k, steps[k], zip(motions, here, strict=True), scale) for k in range(values.size)]
-        )
+        every = [_balances(solved, index, family, values) for index in range(len(solved.problem.experiments))]
+        scale = np.sqrt([sum(np.sum(terms[b] ** 2) for _, _, terms in every) for b in range(3)])
+        columns = np.column_stack([_change(every, values, k, steps[k], scale) for k in range(values.size)])
     except (PneudriveError, ValueError):
         return {}
     if not np.isfinite(columns).all():
@@ -317,67 +315,51 @@ def model_errors(drive: Drive | Circuit, solved: Solved) -> dict[str, float]:
 
 def _held(drive: Drive | Circuit, free: list[Parameter], solved: Solved) -> list[Parameter]:
     """Return the held numbers of the drive that are not derived from free ones, with their values."""
-    family = solved.problem.experiments[0].shooter.family
+    family = solved.problem.experiments[0].family
     known = {*family.paths, *(one.path for one in family.settled), *(p.core for p in free)}
     every = [replace(p, value=family.get(p.core)) for p in numbers_of(drive).values() if p.core not in known]
     return [p for p in every if p.value != 0.0 and not p.name.startswith(("gas.", "valve.linear_above"))]
 
 
-def _motion(solved: Solved, index: int) -> dict[str, Array]:
-    """Return the states of the fitted model along a recording, without noise."""
-    experiment = solved.problem.experiments[index]
-    shooter = replace(experiment.shooter, outputs=_STATES)
-    values = solved.problem.values(solved.point.eta)[: solved.problem.drive_size]
-    states = shooter.run(values, solved.point.states[index], derivatives=False).outputs
-    motion = {name: np.ascontiguousarray(states[:, k]) for k, name in enumerate(_STATES)}
-    recording = shooter.recording
-    start = solved.point.states[index][0]
-    return motion | {"time_s": recording.time_s, "command": recording["command"], "temperatures": start[[3, 5]]}
+def _balances(solved: Solved, index: int, family: DriveFamily, values: Array) -> Along:
+    """Return the balances along the fitted motion of a recording, without noise.
 
-
-def _balances(family: DriveFamily, values: Array, motion: dict[str, Array]) -> tuple[list[Array], list[Array]]:
-    """Return the balances along a motion (force in sliding, N, and pressure rates, Pa/s), and their terms."""
-    out = family.core(values).along(
-        motion["time_s"],
-        motion["position_m"],
-        motion["velocity_m_s"],
-        motion["pressure_a_pa"],
-        motion["pressure_b_pa"],
-        _core.valve_openings(motion["command"]),
-        [float(t) for t in motion["temperatures"]],
-    )
-    if "slides" not in motion:  # at the solution; changes of numbers are evaluated along the same motion
-        speed = np.abs(motion["velocity_m_s"])
-        motion["slides"] = (speed > SLIDES * speed.max()) & (out["end_stop_force_n"] == 0.0)
-    slides = motion["slides"]
-    pushed, friction = out["force_n"] * slides, out["friction_n"] * slides
-    mass = family.get("cylinder.moving_mass") + family.get("load.mass")
-    if "inertia_n_kg" not in motion:
-        motion["inertia_n_kg"] = (pushed - friction) / mass
-    residual = mass * motion["inertia_n_kg"] - pushed + friction
-    rates = [out["pressure_rate_a_pa_s"], out["pressure_rate_b_pa_s"]]
-    return [residual, *rates], [np.hypot(pushed, friction), *rates]
-
-
-def _change(
-    family: DriveFamily,
-    values: Array,
-    k: int,
-    step: float,
-    motions: Iterable[tuple[dict[str, Array], list[Array]]],
-    scale: Array,
-) -> Array:
-    """Return the change of all balances, relative to their terms, for a step of one number of the drive.
-
-    `motions` are given with their balances at `values`.
+    The balances are those of force in sliding, N, and of both pressure rates, Pa/s.
     """
+    experiment, starts = solved.problem.experiments[index], solved.point.states[index]
+    fitted = solved.problem.values(solved.point.eta)[: solved.problem.drive_size]
+    states = experiment.run(fitted, starts, derivatives=False, outputs=_STATES).outputs.T
+    recording = experiment.recording
+    openings, temperatures = _core.valve_openings(recording["command"]), starts[0, [3, 5]].tolist()
+    along: Any = (recording.time_s, *map(np.ascontiguousarray, states), openings, temperatures)
+    speed = np.abs(states[1])
+    slides = (speed > SLIDES * speed.max()) & (family.core(values).along(*along)["end_stop_force_n"] == 0.0)
+
+    def terms(numbers: Array) -> tuple[float, Array, Array, list[Array]]:
+        out = family.core(numbers).along(*along)
+        mass = family.get("cylinder.moving_mass") + family.get("load.mass")
+        rates = [out["pressure_rate_a_pa_s"], out["pressure_rate_b_pa_s"]]
+        return mass, out["force_n"] * slides, out["friction_n"] * slides, rates
+
+    at, pushed, friction, rates = terms(values)
+    inertia_n_kg = (pushed - friction) / at
+
+    def balances(numbers: Array) -> list[Array]:
+        mass, pushed, friction, rates = terms(numbers)
+        return [mass * inertia_n_kg - pushed + friction, *rates]
+
+    return balances, balances(values), [np.hypot(pushed, friction), *rates]
+
+
+def _change(every: list[Along], values: Array, k: int, step: float, scale: Array) -> Array:
+    """Return the change of all balances, relative to their terms, for a step of one number of the drive."""
     parts = []
-    for motion, here in motions:
+    for balances, here, _ in every:
         for sign in (1.0, -1.0):  # a number at a bound is changed in the other direction
             beside = values.copy()
             beside[k] += sign * step
             try:
-                there = _balances(family, beside, motion)[0]
+                there = balances(beside)
             except PneudriveError:
                 if sign < 0.0:
                     raise
@@ -470,9 +452,8 @@ CORRELATED, SOLVER_SHARE = 10.0, 0.1
 SENSELESS_PERCENT = 0.0
 
 
-def assembled(drive: Drive | Circuit, attempt: Attempt, options: SearchOptions, steps: int) -> DriveFit:
+def assembled(drive: Drive | Circuit, solved: Solved, options: SearchOptions, steps: int) -> DriveFit:
     """Return the fit of the best search, after a number of steps."""
-    solved = attempt.solved
     problem, parameters, records = solved.problem, solved.problem.parameters, solved.problem.records
     values, names = problem.values(solved.point.eta), problem.names
     covariance, reach = solved.covariance, student(solved.freedom)
@@ -500,28 +481,27 @@ def assembled(drive: Drive | Circuit, attempt: Attempt, options: SearchOptions, 
         intervals=intervals,
         sources={n: tuple(r.name for r in records) for n in names[: problem.drive_size]},
         undetermined=(),
-        notes=tuple(_notes(drive, options, attempt, statistics)),
+        notes=tuple(_notes(drive, options, solved, statistics)),
         statistics=statistics,
-        converged=attempt.converged,
-        fits=not attempt.missed,
+        converged=solved.converged,
+        fits=not solved.missed,
         model_errors=model_errors(drive, solved),
-        provenance=_provenance(drive, attempt, options),
+        provenance=_provenance(drive, solved, options),
         start=drive,
         fitted=_fitted(solved),
         solved=solved,
         profiler=partial(profile, solved),
     )
-    lost = [] if options.interrupted else _lost(fit, intervals, sizes, solved.information.weak)
+    lost = [] if options.interrupted else _lost(fit, intervals, sizes, solved.weak)
     fit.provenance["fit_hash"] = fit_hash(fit.provenance, fit.values)
     fit.provenance[INPUTS] = inputs_of(drive, records)
     notes = (*fit.notes, *applied_note(solved, {u.parameter for u in lost}))
     return replace(fit, undetermined=(*options.lost, *lost), notes=notes)
 
 
-def _notes(drive: Drive | Circuit, options: SearchOptions, attempt: Attempt, statistics: dict[str, float]) -> list[str]:
-    notes, solved = list(options.notes), attempt.solved
-    problem = solved.problem
-    if not attempt.converged:
+def _notes(drive: Drive | Circuit, options: SearchOptions, solved: Solved, statistics: Numbers) -> list[str]:
+    notes, problem = list(options.notes), solved.problem
+    if not solved.converged:
         if not options.interrupted:
             blind = not any(c.name.startswith("pressure") for one in problem.experiments for c in one.channels)
             more = "; a position alone does not determine the gas: record the chamber pressures" if blind else ""
@@ -530,20 +510,20 @@ def _notes(drive: Drive | Circuit, options: SearchOptions, attempt: Attempt, sta
     elif not drive.is_plain:
         notes.append("intervals cover noise only: the model error of a drive that runs as its circuit is unknown")
     units = numbers_of(drive)
-    moved = problem.experiments[0].shooter.family.derived_values(problem.values(solved.point.eta))
+    moved = problem.experiments[0].family.derived_values(problem.values(solved.point.eta))
     notes += [
         f"{_written(name, value, units[name].unit)} is derived from free values, as the drive does not give it"
         for name, value in moved.items()
     ]
     coloured = [
         f"{problem.experiments[i].channels[c].name} of {problem.records[i].name} ({tau:.0f} samples)"
-        for (i, c), (variance, tau) in solved.information.inflation.items()
+        for (i, c), (variance, tau) in solved.inflation.items()
         if tau > CORRELATED and variance > SOLVER_SHARE
     ]
-    if coloured and attempt.converged:
+    if coloured and solved.converged:
         notes.append(f"residuals are correlated over time: {', '.join(coloured)}; intervals are widened for it")
-    if attempt.missed:
-        notes += _misfit(attempt, statistics)
+    if solved.missed:
+        notes += _misfit(solved.missed, statistics)
     if any(r.synthetic for r in problem.records):
         notes.append(SIMULATED)
     return notes
@@ -554,7 +534,7 @@ def _written(name: str, si: float, unit: str) -> str:
     return f"{name} = {plain(si / factor, 4)} {shown}".strip()
 
 
-def _misfit(attempt: Attempt, statistics: dict[str, float]) -> list[str]:
+def _misfit(missed: Numbers, statistics: Numbers) -> list[str]:
     """Return a note on channels that the model does not follow."""
     notes = []
     fits = {k: v for k, v in statistics.items() if k.startswith("fit_percent.")}
@@ -562,15 +542,15 @@ def _misfit(attempt: Attempt, statistics: dict[str, float]) -> list[str]:
     if fits[worst] < SENSELESS_PERCENT:
         channel = worst.removeprefix("fit_percent.")
         notes.append(sentence("notes", "not_followed", channel=channel, fit=fits[worst]))
-    missed = ", ".join(f"{name} is off by {ratio:.2g} times its noise" for name, ratio in attempt.missed.items())
-    return [*notes, sentence("notes", "misfit", missed=missed)]
+    off = ", ".join(f"{name} is off by {ratio:.2g} times its noise" for name, ratio in missed.items())
+    return [*notes, sentence("notes", "misfit", missed=off)]
 
 
-def _statistics(solved: Solved, steps: int) -> dict[str, float]:
-    problem, standing = solved.problem, solved.at.standing
+def _statistics(solved: Solved, steps: int) -> Numbers:
+    problem, at = solved.problem, solved.at
     samples = sum(len(e.measured) for e in problem.experiments)
-    out = {"samples": float(samples), "iterations": float(steps), "cost": standing.cost, "gap": standing.gap}
-    for name, size in problem.rms(standing.residuals).items():
+    out = {"samples": float(samples), "iterations": float(steps), "cost": at.cost, "gap": at.gap}
+    for name, size in problem.rms(at.residuals).items():
         out[f"rms.{name}"] = size
         own = [(e, i) for e in problem.experiments for i, c in enumerate(e.channels) if c.name == name]
         out[f"noise.{name}"] = rms([e.noise[i] for e, i in own])
@@ -581,8 +561,8 @@ def _statistics(solved: Solved, steps: int) -> dict[str, float]:
 
 def _fitted(solved: Solved) -> dict[str, FittedData]:
     out = {}
-    for experiment, residual in zip(solved.problem.experiments, solved.at.standing.residuals, strict=True):
-        record = experiment.shooter.recording
+    for experiment, residual in zip(solved.problem.experiments, solved.at.residuals, strict=True):
+        record = experiment.recording
         models = experiment.measured - residual * experiment.noise
         for channel, measured, model in zip(experiment.channels, experiment.measured.T, models.T, strict=True):
             name = f"{record.name}, {channel.name}"
@@ -590,8 +570,8 @@ def _fitted(solved: Solved) -> dict[str, FittedData]:
     return out
 
 
-def _provenance(drive: Drive | Circuit, attempt: Attempt, options: SearchOptions) -> Plain:
-    problem = attempt.solved.problem
+def _provenance(drive: Drive | Circuit, solved: Solved, options: SearchOptions) -> Plain:
+    problem = solved.problem
     return {
         "version": __version__,
         "method": "output error",
@@ -599,6 +579,6 @@ def _provenance(drive: Drive | Circuit, attempt: Attempt, options: SearchOptions
         "description_hash": drive.description_hash,
         "recordings": recording_tables(problem.records),
         "start": {p.name: p.value for p in problem.parameters},
-        "segment_s": attempt.segment_s if attempt.segment_s is not None else "one",
+        "segment_s": solved.segment_s if solved.segment_s is not None else "one",
         "rtol": options.rtol,
     }

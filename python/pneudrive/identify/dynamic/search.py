@@ -26,7 +26,7 @@ from pneudrive.progress import Watch
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from pneudrive.arrays import Array, Interval
+    from pneudrive.arrays import Array, ArrayPair, Interval, Numbers, Pair
     from pneudrive.describe.system import ShortNames
     from pneudrive.identify.base import Undetermined
     from pneudrive.signals.drive_recording import DriveRecording
@@ -61,26 +61,15 @@ SHORTEST = 1e-6
 
 
 @dataclass(frozen=True)
-class Equations:
-    """Normal equations of one recording. Unknowns are the global coordinates, then the start in units of its prior.
-
-    information, gradient: shapes (P + s, P + s) and (P + s,).
-    """
-
-    information: Array
-    gradient: Array
-
-
-@dataclass(frozen=True)
 class Progress:
     """Progress after each step."""
 
     phase: str
     step: int
     cost: float
-    rms: dict[str, float]
+    rms: Numbers
     gap: float
-    values: dict[str, float]
+    values: Numbers
 
 
 class Watcher:
@@ -100,24 +89,23 @@ class Watcher:
             self.tell(Progress(phase, self.count, standing.cost, rms, standing.gap, values))
 
 
-def reduced(blocks: list[Equations], size: int) -> tuple[Array, Array]:
+def reduced(blocks: list[ArrayPair], size: int) -> ArrayPair:
     """Return information and gradient of the global coordinates, with starts eliminated."""
     information: Array = np.zeros((size, size))
     gradient: Array = np.zeros(size)
-    for block in blocks:
-        n, b = block.information, block.gradient
-        gain = start_solution(block, np.c_[n[size:, :size], b[size:]])
+    for n, b in blocks:
+        gain = start_solution(n, np.c_[n[size:, :size], b[size:]])
         information += n[:size, :size] - n[:size, size:] @ gain[:, :-1]
         gradient += b[:size] - n[:size, size:] @ gain[:, -1]
     return 0.5 * (information + information.T), gradient
 
 
-def start_solution(block: Equations, right: Array) -> Array:
-    """Solve the equations of a block's start. With the prior, they are positive definite except for rounding.
+def start_solution(information: Array, right: Array) -> Array:
+    """Solve the equations of a recording's start. With the prior, they are positive definite except for rounding.
 
     Directions below the rounding error of the scaled equations are left out.
     """
-    n = block.information[-len(right) :, -len(right) :]
+    n = information[-len(right) :, -len(right) :]
     scale = np.sqrt(np.diag(n))
     power, axes = np.linalg.eigh(n / np.outer(scale, scale))
     inverse = np.where(power > ROUNDING * len(n), 1.0 / np.maximum(power, ROUNDING), 0.0)
@@ -164,23 +152,21 @@ class Misfit:
 
 
 @dataclass(frozen=True)
-class Joined:
-    """Linearisation at one point of all recordings with joined segments.
+class Joined(Misfit):
+    """Misfit and linearisation at one point of all recordings with joined segments.
 
     Attributes
     ----------
-    blocks : list of Equations
-        One for each recording, by the global coordinates and its first start.
+    blocks : list of (ndarray, ndarray), shapes (P + s, P + s) and (P + s,)
+        Information and gradient of each recording, by the global coordinates and its first start in units of its prior.
     slopes : list of ndarray, shape (n, c, P + s)
     carried : list of (ndarray, ndarray), shapes (k, s, P + s) and (k, s)
         Derivative of each start by the unknowns, and its change by closing the gaps.
-    standing : Misfit
     """
 
-    blocks: list[Equations]
+    blocks: list[ArrayPair]
     slopes: list[Array]
-    carried: list[tuple[Array, Array]]
-    standing: Misfit
+    carried: list[ArrayPair]
 
 
 def judge(
@@ -204,10 +190,10 @@ def judge(
     penalty = 0.0
     for i, (experiment, shot) in enumerate(zip(problem.experiments, shots, strict=True)):
         nothing = np.zeros((*shot.outputs.shape, problem.size))
-        r = problem.measure(i, point.eta, slice(None), shot.outputs, nothing)[0]
-        away = (believed[i][0] - point.states[i][0]) / experiment.starts.belief
+        r = problem.measure(i, point.eta, shot.outputs, nothing)[0]
+        away = (believed[i][0] - point.states[i][0]) / experiment.belief
         cost += float(np.sum(r**2)) + float(away @ away)
-        scaled = _gaps(problem, point, shot, i, reset=reset) / experiment.starts.size
+        scaled = _gaps(problem, point, shot, i, reset=reset) / experiment.size
         penalty += r.size / max(len(scaled), 1) * float(np.sum(scaled**2))
         gap = max(gap, float(np.abs(scaled).max(initial=0.0)))
         residuals.append(r)
@@ -230,17 +216,18 @@ def linearise(
         with np.errstate(over="ignore", invalid="ignore"):  # what is not finite is named below
             by_unknown, closing = _condense(problem, point, shot, i, reset=reset)
             outputs, jac = _outputs(problem, i, shot, point, by_unknown, closing)
-            closed, jac = problem.measure(i, point.eta, slice(None), outputs, jac)
+            closed, jac = problem.measure(i, point.eta, outputs, jac)
             flat, rest = jac.reshape(closed.size, -1), closed.ravel()
             information, gradient = flat.T @ flat, flat.T @ rest
         if not (np.isfinite(information).all() and np.isfinite(gradient).all()):
             raise _overflow(problem, i, information)
         information[size:, size:] += np.eye(len(information) - size)
-        gradient[size:] += (believed[i][0] - point.states[i][0]) / experiment.starts.belief
-        blocks.append(Equations(information, gradient))
+        gradient[size:] += (believed[i][0] - point.states[i][0]) / experiment.belief
+        blocks.append((information, gradient))
         slopes.append(jac)
         carried.append((by_unknown, closing))
-    return Joined(blocks, slopes, carried, judge(problem, point, believed, shots, reset=reset))
+    misfit = judge(problem, point, believed, shots, reset=reset)
+    return Joined(**vars(misfit), blocks=blocks, slopes=slopes, carried=carried)
 
 
 def _overflow(problem: FitProblem, i: int, information: Array) -> FitError:
@@ -248,18 +235,18 @@ def _overflow(problem: FitProblem, i: int, information: Array) -> FitError:
     lost = ~np.isfinite(np.diag(information))
     names = [name for name, is_lost in zip(problem.names, lost, strict=False) if is_lost]
     by = ", ".join(names) or "its start"
-    return FitError.of("identify.overflow", name=problem.experiments[i].shooter.recording.name, by=by)
+    return FitError.of("identify.overflow", name=problem.experiments[i].recording.name, by=by)
 
 
 def _gaps(problem: FitProblem, point: Iterate, shot: Shot, i: int, *, reset: bool) -> Array:
     """Return the difference between each segment's end and the next one's start, shape (k - 1, s)."""
     gaps = shot.ends[:-1] - point.states[i][1:]
     if reset:
-        gaps[:, problem.experiments[i].starts.measured] = 0.0
+        gaps[:, ~problem.experiments[i].hidden] = 0.0
     return gaps
 
 
-def _condense(problem: FitProblem, point: Iterate, shot: Shot, i: int, *, reset: bool) -> tuple[Array, Array]:
+def _condense(problem: FitProblem, point: Iterate, shot: Shot, i: int, *, reset: bool) -> ArrayPair:
     """Return the changes of all starts as functions of first start and coordinates, by linearised continuity.
 
     Returns
@@ -272,8 +259,8 @@ def _condense(problem: FitProblem, point: Iterate, shot: Shot, i: int, *, reset:
     by_eta = problem.by_coordinates(i, shot.ends_by_parameter, point.eta)
     gaps = _gaps(problem, point, shot, i, reset=reset)
     by_unknown, closing = np.zeros((k, s, size + s)), np.zeros((k, s))
-    carried = ~problem.experiments[i].starts.measured if reset else np.ones(s, dtype=bool)
-    by_unknown[0, carried, size:] = np.diag(problem.experiments[i].starts.belief)[carried]
+    carried = problem.experiments[i].hidden if reset else np.ones(s, dtype=bool)
+    by_unknown[0, carried, size:] = np.diag(problem.experiments[i].belief)[carried]
     for j in range(k - 1):
         onward = shot.ends_by_start[j] @ by_unknown[j]
         onward[:, :size] += by_eta[j]
@@ -282,9 +269,7 @@ def _condense(problem: FitProblem, point: Iterate, shot: Shot, i: int, *, reset:
     return by_unknown, closing
 
 
-def _outputs(
-    problem: FitProblem, i: int, shot: Shot, point: Iterate, by_unknown: Array, closing: Array
-) -> tuple[Array, Array]:
+def _outputs(problem: FitProblem, i: int, shot: Shot, point: Iterate, by_unknown: Array, closing: Array) -> ArrayPair:
     """Return the outputs with gaps closed to first order, and their Jacobian (all unknowns of the recording)."""
     size = problem.size
     outputs = shot.outputs.copy()
@@ -328,7 +313,7 @@ def predict_segments(problem: FitProblem, point: Iterate, watcher: Watcher) -> I
         point, standing, longest = found
         closings = 0
         watcher.step(problem, "steps with separate segments", standing, point)
-        if 1.0 - standing.cost / at.standing.cost < SMALL_GAIN:
+        if 1.0 - standing.cost / at.cost < SMALL_GAIN:
             break
         shots = _run(problem, point, "reached", reset=True)
     for experiment, noise in zip(problem.experiments, least, strict=True):
@@ -360,7 +345,7 @@ def _shortened(
     and limit of the next step; None if no step lowers the merit function.
     """
     information, gradient = equations(problem, point, at)
-    before = at.standing.merit
+    before = at.merit
     while longest >= SHORTEST:
         step = bounded_step(information, gradient, longest)
         trial = problem.possible(_moved(point, at, step, share))
@@ -376,7 +361,7 @@ def _shortened(
     return None
 
 
-def equations(problem: FitProblem, point: Iterate, at: Joined) -> tuple[Array, Array]:
+def equations(problem: FitProblem, point: Iterate, at: Joined) -> ArrayPair:
     """Return information and gradient of the global coordinates, with prior knowledge of the sensors."""
     information, gradient = reduced(at.blocks, problem.size)
     information += np.diag(problem.prior)
@@ -404,34 +389,34 @@ def join_segments(
         information, gradient = equations(problem, point, at)
         step = bounded_step(information, gradient, LONGEST)
         # The Newton decrement: of the global coordinates, and of the starts.
-        starts = [(block, block.gradient[problem.size :]) for block in at.blocks]
-        gain = float(step @ information @ step) + sum(float(g @ start_solution(block, g)) for block, g in starts)
+        starts = [(n, g[problem.size :]) for n, g in at.blocks]
+        gain = float(step @ information @ step) + sum(float(g @ start_solution(n, g)) for n, g in starts)
         unknowns = problem.size + sum(gradient.size for _, gradient in starts)
         length = float(np.sqrt(max(gain, 0.0) / unknowns))
-        short = length < SHORT_STEP and at.standing.gap < SMALL_GAP
+        short = length < SHORT_STEP and at.gap < SMALL_GAP
         # residuals far below the noise: the error of the solver is a lower limit of the noise
-        exact = at.standing.cost < EXACT_SHARE**2 * sum(r.size for r in at.standing.residuals)
-        if short or (exact and at.standing.gap < SOLVER_GAP):
+        exact = at.cost < EXACT_SHARE**2 * sum(r.size for r in at.residuals)
+        if short or (exact and at.gap < SOLVER_GAP):
             return point, at, True
         found = _shortened(problem, point, at, longest, believed)
-        if found is None and at.standing.gap < SOLVER_GAP and length >= 1.0:  # the starts move too far
+        if found is None and at.gap < SOLVER_GAP and length >= 1.0:  # the starts move too far
             shares = (_shortened(problem, point, at, LONGEST, believed, share=share) for share in SHARES)
             found = next(filter(None, shares), None)
         if found is None:
-            return point, at, length < 1.0 and at.standing.gap < SOLVER_GAP
+            return point, at, length < 1.0 and at.gap < SOLVER_GAP
         point, _, longest = found
         shots = _run(problem, point, "drive")
         at = linearise(problem, point, believed, shots)
         if watcher is not None:
-            watcher.step(problem, "steps with joined segments", at.standing, point)
+            watcher.step(problem, "steps with joined segments", at, point)
     return point, at, False
 
 
 def _moved(point: Iterate, at: Joined, step: Array, share: float) -> Iterate:
     states, size = [], step.size
-    for state, block, (by_unknown, closing) in zip(point.states, at.blocks, at.carried, strict=True):
-        right = block.gradient[size:] - block.information[size:, :size] @ step
-        states.append(state + share * (by_unknown @ np.r_[step, start_solution(block, right)] + closing))
+    for state, (n, g), (by_unknown, closing) in zip(point.states, at.blocks, at.carried, strict=True):
+        right = g[size:] - n[size:, :size] @ step
+        states.append(state + share * (by_unknown @ np.r_[step, start_solution(n, right)] + closing))
     return replace(point, eta=point.eta + share * step, states=states)
 
 
@@ -441,80 +426,100 @@ PROFILE_FITS = 12
 
 
 @dataclass(frozen=True)
-class Information:
-    """Linearisation at the estimate, after elimination of the starts.
+class Solved:
+    """End of a search, with the linearisation there after elimination of the starts.
 
     Attributes
     ----------
+    problem : FitProblem
+    point : Iterate
+    believed : list of ndarray
+        Prior starts of each recording.
+    at : Joined
+    freedom : int
+        Degrees of freedom.
     slopes : list of ndarray, shape (n, c, P)
         Derivatives of each recording, in units of the noise, minus the part that starts can compensate.
-    matrix : ndarray, shape (P, P)
-        Information of the coordinates, with prior knowledge of the sensors.
     inverse : ndarray, shape (P, P)
-        Inverse of `matrix` in determined directions.
+        Inverse of the information of the coordinates, with prior knowledge of the sensors, in determined directions.
     weak : ndarray, shape (w, P)
         Undetermined unit directions in scaled coordinates.
     inflation : dict
         (recording, channel number) -> (variance of the residuals, sum of their correlations over all lags).
+    converged : bool
+    missed : dict
+        Channel -> residuals relative to its sample-to-sample noise, if larger than `MISFIT`.
+    score : float
+        Mean logarithm of the residuals relative to the sample-to-sample noise of each channel.
+    segment_s : float or None
+        Length of the segments.
     """
-
-    slopes: list[Array]
-    matrix: Array
-    inverse: Array
-    weak: Array
-    inflation: dict[tuple[int, int], tuple[float, float]]
-
-    def covariance(self, problem: FitProblem) -> Array:
-        """Covariance of the coordinates [bates1988], with variance and autocorrelation of the residuals.
-
-        inverse (sum over channels of s^2 tau J^T J + prior) inverse,  tau = 1 + 2 sum of autocorrelations.
-        """
-        middle = np.diag(problem.prior)
-        for (i, c), (variance, tau) in self.inflation.items():
-            jac = self.slopes[i][:, c]
-            middle = middle + variance * tau * (jac.T @ jac)
-        return self.inverse @ middle @ self.inverse
-
-
-@dataclass
-class Solved:
-    """Fit problem with its solution, for profiles."""
 
     problem: FitProblem
     point: Iterate
     believed: list[Array]
     at: Joined
-    information: Information
     freedom: int
+    slopes: list[Array]
+    inverse: Array
+    weak: Array
+    inflation: dict[tuple[int, int], Pair]
+    converged: bool = True
+    missed: Numbers = field(default_factory=dict)
+    score: float = np.nan
+    segment_s: float | None = None
+
+    @property
+    def good(self) -> bool:
+        """Whether the search converged and the model follows the measurements."""
+        return self.converged and not self.missed
+
+    def rank(self) -> tuple[bool, bool, float]:
+        """Rank among several searches; a smaller value is better."""
+        return not self.good, not self.converged, self.score
+
+    @property
+    def internal_covariance(self) -> Array:
+        """Covariance of the coordinates [bates1988], with variance and autocorrelation of the residuals.
+
+        inverse (sum over channels of s^2 tau J^T J + prior) inverse,  tau = 1 + 2 sum of autocorrelations.
+        """
+        middle = np.diag(self.problem.prior)
+        for (i, c), (variance, tau) in self.inflation.items():
+            jac = self.slopes[i][:, c]
+            middle = middle + variance * tau * (jac.T @ jac)
+        return self.inverse @ middle @ self.inverse
 
     @property
     def covariance(self) -> Array:
         """Covariance of the values, SI."""
         by_coordinate = self.problem.transforms.jacobian(self.point.eta)
-        return by_coordinate @ self.information.covariance(self.problem) @ by_coordinate.T
+        return by_coordinate @ self.internal_covariance @ by_coordinate.T
 
 
-def information(problem: FitProblem, at: Joined) -> Information:
-    """Return the linearisation at the estimate."""
+def solution(problem: FitProblem, point: Iterate, believed: list[Array], at: Joined) -> Solved:
+    """Return the end of a search, from the linearisation there."""
     matrix, _ = reduced(at.blocks, problem.size)
     matrix += np.diag(problem.prior)
     size = problem.size
-    slopes = []
-    for block, jac in zip(at.blocks, at.slopes, strict=True):
-        n = block.information
-        slopes.append(jac[..., :size] - jac[..., size:] @ start_solution(block, n[size:, :size]))
+    slopes = [
+        jac[..., :size] - jac[..., size:] @ start_solution(n, n[size:, :size])
+        for (n, _), jac in zip(at.blocks, at.slopes, strict=True)
+    ]
     scale = np.sqrt(np.maximum(np.diag(matrix), 0.0))  # what rounding makes negative is zero
     scale[scale == 0.0] = 1.0
     power, axes = np.linalg.eigh(matrix / np.outer(scale, scale))
     good = power > SINGULAR_SHARE**2 * max(power[-1], 1e-300)
     inverse = (axes[:, good] / power[good]) @ axes[:, good].T / np.outer(scale, scale)
     inflation = {}
-    for i, residual in enumerate(at.standing.residuals):
+    for i, residual in enumerate(at.residuals):
         weight = problem.experiments[i].weight
         for c in range(residual.shape[1]):
             r = residual[weight[:, c] > 0.0, c]
             inflation[i, c] = (float(np.mean(r**2)), correlation_time(r))
-    return Information(slopes, matrix, inverse, axes[:, ~good].T, inflation)
+    measured = int(sum(e.weight.sum() for e in problem.experiments))
+    freedom = max(measured - size - sum(s.shape[1] for s in point.states), 1)
+    return Solved(problem, point, believed, at, freedom, slopes, inverse, axes[:, ~good].T, inflation)
 
 
 def correlation_time(residual: Array) -> float:
@@ -550,16 +555,16 @@ def profile(solved: Solved, name: str, least: float | None = None) -> Interval:
     least : float, optional
         Cost of the best minimum. Default: cost of this solution.
     """
-    problem, point, found, reach = solved.problem, solved.point, solved.information, student(solved.freedom)
+    problem, point, reach = solved.problem, solved.point, student(solved.freedom)
     index = problem.names.index(name)
-    spread = np.sqrt(found.covariance(problem)[index, index])
-    plain = np.sqrt(found.inverse[index, index])
+    spread = np.sqrt(solved.internal_covariance[index, index])
+    plain = np.sqrt(solved.inverse[index, index])
     allowed = reach**2 * (spread / plain) ** 2 if plain > 0.0 else reach**2
 
     def held(value: float, start: Iterate) -> tuple[float, Iterate]:
         return _constrained(problem, start, solved.believed, value, index)
 
-    least = solved.at.standing.cost if least is None else least
+    least = solved.at.cost if least is None else least
     at, ends = point.eta[index], []
     for end in profile_interval(held, point, at, reach * spread, least, allowed):
         eta = point.eta.copy()
@@ -581,43 +586,11 @@ def _constrained(
         return np.inf, point
     finally:
         problem.held = np.zeros(problem.size, dtype=bool)
-    return at.standing.cost, moved
+    return at.cost, moved
 
 
 #: Segment lengths in the first phase, s, and in a second attempt; smallest number of samples of a segment.
 LADDER_S, SECOND_LADDER_S, LEAST_SEGMENT_SAMPLES = (0.01, 0.04), (0.02, 0.08), 8
-
-
-@dataclass(frozen=True)
-class Attempt:
-    """One search from start to end.
-
-    Attributes
-    ----------
-    solved : Solved
-    converged : bool
-    missed : dict
-        Channel -> residuals relative to its sample-to-sample noise, if larger than `MISFIT`.
-    score : float
-        Mean logarithm of the residuals relative to the sample-to-sample noise of each channel.
-    segment_s : float or None
-        Length of the segments.
-    """
-
-    solved: Solved
-    converged: bool
-    missed: dict[str, float]
-    score: float
-    segment_s: float | None
-
-    @property
-    def good(self) -> bool:
-        """Whether the search converged and the model follows the measurements."""
-        return self.converged and not self.missed
-
-    def rank(self) -> tuple[bool, bool, float]:
-        """Rank of the attempt; a smaller value is better."""
-        return not self.good, not self.converged, self.score
 
 
 @dataclass

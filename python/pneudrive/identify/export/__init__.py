@@ -49,7 +49,7 @@ from pneudrive.simulation.trajectory import write_whole
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
 
-    from pneudrive.arrays import Array, Interval, Keyed
+    from pneudrive.arrays import Array, ArrayPair, Interval, Keyed, Pair
     from pneudrive.describe import Drive, Friction
 
 
@@ -184,7 +184,7 @@ def _is_refused(drive: Drive, key: str, value: GivenNumber) -> bool:
 
 
 def curve_of_friction(
-    friction: Friction, title: str, speed: Array, gauges_pa: tuple[float, float], entries: Sequence[CurveEntry]
+    friction: Friction, title: str, speed: Array, gauges_pa: Pair, entries: Sequence[CurveEntry]
 ) -> SlidingCurve:
     """Return the steady curve of a friction law at some speeds and gauge pressures of the chambers."""
     sides = [steady_friction(friction, sign * speed, *gauges_pa) for sign in (1.0, -1.0)]
@@ -415,7 +415,7 @@ def _csv(curve: SlidingCurve) -> Exported:
     return replace(made, text=out.getvalue())
 
 
-def spline_of(curve: SlidingCurve) -> tuple[Array, Array]:
+def spline_of(curve: SlidingCurve) -> ArrayPair:
     """Return the coefficients of the shortest spline that is accurate enough, and its values at the curve's speeds.
 
     Returns

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pneudrive import __version__
-from pneudrive.arrays import Interval, Plain, by_name
+from pneudrive.arrays import Interval, Numbers, Pair, Plain, by_name
 from pneudrive.constants import STANDARD_ATMOSPHERE_PA
 from pneudrive.describe.circuit import Circuit
 from pneudrive.errors import FitError, RecordingError
@@ -162,7 +162,7 @@ class Rival:
     fit_percent: float
     gain: float
     predictions: tuple[float, ...]
-    values: dict[str, float]
+    values: Numbers
     intervals: dict[str, Interval] = field(default_factory=dict)
 
     @property
@@ -196,10 +196,10 @@ class FollowRecord:
     """
 
     name: str
-    rms: tuple[float, float]
-    temperature_a_k: tuple[float, float]
-    temperature_b_k: tuple[float, float]
-    delay_s: tuple[float, float]
+    rms: Pair
+    temperature_a_k: Pair
+    temperature_b_k: Pair
+    delay_s: Pair
     file: str = ""
     sha256: str = ""
 
@@ -450,7 +450,7 @@ def follow_record(solution: FollowSolution, at: int) -> FollowRecord:
     )
 
 
-def with_values(described: Circuit, problem: FollowProblem, values: dict[str, float]) -> Circuit:
+def with_values(described: Circuit, problem: FollowProblem, values: Numbers) -> Circuit:
     """Return the circuit with fitted values, including added components and keys."""
     tables, driven = described.to_dict(), problem.driven
     connections = list(tables.get("connections", ()))
@@ -531,10 +531,9 @@ def _predict(problem: FollowProblem, point: FollowPoint, fold: tuple[list[Interv
 
 def fitted_pressures(solution: FollowSolution) -> dict[str, FittedData]:
     """Return measured and simulated pressures of each recording."""
-    problem, out = solution.problem, {}
-    for at, record in enumerate(problem.records):
-        shown = problem.shown(at, solution.raws[at], float(solution.point.local[at, 4]))
-        for side, measured, model in zip(SIDES, record.pressures_pa, shown, strict=True):
+    out = {}
+    for at, record in enumerate(solution.problem.records):
+        for side, measured, model in zip(SIDES, record.pressures_pa, solution.shown(at), strict=True):
             out[f"{record.name}, {side}"] = FittedData("time_s", "pressure_pa", record.grid_s, measured, model)
     return out
 

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from pneudrive.arrays import Array, Interval
+    from pneudrive.arrays import Array, ArrayPair, Interval, Numbers
 
 #: Prior standard uncertainty of the gas temperature for a start at rest and in motion, K, and of the delay, s
 #: (assumed).
@@ -49,11 +49,6 @@ class FollowPoint:
 
     shared: Array
     local: Array
-
-    def moved(self, step: Array) -> FollowPoint:
-        """Return the point after a step of all free numbers, in the order of the columns."""
-        n = self.shared.size
-        return FollowPoint(self.shared + step[:n], self.local + step[n:].reshape(self.local.shape))
 
 
 @dataclass
@@ -162,10 +157,13 @@ class FollowSolution:
     freedom: float
     converged: bool
 
+    def shown(self, at: int) -> Array:
+        """Return the simulated readings of both pressures of a recording, Pa; NaN outside the run."""
+        return self.problem.shown(at, self.raws[at], float(self.point.local[at, 4]))
+
     def rest(self, at: int) -> Array:
         """Return measured minus simulated pressures of a recording, Pa; NaN without a simulated value."""
-        record = self.problem.records[at]
-        return record.pressures_pa - self.problem.shown(at, self.raws[at], float(self.point.local[at, 4]))
+        return self.problem.records[at].pressures_pa - self.shown(at)
 
     def rms(self, at: int, part: Interval | None = None) -> Array:
         """Return the rms of both residuals of a recording, relative to the range of each pressure."""
@@ -180,7 +178,7 @@ class FollowSolution:
         return [self.rms(at) for at in range(len(self.problem.records))]
 
     @property
-    def values(self) -> dict[str, float]:
+    def values(self) -> Numbers:
         """Shared parameters by name, SI."""
         return {n.name: float(np.exp(log)) for n, log in zip(self.problem.numbers, self.point.shared, strict=True)}
 
@@ -213,7 +211,7 @@ def solve_follow(problem: FollowProblem, begin: FollowPoint | None = None, passe
             _reweight(problem, point, raws)
         residuals = [problem.residual(at, raw, point.local[at, 4]) for at, raw in enumerate(raws)]
         jacobians = _jacobians(problem, point, raws, residuals, pool)
-    covariance, freedom = _covariance(problem, residuals, jacobians)
+    covariance, freedom = _covariance(problem, point, residuals, jacobians)
     return FollowSolution(problem, point, raws, covariance, freedom, converged)
 
 
@@ -224,7 +222,7 @@ def simulated(problem: FollowProblem, point: FollowPoint) -> tuple[list[Array], 
     residuals = [problem.residual(at, raw, point.local[at, 4]) for at, raw in enumerate(raws)]
     for at, residual in enumerate(residuals):
         spread = problem.priors(at)
-        there = np.isfinite(spread) & (spread > 0.0)
+        there = spread > 0.0
         total += np.sum(residual**2)
         total += np.sum((point.local[at][there] / spread[there]) ** 2)
     return raws, residuals, 0.5 * total
@@ -280,9 +278,7 @@ def _together(problem: FollowProblem, columns: list[int]) -> list[list[int]]:
     return [*pairs, *([column] for column in left)]
 
 
-def _normal(
-    problem: FollowProblem, point: FollowPoint, residuals: list[Array], jac: list[Array]
-) -> tuple[Array, Array]:
+def _normal(problem: FollowProblem, point: FollowPoint, residuals: list[Array], jac: list[Array]) -> ArrayPair:
     """Return the normal matrix and the gradient over all numbers."""
     shared, n = len(problem.numbers), len(problem.numbers) + LOCAL * len(residuals)
     matrix, gradient = np.zeros((n, n)), np.zeros(n)
@@ -292,7 +288,7 @@ def _normal(
         matrix[np.ix_(places, places)] += flat @ flat.T
         gradient[places] += flat @ rest.ravel()
         spread, own = problem.priors(at), places[shared:]
-        there = np.isfinite(spread) & (spread > 0.0)
+        there = spread > 0.0
         matrix[own[there], own[there]] += 1.0 / spread[there] ** 2
         gradient[own[there]] += point.local[at][there] / spread[there] ** 2
         held = own[spread == 0.0]
@@ -322,13 +318,11 @@ def _search(
         if is_first and step == 0:
             _refuse_idle(problem, diagonal)
         for _ in range(8):
-            move = np.asarray(
-                np.linalg.solve(matrix + np.diag(damping * np.maximum(diagonal, 1e-12)), -gradient), float
-            )
-            move[: point.shared.size] = np.clip(move[: point.shared.size], -LARGEST_STEP, LARGEST_STEP)
-            trial = point.moved(move)
-            trial.shared = np.clip(trial.shared, low, high)
-            trial.local = np.clip(trial.local, -FARTHEST, FARTHEST)
+            scaled = matrix + np.diag(damping * np.maximum(diagonal, 1e-12))
+            move = np.asarray(np.linalg.solve(scaled, -gradient), float)
+            shared = point.shared + np.clip(move[: low.size], -LARGEST_STEP, LARGEST_STEP)
+            local = point.local + move[low.size :].reshape(point.local.shape)
+            trial = FollowPoint(np.clip(shared, low, high), np.clip(local, -FARTHEST, FARTHEST))
             try:
                 found = simulated(problem, trial)
             except (ValueError, RuntimeError):
@@ -379,11 +373,12 @@ def _correlation_time(rest: Array) -> float:
     return float(max(1.0 + 2.0 * correlation[1:end].sum(), 1.0))
 
 
-def _covariance(problem: FollowProblem, residuals: list[Array], jac: list[Array]) -> tuple[Array, float]:
+def _covariance(
+    problem: FollowProblem, point: FollowPoint, residuals: list[Array], jac: list[Array]
+) -> tuple[Array, float]:
     """Return the covariance: the larger of the weighted estimate and the sandwich estimate over blocks of time."""
     shared, n = len(problem.numbers), len(problem.numbers) + LOCAL * len(residuals)
-    zero = FollowPoint(np.zeros(shared), np.zeros((len(residuals), LOCAL)))
-    matrix, _ = _normal(problem, zero, residuals, jac)
+    matrix, _ = _normal(problem, point, residuals, jac)
     scale = 1.0 / np.sqrt(np.maximum(np.diag(matrix), 1e-300))
     inverse = scale[:, None] * np.linalg.pinv(matrix * np.outer(scale, scale), rcond=1e-12) * scale[None, :]
     meat, blocks = np.zeros((n, n)), 0

@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pneudrive import _core
-from pneudrive.arrays import Array, Bools, Ints, Keyed, Plain, by_name
+from pneudrive.arrays import Array, ArrayPair, Bools, Ints, Keyed, Numbers, Plain, by_name
 from pneudrive.errors import FitError
 from pneudrive.estimate.autocorrelation import moderate
 from pneudrive.estimate.profile import Transforms
@@ -106,6 +106,9 @@ class StaticLaw:
     stribeck: Any  # whether the law has a Stribeck part and is linear in its forces
     chosen: Any  # numbers chosen by the data beside the parameters
     transforms: Any  # `Transforms` of the parameters
+    bounds: Any  # values -> lower and upper bounds of the internal coordinates
+    starting_points: Any  # values -> start coordinates, best first
+    force_and_slopes: Any  # parameters, values -> friction (n,) and its derivatives with respect to parameters (n, p)
 
     def natural(self, q: Array) -> Array:
         """Convert internal coordinates to parameters."""
@@ -119,23 +122,11 @@ class StaticLaw:
         """Differentiate parameters by internal coordinates, shape (p, p)."""
         return self.transforms.jacobian(q)
 
-    def bounds(self, data: Observations) -> tuple[Array, Array]:
-        """Return lower and upper bounds of the internal coordinates for these data."""
-        raise NotImplementedError
-
-    def starting_points(self, data: Observations) -> list[Array]:
-        """Return start coordinates, best first."""
-        raise NotImplementedError
-
-    def force_and_slopes(self, theta: Array, data: Observations) -> tuple[Array, Array]:
-        """Return friction and its derivatives with respect to the parameters, shapes (n,) and (n, p)."""
-        raise NotImplementedError
-
     def value(self, q: Array, data: Observations) -> Array:
         """Return the friction at the rows of `data`, shape (n,), N."""
         return self.force_and_slopes(self.natural(q), data)[0]
 
-    def value_and_jacobian(self, q: Array, data: Observations) -> tuple[Array, Array]:
+    def value_and_jacobian(self, q: Array, data: Observations) -> ArrayPair:
         """Return friction and its derivatives with respect to the internal coordinates, shapes (n,) and (n, p)."""
         force, slopes = self.force_and_slopes(self.natural(q), data)
         return force, slopes @ self.natural_jacobian(q)
@@ -232,7 +223,7 @@ class FrictionModel(StaticLaw):
         excess = 1 if self.stribeck else None
         return Transforms(np.where(positive, 0.0, -np.inf), excess=excess, over=0, least_excess=EXCESS_FLOOR)
 
-    def bounds(self, data: Observations) -> tuple[Array, Array]:
+    def bounds(self, data: Observations) -> ArrayPair:
         """Return lower and upper bounds of the internal coordinates for these data.
 
         Forces are not negative. The Stribeck velocity may be outside the measured speeds by a factor of 30. Beyond this
@@ -281,7 +272,7 @@ class FrictionModel(StaticLaw):
                 out[f"{force}{term}"] = curve[force] * pressure
         return {name: out[name] for name in self.names if name in out}
 
-    def force_and_slopes(self, theta: Array, data: Observations) -> tuple[Array, Array]:
+    def force_and_slopes(self, theta: Array, data: Observations) -> ArrayPair:
         """Return friction and its derivatives with respect to the parameters, shapes (n,) and (n, p)."""
         value = by_name(self.names, theta)
         velocity = value.get("stribeck_velocity", 1.0)
@@ -407,12 +398,12 @@ class AnyLaw(StaticLaw):
     friction: Friction
     names: tuple[str, ...]
     start: tuple[float, ...] = field(default=(), compare=False)
-    held: dict[str, float] = field(default_factory=dict, compare=False)
+    held: Numbers = field(default_factory=dict, compare=False)
     stribeck: bool = field(default=False, init=False)  # not linear in its forces
     chosen: int = field(default=0, init=False)
 
     @cached_property
-    def _core(self) -> tuple[str, dict[str, float], Plain]:
+    def _core(self) -> tuple[str, Numbers, Plain]:
         tables = self.friction.core()
         law, values = tables.pop("law"), tables.pop("parameters")
         return law, values | self.held, {key: value for key, value in tables.items() if value is not None}
@@ -440,7 +431,7 @@ class AnyLaw(StaticLaw):
         """Convert parameters to coordinates; zero becomes a small value."""
         return self.transforms.internal(np.where(self.positive, np.maximum(theta, 1e-12), theta))
 
-    def bounds(self, data: Observations) -> tuple[Array, Array]:
+    def bounds(self, data: Observations) -> ArrayPair:
         """Return the bounds of the coordinates: bounds of the law, and six decades around the given values."""
         del data
         given = self.internal(self.given)
@@ -467,7 +458,7 @@ class AnyLaw(StaticLaw):
         others = tuple(float(start[k]) for k in keep)
         return replace(self, names=names, start=others, held=self.held | {name: value})
 
-    def force_and_slopes(self, theta: Array, data: Observations) -> tuple[Array, Array]:
+    def force_and_slopes(self, theta: Array, data: Observations) -> ArrayPair:
         """Return friction and its derivatives with respect to the parameters, shapes (n,) and (n, p)."""
         law, values, tables = self._core
         at = values | by_name(self.names, theta)

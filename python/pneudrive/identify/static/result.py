@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     import xarray as xr
     from numpy.typing import ArrayLike
 
-    from pneudrive.arrays import Array, Keyed, Plain
+    from pneudrive.arrays import Array, Keyed, Numbers, Pair, Plain
     from pneudrive.describe.drive import Drive
 
 
@@ -36,7 +36,7 @@ class SlidingFit(Fit):
     observations: sliding.Observations | None = field(default=None, repr=False)
 
     @property
-    def parameters(self) -> dict[str, float]:
+    def parameters(self) -> Numbers:
         """Name in the drive file -> value in SI; NaN for parameters that could not be estimated."""
         return self.values
 
@@ -278,7 +278,7 @@ class FrictionFit(SlidingFit, kind="friction map"):
         if any((*seals.coulomb_n_pa, *seals.breakaway_n_pa)):
             raise FitError(**identified.stated("application", "pressure"))
 
-    def _curve(self, speeds_m_s: Any, gauges_pa: tuple[float, float]) -> export.SlidingCurve:  # noqa: ANN401 - checked
+    def _curve(self, speeds_m_s: Any, gauges_pa: Pair) -> export.SlidingCurve:  # noqa: ANN401 - checked
         speed, gauges = export.speeds_over(speeds_m_s, "fit"), gauges_pa
         found = self.identified()
         entries = []
@@ -307,7 +307,7 @@ class FrictionFit(SlidingFit, kind="friction map"):
 
     # -- file and display ----------------------------------------------------------------------------
 
-    def _groups(self) -> tuple[dict[str, float], ...]:
+    def _groups(self) -> tuple[Numbers, ...]:
         """Return the tables of values: parameters, and sums of slopes if only the sum of two is determined."""
         return self.values, {n: self.values[n.removesuffix("b")] for n in self.free if n.endswith("_ab")}
 
@@ -342,7 +342,7 @@ class FrictionFit(SlidingFit, kind="friction map"):
         found["dependences"] = identified.Dependences.of_table(file.content.get("dependences", {}))
         return found | {"law": file.content["law"], "model": model}
 
-    def _shown(self) -> dict[str, float]:
+    def _shown(self) -> Numbers:
         hidden = {n for n in self.values if n not in self.free and self.units[n].startswith("N/Pa")}
         return {name: value for name, value in self.free_values().items() if name not in hidden}
 
@@ -454,7 +454,7 @@ class LawFit(SlidingFit, kind="law"):
         """Return the determined parameters under their names in the drive file, with their whole uncertainty."""
         return self.identified_as({name: f"friction.{name}" for name in self.determined})
 
-    def _curve(self, speeds_m_s: Any, gauges_pa: tuple[float, float]) -> export.SlidingCurve:  # noqa: ANN401 - checked
+    def _curve(self, speeds_m_s: Any, gauges_pa: Pair) -> export.SlidingCurve:  # noqa: ANN401 - checked
         speed = export.speeds_over(speeds_m_s, "fit")
         entries = [
             export.CurveEntry(name, value, self.units[name], *self.intervals.get(name, (np.nan, np.nan)), "")

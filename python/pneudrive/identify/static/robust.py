@@ -22,7 +22,7 @@ from typing import Any
 
 import numpy as np
 
-from pneudrive.arrays import Array, Bools, Interval, by_name
+from pneudrive.arrays import Array, ArrayPair, Bools, Interval, Numbers, by_name
 from pneudrive.estimate.autocorrelation import HUBER, LINEAR, Loss, covariance_of, shift_of
 from pneudrive.estimate.estimates import rms, robust_deviation
 from pneudrive.identify.static.model import EXPONENT_BOUNDS, Observations, StaticLaw
@@ -89,7 +89,7 @@ class RobustEstimate:
         return len(self.data) - len(self.model.names) - self.model.chosen
 
     @property
-    def natural(self) -> dict[str, float]:
+    def natural(self) -> Numbers:
         """Parameters by name, SI."""
         return by_name(self.model.names, map(float, self.model.natural(self.q)))
 
@@ -114,7 +114,7 @@ class RobustEstimate:
         return 0.5 * (matrix + matrix.T)
 
     @property
-    def systematic(self) -> dict[str, float]:
+    def systematic(self) -> Numbers:
         """Standard uncertainty of each parameter from errors shared by all rows, to first order."""
         shift = shift_of(self.jacobian, self.data.u_systematic_n / self.data.stderr_n)
         sizes = np.abs(self.model.natural_jacobian(self.q) @ shift)
@@ -126,7 +126,7 @@ class RobustEstimate:
         other = estimate(model, pseudo, LINEAR, starts=starts)
         return replace(other, data=self.data, pseudo=self.pseudo, variance=self.variance)
 
-    def statistics(self, scatter_n: float = 0.0) -> dict[str, float]:
+    def statistics(self, scatter_n: float = 0.0) -> Numbers:
         """Return the statistics of a fit; AICc and BIC come from the deviance."""
         residual, n, stderr = self.residual, len(self.data), self.data.stderr_n
         weighted_mean = np.average(self.data.friction_n, weights=stderr**-2)
@@ -395,7 +395,7 @@ def _crossings(log_value: Array, slack: Array) -> Interval:
     return float(np.exp(edge(first, first - 1))), float(np.exp(edge(last, last + 1)))
 
 
-def _grid(found: RobustEstimate, quantile: float) -> tuple[Array, Array]:
+def _grid(found: RobustEstimate, quantile: float) -> ArrayPair:
     """Return grids of log vs and log n: coarse over the whole range, fine near the estimate."""
     model, nothing = found.model, np.zeros(1)
     if not model.stribeck:
@@ -447,7 +447,7 @@ def _forces(
     return cost, low, high
 
 
-def _ends(cost: Array, value: Array, spread: Array, most: float) -> tuple[Array, Array]:
+def _ends(cost: Array, value: Array, spread: Array, most: float) -> ArrayPair:
     """Return the ends of values, between which the cost is at most `most`."""
     slack = np.maximum(most - cost, 1e-300)  # above zero, so that an unknown spread stays infinite
     reach = np.sqrt(slack[:, None] * spread)
@@ -469,7 +469,7 @@ def _least_squares(columns: Array, y: Array) -> tuple[Array, Array, Array]:
     return np.einsum("gn,gn->g", rest, rest), value, np.where(lost, np.inf, spread)
 
 
-def _close(found: RobustEstimate, low: dict[str, float], high: dict[str, float]) -> dict[str, Interval]:
+def _close(found: RobustEstimate, low: Numbers, high: Numbers) -> dict[str, Interval]:
     """Set open ends to infinity, or to zero for the lower end of a non-negative parameter.
 
     The breakaway force may reach beyond the bounds of the search, or the Stribeck velocity may reach its lower bound.

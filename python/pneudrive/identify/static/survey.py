@@ -23,7 +23,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pneudrive.arrays import Array, Interval, Ints, Keyed, by_name
+from pneudrive.arrays import Array, ArrayPair, Interval, Ints, Keyed, by_name
 from pneudrive.errors import FitError, nearest
 from pneudrive.estimate.autocorrelation import integrated_wiener
 from pneudrive.identify.identified import sentence
@@ -173,7 +173,7 @@ class Survey(Shown):
         lines = [sentence("seals", key, **numbers) for key in keys]
         return lines + [f"{name}: {why}" for name, why in self.unused.items()]
 
-    def _kriged(self, one: Surveyed, at: Observations, run: str | None = None) -> tuple[Array, Array]:
+    def _kriged(self, one: Surveyed, at: Observations, run: str | None = None) -> ArrayPair:
         """Return the prediction and its variance at each roughness and scatter, shapes (11, 9, 20, n)."""
         mean, jac = one.model.value_and_jacobian(one.theta, at)
         drift = jac / mean[:, None]
@@ -194,7 +194,7 @@ class Survey(Shown):
             variance[i] = mean**2 * ((SCATTER**2)[:, None] + np.maximum(spread, 0.0))
         return value, variance
 
-    def _borrowed(self, one: Surveyed, at: Observations) -> tuple[Array, Array]:
+    def _borrowed(self, one: Surveyed, at: Observations) -> ArrayPair:
         """Predict friction of a seal measured at one pressure, by the ratio between pressures of the other seals."""
         here = at_conditions(at.speed_m_s, one.data.gauge_a_pa.mean(), one.data.gauge_b_pa.mean())
         both = ([self._most_likely(s, x) for x in (at, here)] for s in self.seals.values() if s.model.chambers)
@@ -338,7 +338,7 @@ def _restricted(one: Surveyed, span: float) -> Array:
     return out
 
 
-def _quantiles(value: Array, deviation: Array, weight: Array, probability: float) -> tuple[Array, Array]:
+def _quantiles(value: Array, deviation: Array, weight: Array, probability: float) -> ArrayPair:
     """Return the interval of a mixture of normal distributions, shapes (m, n) and (m,), by bisection."""
     from scipy.special import ndtr
 
