@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
 
     from pneudrive._core import Shooting, Shot
-    from pneudrive.arrays import Array, Bools, Ints, Keyed
+    from pneudrive.arrays import Array, ArrayPair, Bools, Ints, Keyed, Numbers
     from pneudrive.describe.drive import Drive
     from pneudrive.signals.drive_recording import DriveRecording
 
@@ -124,7 +124,7 @@ def whiteness(residual: Array) -> Whiteness:
     return Whiteness(r, bound, outside, statistic, float(chi2.sf(statistic, lags.size)))
 
 
-def cross_correlations(residual: Array, signals: Mapping[str, Array]) -> dict[str, float]:
+def cross_correlations(residual: Array, signals: Mapping[str, Array]) -> Numbers:
     """Return the strongest correlation of a residual with each signal that changes, within +/- LAGS samples.
 
     The strongest of all signals comes first. A residual without values has none.
@@ -357,7 +357,6 @@ def corrected(
 #
 # Each residual is the part of the measurement that the model does not explain.
 
-Values = tuple["Array", "Array", "Array"]
 BALANCES = ("force", "pressure a", "pressure b")
 #: Pressure rates of the energy balance, columns of the core.
 RATES = ("pressure_rate_a_pa_s", "pressure_rate_b_pa_s")
@@ -390,16 +389,16 @@ class Scene:
     pressures : tuple of ndarray, shape (n,)
     opened : ndarray, shape (n, 4)
         Open fraction of the full conductance of each edge of the valve.
-    explained : tuple of ndarray, or of 0.0
+    explained : ndarray, shape (3, n), or 0.0
         Part of the residuals explained by causes that a description cannot contain.
     """
 
     drive: Drive
     signals: Signals
     position: Array
-    pressures: tuple[Array, Array]
+    pressures: ArrayPair
     opened: Array
-    explained: tuple[Array | float, ...] = (0.0, 0.0, 0.0)
+    explained: Array | float = 0.0
 
     @classmethod
     def of(cls, drive: Drive, signals: Signals) -> Scene:
@@ -407,9 +406,9 @@ class Scene:
         pressures = (signals.pressure_a_pa, signals.pressure_b_pa)
         return cls(drive, signals, signals.position_m, pressures, at_samples(openings(drive, signals.command)))
 
-    def less(self, values: Values) -> Scene:
-        """Return the scene with a further part of the residuals marked as explained."""
-        return replace(self, explained=tuple(a + b for a, b in zip(self.explained, values, strict=True)))
+    def less(self, values: Array) -> Scene:
+        """Return the scene with a further part of the residuals, shape (3, n), marked as explained."""
+        return replace(self, explained=self.explained + values)
 
     @cached_property
     def terms(self) -> dict[str, Array]:
@@ -442,21 +441,20 @@ class Scene:
         return self.signals.time_s[self.half : self.signals.time_s.size - self.half]
 
     @cached_property
-    def residuals(self) -> Values:
-        """Residuals at `time_s`: force N, pressure rates Pa/s."""
+    def residuals(self) -> Array:
+        """Residuals at `time_s`, shape (3, n): force N, pressure rates Pa/s."""
         (k0, k1, k2), terms = self.kernel, self.terms
         inertia = moving_mass(self.drive) * np.convolve(self.position, k2, "valid")
         force = inertia - np.convolve(terms["force_n"] - terms["friction_n"], k0, "valid")
-        a, b = (
+        rates = (
             np.convolve(p, k1, "valid") - np.convolve(terms[rate], k0, "valid")
             for p, rate in zip(self.pressures, RATES, strict=True)
         )
-        x, y, z = self.explained
-        return force - x, a - y, b - z
+        return np.stack([force, *rates]) - self.explained
 
     @cached_property
-    def used(self) -> tuple[Bools, ...]:
-        """Valid samples of each balance at `time_s`.
+    def used(self) -> Bools:
+        """Valid samples of each balance at `time_s`, shape (3, n).
 
         The force balance is valid in sliding after presliding, away from end stops. Pressure rates are valid except at
         impacts.
@@ -468,11 +466,11 @@ class Scene:
             free = np.zeros_like(free)
         width = 2 * self.half + 1
         masks = (_sliding(self.drive, self.signals) & off_the_stops, free, free)
-        return tuple(np.convolve(mask.astype(float), np.ones(width), "valid") > width - 0.5 for mask in masks)
+        return np.stack([np.convolve(mask.astype(float), np.ones(width), "valid") > width - 0.5 for mask in masks])
 
     @cached_property
-    def scale(self) -> Values:
-        """Standard deviations of the residuals, at least `FLOOR` of the terms.
+    def scale(self) -> Array:
+        """Standard deviations of the residuals, shape (3, n), at least `FLOOR` of the terms.
 
         The residuals contain sensor noise and the effect of the finite window for velocities.
         """
@@ -489,7 +487,7 @@ class Scene:
         p_a, p_b = self.pressures
         noisy = (p_a + noise_p[0], p_b + noise_p[1])
         shaken = replace(self, pressures=noisy, opened=openings(drive, signals.command)).terms
-        out = []
+        out = [force]
         for noise, rate, p, area, length, dead in zip(
             noise_p, RATES, self.pressures, areas, (x, cylinder.stroke_m - x), cylinder.dead_volume_m3, strict=True
         ):
@@ -498,7 +496,7 @@ class Scene:
             slope = noise * np.linalg.norm(k1)
             steep = np.convolve(np.abs(shaken[rate] - terms[rate]), k0, "valid")
             out.append(np.sqrt(slope**2 + steep**2 + FLOOR**2 * np.mean(terms[rate] ** 2) + smeared**2))
-        return force, out[0], out[1]
+        return np.stack(out)
 
 
 def openings(drive: Drive, command: Array) -> Array:

@@ -17,7 +17,7 @@ from pneudrive.arrays import Array, Interval, Plain, Row, by_name
 from pneudrive.constants import LEAK_CRITICAL_RATIO
 from pneudrive.errors import package_table
 from pneudrive.units import write
-from pneudrive.validate.balance import RATES, Scene, Values, at_samples, openings
+from pneudrive.validate.balance import RATES, Scene, at_samples, openings
 
 if TYPE_CHECKING:
     from pneudrive.describe.drive import Drive
@@ -83,7 +83,7 @@ class Cause:
     remedy: str
     change: Change | None = None
     ratio: Callable[[Scene], tuple[Array, float]] | None = None
-    profile: Callable[[Scene], list[Values]] | None = None
+    profile: Callable[[Scene], list[Array]] | None = None
     parts: int = 1
     bounds: Interval = (-np.inf, np.inf)
     described: bool = True
@@ -159,13 +159,13 @@ def _direction(drive: Drive, amount: float) -> Plain:
     return {"friction.direction": {"positive": positive * (1.0 + amount), "negative": negative * (1.0 - amount)}}
 
 
-def _along_stroke(scene: Scene) -> list[Values]:
+def _along_stroke(scene: Scene) -> list[Array]:
     """Return the effects of friction along the stroke (Legendre polynomials) on the residuals, per N."""
     x, out = scene.position, []
     for order in range(PROFILE_ORDERS):
         shape = np.polynomial.legendre.Legendre.basis(order, domain=[float(x.min()), float(x.max())])(x)
         force = np.convolve(scene.signals.direction * shape, scene.kernel[0], "valid")
-        out.append((force, np.zeros_like(force), np.zeros_like(force)))
+        out.append(np.stack([force, np.zeros_like(force), np.zeros_like(force)]))
     return out
 
 
@@ -283,7 +283,7 @@ def _sag(lag_s: float) -> Change:
         drawn = np.asarray(lfilter([1.0 - decay], [1.0, -decay], drawn))
         fall, k0 = amount * drawn / max(float(drawn.max()), 1e-30), scene.kernel[0]
         a, b = (np.convolve(fall * (after[rate] - before[rate]) / step, k0, "valid") for rate in RATES)
-        return scene.less((np.zeros_like(a), a, b))
+        return scene.less(np.stack([np.zeros_like(a), a, b]))
 
     return change
 

@@ -20,14 +20,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pneudrive.arrays import Array, Interval, by_name
+from pneudrive.arrays import Array, Interval, Numbers, by_name
 from pneudrive.errors import DescriptionError, SimulationError
 from pneudrive.estimate.estimates import NORMAL_95
 from pneudrive.numbers import plain, with_u
 from pneudrive.progress import Flag, Progress, Watch
 from pneudrive.repr_tables import Shown
 from pneudrive.units import readable
-from pneudrive.validate.balance import BALANCES, Scene, Signals, Values
+from pneudrive.validate.balance import BALANCES, Scene, Signals
 from pneudrive.validate.causes import Cause, causes
 
 if TYPE_CHECKING:
@@ -139,7 +139,7 @@ class Diagnosis(Shown):
         Balances of each recording.
     """
 
-    size: dict[str, float]
+    size: Numbers
     culprits: tuple[Culprit, ...]
     left: float
     alone: tuple[tuple[str, float, float], ...]
@@ -223,23 +223,22 @@ class _Regression:
         self.causes = {c.key: c for c in causes(drive)}
         blocks, places, start = [], [], 0
         for scene in self.first:
-            number = start + np.floor(scene.time_s / BLOCK_S).astype(np.int64)
-            for balance, used in enumerate(scene.used):
-                stride = max(scene.half // 2, 1)
-                blocks.append(number[::stride][used[::stride]])
-                places.append(np.full(blocks[-1].size, balance))
+            number, stride = start + np.floor(scene.time_s / BLOCK_S).astype(np.int64), max(scene.half // 2, 1)
+            balance, at = np.nonzero(scene.used[:, ::stride])
+            blocks.append(number[::stride][at])
+            places.append(balance)
             start = int(number[-1]) + 1
         #: Block and balance of each stacked value.
         self.blocks, self.places = np.concatenate(blocks), np.concatenate(places)
         self.left = self.stacked(scene.residuals for scene in self.scenes)
 
-    def stacked(self, values: Iterable[Values], *, weighted: bool = True) -> Array:
+    def stacked(self, values: Iterable[Array], *, weighted: bool = True) -> Array:
         """Return the values of all recordings and balances in one vector, relative to their standard deviations."""
         out = []
         for scene, balances in zip(self.first, values, strict=True):
             stride = max(scene.half // 2, 1)
-            for v, scale, used in zip(balances, scene.scale, scene.used, strict=True):
-                out.append((v / scale if weighted else v)[::stride][used[::stride]])
+            shown = balances / scene.scale if weighted else balances
+            out.append(shown[:, ::stride][scene.used[:, ::stride]])
         return np.concatenate(out)
 
     def changed(self, every: Sequence[Cause], amounts: Array | Sequence[float]) -> list[Scene]:
@@ -264,7 +263,7 @@ class _Regression:
         self.scenes = self.changed(fit.causes, fit.amounts)
         self.left = self.stacked(scene.residuals for scene in self.scenes)
 
-    def sizes(self, e: Array) -> dict[str, float]:
+    def sizes(self, e: Array) -> Numbers:
         """Return the root mean square of each balance; NaN for a balance without usable samples."""
         sums = np.bincount(self.places, weights=e * e, minlength=len(BALANCES))
         counts = np.bincount(self.places, minlength=len(BALANCES))
@@ -395,10 +394,8 @@ class _Regression:
         effect = columns @ weights
 
         def change(scene: Scene, size: float) -> Scene:
-            terms = (
-                tuple(size / amount * w * part for part in v) for w, v in zip(weights, profile(scene), strict=True)
-            )
-            return functools.reduce(Scene.less, terms, scene)  # pyright: ignore[reportArgumentType]
+            terms = (size / amount * w * v for w, v in zip(weights, profile(scene), strict=True))
+            return functools.reduce(Scene.less, terms, scene)
 
         return [_Fit.single(replace(cause, change=change), amount, effect / amount, self.left - effect, self.left)]
 
@@ -438,7 +435,7 @@ class _Regression:
             for scene in self.first:
                 ratio, usual = fit.cause.ratio(scene)
                 inside = ratio[scene.half : ratio.size - scene.half]
-                factors.append((_flow(inside, critical) / np.maximum(_flow(inside, usual), LEAST_FLOW),) * 3)
+                factors.append(np.stack([_flow(inside, critical) / np.maximum(_flow(inside, usual), LEAST_FLOW)] * 3))
             column = fit.column * self.stacked(factors, weighted=False)
             amounts.append(float(column @ target) / float(column @ column))
             rest = target - amounts[-1] * column
