@@ -29,7 +29,6 @@ if TYPE_CHECKING:
     from typing_extensions import Self
 
     from pneudrive.arrays import Array, Keyed, Plain
-    from pneudrive.estimate.profile import Transforms
 
 
 # --- Variation of one number of a drive: distributions and grid values, in SI or as written quantities.
@@ -297,15 +296,15 @@ class Rows:
         Description of the design as plain data. Two designs with the same description have the same rows.
     points : callable
         (first, last) -> values of members first to last - 1, shape (members, names).
-    shape : Marginals or NormalCoordinates, optional
-        For a sampled design: mapping from the unit cube to values.
+    quantiles : callable, optional
+        For a sampled design: points of the unit cube -> values.
     """
 
     names: tuple[str, ...]
     size: int
     about: Plain
     points: Callable[[int, int], Array]
-    shape: Marginals | NormalCoordinates | None = None
+    quantiles: Callable[[Array], Array] | None = None
 
     @classmethod
     def table(cls, names: Sequence[str], values: Array) -> Rows:
@@ -326,24 +325,6 @@ class Rows:
         about = {"design": "grid", "axes": {name: axis.tolist() for name, axis in axes.items()}}
         return cls(tuple(axes), int(np.prod(shape, dtype=object)), about, points)
 
-    @classmethod
-    def sampled(cls, method: str, size: int, seed: int, shape: Marginals | NormalCoordinates) -> Rows:
-        """Return rows from points in the unit cube, mapped by distributions or by the posterior of a fit.
-
-        Parameters
-        ----------
-        method : str
-            ``"sobol"`` (scrambled), ``"latin-hypercube"`` or ``"random"``.
-        size, seed : int
-        shape : Marginals or NormalCoordinates
-        """
-
-        def points(first: int, last: int) -> Array:
-            return shape.values(SAMPLERS[method](first, last, size, len(shape.names), seed))
-
-        about = {"design": method, "members": size, "seed": seed, **shape.about()}
-        return cls(shape.names, size, about, points, shape)
-
     def wider(self, other: Rows) -> Rows:
         """Extend each row by the row of another design with the same index."""
 
@@ -363,66 +344,11 @@ class Rows:
 
     def part(self, first: int, last: int) -> Rows:
         """Return these rows without the description of the design, to be sent to another machine."""
-        return replace(self, points=partial(_part, self.take(first, last), first), shape=None)
+        return replace(self, points=partial(_part, self.take(first, last), first), quantiles=None)
 
 
 def _part(values: Array, begin: int, first: int, last: int) -> Array:
     return values[first - begin : last - begin]
-
-
-@dataclass(frozen=True, eq=False)
-class Marginals:
-    """Distributions of all numbers, SI. Their normal scores may be correlated."""
-
-    each: dict[str, Distribution]
-    correlation: Array | None = None
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Numbers that vary."""
-        return tuple(self.each)
-
-    def values(self, cube: Array) -> Array:
-        """Return the values at points of the unit cube."""
-        if self.correlation is not None:
-            scores = _mixed(ndtri(cube), np.linalg.cholesky(self.correlation).astype(float))
-            cube = np.clip(ndtr(scores), EDGE, 1.0 - EDGE)
-        return np.column_stack([one.quantile(share) for one, share in zip(self.each.values(), cube.T, strict=True)])
-
-    def about(self) -> Plain:
-        """Describe the distributions."""
-        return {
-            "distributions": {name: str(one) for name, one in self.each.items()},
-            "correlation": None if self.correlation is None else self.correlation.tolist(),
-        }
-
-
-@dataclass(frozen=True, eq=False)
-class NormalCoordinates:
-    """Values whose coordinates (`pneudrive.estimate.profile`) are jointly normal: the posterior of a fit.
-
-    As for intervals of a fit, the distribution is normal in the coordinates, so that positive values stay positive. A
-    `folded` value is near zero, and its absolute value is used.
-    """
-
-    names: tuple[str, ...]
-    scales: Transforms
-    centre: Array
-    covariance: Array
-    source: dict[str, Any] = field(default_factory=dict)
-    folded: tuple[int, ...] = ()
-
-    def values(self, cube: Array) -> Array:
-        """Return the values at points of the unit cube."""
-        variances, axes = np.linalg.eigh(self.covariance)
-        by_score = (axes * np.sqrt(np.maximum(variances, 0.0))).astype(float)
-        found = self.scales.natural(self.centre + _mixed(ndtri(cube), by_score))
-        found[:, list(self.folded)] = np.abs(found[:, list(self.folded)])
-        return found
-
-    def about(self) -> Plain:
-        """Describe the distributions."""
-        return {"posterior": {"names": list(self.names), "covariance": self.covariance.tolist(), **self.source}}
 
 
 def _mixed(scores: Array, by: Array) -> Array:
@@ -618,11 +544,14 @@ class EnsembleDesign(Shown):
             return Rows.table(list(columns), np.column_stack(list(columns.values())))
         if self.method == "grid":
             return Rows.grid({name: axis.in_si(read[name].value) for name, axis in self.each.items()})
-        size = self._size()
-        if self.fit is not None:
-            return Rows.sampled(self.method, size, self.seed, self._posterior(variation))
-        each = {name: _distribution(name, one).in_si(read[name]) for name, one in self.each.items()}
-        return Rows.sampled(self.method, size, self.seed, Marginals(each, self._correlations()))
+        size, names = self._size(), tuple(self.names)
+        quantiles, of = self._marginals(read) if self.fit is None else self._posterior(variation)
+
+        def points(first: int, last: int) -> Array:
+            return quantiles(SAMPLERS[self.method](first, last, size, len(names), self.seed))
+
+        about = {"design": self.method, "members": size, "seed": self.seed, **of}
+        return Rows(names, size, about, points, quantiles)
 
     def _size(self) -> int:
         most = {"latin-hypercube": MOST_HYPERCUBE, "sobol": MOST_SOBOL}.get(self.method)
@@ -651,7 +580,28 @@ class EnsembleDesign(Shown):
             raise CommandError("the correlations contradict each other", rule="their matrix is positive definite")
         return matrix
 
-    def _posterior(self, variation: Variation) -> NormalCoordinates:
+    def _marginals(self, read: Mapping[str, QuantityReader]) -> tuple[Callable[[Array], Array], Plain]:
+        """Return the values at points of the unit cube, and the description of the distributions.
+
+        The normal scores of the numbers may be correlated.
+        """
+        each = {name: _distribution(name, one).in_si(read[name]) for name, one in self.each.items()}
+        correlation = self._correlations()
+
+        def values(cube: Array) -> Array:
+            if correlation is not None:
+                scores = _mixed(ndtri(cube), np.linalg.cholesky(correlation).astype(float))
+                cube = np.clip(ndtr(scores), EDGE, 1.0 - EDGE)
+            return np.column_stack([one.quantile(share) for one, share in zip(each.values(), cube.T, strict=True)])
+
+        matrix = None if correlation is None else correlation.tolist()
+        return values, {"distributions": {name: str(one) for name, one in each.items()}, "correlation": matrix}
+
+    def _posterior(self, variation: Variation) -> tuple[Callable[[Array], Array], Plain]:
+        """Return the values at points of the unit cube, and the description of the posterior of a fit.
+
+        As for intervals of a fit, the distribution is normal in the coordinates, so that positive values stay positive.
+        """
         assert self.fit is not None
         if variation.drive.system.names is None:
             raise CommandError("a fit is of a drive, and a circuit varies", remedy="Give distributions.")
@@ -664,15 +614,23 @@ class EnsembleDesign(Shown):
         # Next to zero, a value itself is normal and not its logarithm: it is folded at zero.
         errors = [self.fit.standard_errors.get(name, 0.0) for name in self.each]
         every = list(zip(chosen(start, self.names), errors, strict=True))
-        folded = tuple(k for k, (p, error) in enumerate(every) if np.isfinite(p.lower) and error > p.value - p.lower)
+        folded = [k for k, (p, error) in enumerate(every) if np.isfinite(p.lower) and error > p.value - p.lower]
         parameters = [replace(p, lower=-np.inf, size=e) if k in folded else p for k, (p, e) in enumerate(every)]
         scales = transforms_of(parameters, [], start)
         place = [self.fit.free.index(name) for name in self.each]
         centre = scales.internal([p.value for p in parameters])
         inverse = np.linalg.inv(scales.jacobian(centre))
         covariance = inverse @ self.fit.covariance[np.ix_(place, place)] @ inverse.T
-        source = {"fit": self.fit.KIND, "values": [p.value for p in parameters]}
-        return NormalCoordinates(tuple(self.names), scales, centre, covariance, source, folded)
+        variances, axes = np.linalg.eigh(covariance)
+        by_score = (axes * np.sqrt(np.maximum(variances, 0.0))).astype(float)
+
+        def values(cube: Array) -> Array:
+            found = scales.natural(centre + _mixed(ndtri(cube), by_score))
+            found[:, folded] = np.abs(found[:, folded])
+            return found
+
+        about = {"names": self.names, "covariance": covariance.tolist(), "fit": self.fit.KIND}
+        return values, {"posterior": about | {"values": [p.value for p in parameters]}}
 
 
 def design_of(vary: Keyed | EnsembleDesign, n: int | None = None, seed: int | None = None) -> EnsembleDesign:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from functools import lru_cache
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -15,34 +15,16 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from pneudrive._core import Ensemble, Outcome
+    from pneudrive._core import Ensemble
     from pneudrive._core import Output as CoreOutput
-    from pneudrive.arrays import Array, Plain
+    from pneudrive.arrays import Array
     from pneudrive.describe.system import System
-    from pneudrive.ensemble.outputs import Alike, MemberPlans, Reduction
+    from pneudrive.ensemble.outputs import MemberPlans, Reduction
     from pneudrive.ensemble.variation import CoreMembers
 
 
 #: Status of a member that was simulated to the end.
 DONE = 0
-
-
-class Kept(NamedTuple):
-    """Outputs of n members.
-
-    Attributes
-    ----------
-    values : list of ndarray
-        An array for each reduction, shape (n,) or (n, samples); NaN if a member failed.
-    status : ndarray of uint8, shape (n,)
-        0 done, 1 the run failed, 2 the numbers are inconsistent.
-    reasons : dict
-        Index of a failed member -> reason.
-    """
-
-    values: list[Array]
-    status: NDArray[np.uint8]
-    reasons: dict[int, str]
 
 
 def run(
@@ -53,7 +35,7 @@ def run(
     kept: Sequence[Reduction],
     threads: int | None = None,
     look: Callable[[float], object] | None = None,
-) -> Kept:
+) -> tuple[list[Array], NDArray[np.uint8], dict[int, str]]:
     """Run members and return the requested outputs.
 
     Parameters
@@ -71,6 +53,15 @@ def run(
     look : callable, optional
         Called with the number of finished members. An exception ends the run.
 
+    Returns
+    -------
+    list of ndarray
+        An array for each reduction, shape (n,) or (n, samples); NaN if a member failed.
+    ndarray of uint8, shape (n,)
+        0 done, 1 the run failed, 2 the numbers are inconsistent.
+    dict
+        Index of a failed member -> reason.
+
     Raises
     ------
     CommandError
@@ -84,42 +75,37 @@ def run(
         assert look is not None
         look(done + count)
 
-    for alike in plans.alike():  # members whose commands change at the same times
-        places = np.arange(n)[alike.places]
+    for at, steps, durations in plans.alike():  # members whose commands change at the same times
+        places = np.arange(n)[at]
         part = members if len(places) == n else members.at(places)
+        starts = [part.starts[name] for name in core.start_names]
+        rows = 1 if all(np.ndim(start) == 0 for start in starts) else len(places)
+        request: Any = {
+            "values": part.values,
+            "plans": steps,
+            "duration": durations,
+            "initial": np.column_stack([np.broadcast_to(start, rows) for start in starts]),
+            "contact_age_s": float(part.starts.get("contact_age_s", 0.0)),
+            "rtol": rtol,
+            "threads": threads or processors(),
+        }
         rates: list[float | None] = [*sorted({one.rate_hz for one in kept if one.word == "samples"})] or [None]
         for rate in rates:  # the core samples at one rate in a run; unsampled outputs come with the first rate
             asked = [k for k, one in enumerate(kept) if (one.rate_hz if one.word == "samples" else rates[0]) == rate]
-            outputs = [_output(kept[k]) for k in asked]
-            options = {"outputs": outputs, "rtol": rtol, "threads": threads or processors()}
-            outcome = _run(core, part, alike, options, None if look is None else tell)
+            try:
+                outcome = core.run(
+                    request | {"outputs": [_output(kept[k]) for k in asked]}, None if look is None else tell
+                )
+            except ValueError as error:
+                raise CommandError(str(error)) from None
+            except RuntimeError as error:
+                raise SimulationError(str(error)) from None
             for k, value in zip(asked, outcome["outputs"], strict=True):
                 values.setdefault(k, np.empty((n, *value.shape[1:])))[places] = value
             status[places] = outcome["status"]
             reasons |= {int(places[place]): why for place, why in outcome["reasons"].items()}
         done += len(places)
-    return Kept([values[k] for k in range(len(kept))], status, reasons)
-
-
-def _run(
-    core: Ensemble, members: CoreMembers, alike: Alike, options: Plain, look: Callable[[float], object] | None
-) -> Outcome:
-    starts = [members.starts[name] for name in core.start_names]
-    rows = 1 if all(np.ndim(start) == 0 for start in starts) else len(members.values)
-    request: Any = {
-        "values": members.values,
-        "plans": alike.plans,
-        "duration": alike.durations,
-        "initial": np.column_stack([np.broadcast_to(start, rows) for start in starts]),
-        "contact_age_s": float(members.starts.get("contact_age_s", 0.0)),
-        **options,
-    }
-    try:
-        return core.run(request, look)
-    except ValueError as error:
-        raise CommandError(str(error)) from None
-    except RuntimeError as error:
-        raise SimulationError(str(error)) from None
+    return [values[k] for k in range(len(kept))], status, reasons
 
 
 def processors() -> int:

@@ -12,7 +12,7 @@ import time
 from dataclasses import dataclass, replace
 from itertools import islice
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, TypeVar
+from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 
 import numpy as np
 
@@ -51,13 +51,6 @@ if TYPE_CHECKING:
 CHUNK = 16384
 #: Largest number of samples in memory at a time, over all signals that a chunk stores or a user function receives.
 MOST_SAMPLES = 20_000_000
-
-
-class Chunk(NamedTuple):
-    """Members from `first` to before `last`."""
-
-    first: int
-    last: int
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,28 +95,29 @@ class EnsembleStudy:
         """SHA-256 of all inputs that determine the results."""
         return hashlib.sha256(json.dumps(self.about(), sort_keys=True).encode()).hexdigest()
 
-    def chunks(self, members: int | None) -> list[Chunk]:
-        """Return chunks with this number of members each."""
+    def chunks(self, members: int | None) -> list[range]:
+        """Return chunks, ranges of members, with this number of members each."""
         sampled = [output for output in self.outputs if output.word in ("samples", "own")]
         samples = sum(len(output.columns) * self.sample_times(output.rate_hz).size for output in sampled)
         size = self.rows.size
         step = members or max(1, min(CHUNK, MOST_SAMPLES // max(samples, 1)))
-        return [Chunk(first, min(first + step, size)) for first in range(0, size, step)]
+        return [range(first, min(first + step, size)) for first in range(0, size, step)]
 
-    def part(self, chunk: Chunk) -> EnsembleStudy:
+    def part(self, chunk: range) -> EnsembleStudy:
         """Return a study reduced to the data of one chunk, to be sent to another machine."""
-        return replace(self, rows=self.rows.part(*chunk), plans=self.plans.part(*chunk), begin=chunk.first)
+        ends = chunk.start, chunk.stop
+        return replace(self, rows=self.rows.part(*ends), plans=self.plans.part(*ends), begin=chunk.start)
 
     def sample_times(self, rate_hz: float) -> Array:
         """Return the times of samples, s."""
         return np.arange(round(self.plans.duration_s * rate_hz) + 1) / rate_hz
 
-    def run(self, chunk: Chunk, look: Callable[[float], object] | None = None) -> pl.DataFrame:
+    def run(self, chunk: range, look: Callable[[float], object] | None = None) -> pl.DataFrame:
         """Run a chunk.
 
         Parameters
         ----------
-        chunk : Chunk
+        chunk : range
         look : callable, optional
             Receives the number of finished members.
 
@@ -139,20 +133,20 @@ class EnsembleStudy:
         """
         import polars as pl
 
-        rows = self.rows.take(*chunk)
+        rows = self.rows.take(chunk.start, chunk.stop)
         requests = [request for output in self.outputs for request in output.requests]
-        plans = self.plans.part(chunk.first - self.begin, chunk.last - self.begin)
+        plans = self.plans.part(chunk.start - self.begin, chunk.stop - self.begin)
         members = self.variation.members(rows)
-        found = engine.run(self.variation.drive.system, members, plans, self.rtol, requests, self.threads, look)
-        values = iter(found.values)
-        reasons = [found.reasons.get(k, "") for k in range(len(rows))]
-        columns: Plain = {"member": np.arange(*chunk), "status": found.status}
+        system = self.variation.drive.system
+        seen, status, failed = engine.run(system, members, plans, self.rtol, requests, self.threads, look)
+        values, reasons = iter(seen), [failed.get(k, "") for k in range(len(rows))]
+        columns: Plain = {"member": np.arange(chunk.start, chunk.stop), "status": status}
         columns["reason"] = pl.Series(reasons, dtype=pl.String)
         for number, column in zip(self.variation.numbers, rows.T, strict=True):
             columns[number.file_name] = np.ascontiguousarray(column)
         for output in self.outputs:
-            seen = [next(values) for _ in output.requests]
-            columns[output.file_name] = seen[0] if output.function is None else self._own(output, seen, found.status)
+            own = [next(values) for _ in output.requests]
+            columns[output.file_name] = own[0] if output.function is None else self._own(output, own, status)
         return pl.DataFrame(columns)
 
     def _own(self, output: Reduction, seen: list[Array], status: NDArray[np.uint8]) -> Array:
@@ -372,7 +366,7 @@ class ChunkStore:
         begun = self._begun(path)
         if begun is None:
             chunks = study.chunks(members)
-            about["chunk_members"] = chunks[0].last
+            about["chunk_members"] = chunks[0].stop
             make_result_folder(folder)
             write_whole(path, json.dumps(about, indent=1))
         elif begun.get("study") != about["study"]:
@@ -393,13 +387,13 @@ class ChunkStore:
             raise CommandError(f"{path} is not a folder of a study", remedy="Choose another folder.")
         return begun
 
-    def path(self, chunk: Chunk) -> Path:
-        """Return the file of a chunk."""
-        return self.folder / f"members-{chunk.first:012d}.parquet"
+    def path(self, first: int) -> Path:
+        """Return the file of the chunk that begins with this member."""
+        return self.folder / f"members-{first:012d}.parquet"
 
-    def missing(self) -> list[Chunk]:
+    def missing(self) -> list[range]:
         """Return the chunks to run: those without a file, or with a damaged file."""
-        files = [(chunk, self.path(chunk)) for chunk in self.chunks]
+        files = [(chunk, self.path(chunk.start)) for chunk in self.chunks]
         return [chunk for chunk, path in files if not path.exists() or seal.look(path, path.stat().st_size)[0]]
 
     def write(self, frame: pl.DataFrame) -> None:
@@ -410,31 +404,27 @@ class ChunkStore:
         CommandError
             The chunk cannot be written, for example on a full disk. Earlier chunks are kept.
         """
-        first = frame["member"][0]
-        write_frame(
-            frame,
-            self.path(Chunk(first, first + frame.height)),
-            {"pneudrive": json.dumps({"study": self.study.study_hash})},
-        )
+        about = {"pneudrive": json.dumps({"study": self.study.study_hash})}
+        write_frame(frame, self.path(frame["member"][0]), about)
 
     def frames(self) -> Iterator[pl.DataFrame]:
         """Yield the chunks in order."""
         import polars as pl
 
         for chunk in self.chunks:
-            yield pl.read_parquet(self.path(chunk))
+            yield pl.read_parquet(self.path(chunk.start))
 
     def failed(self) -> int:
         """Return the number of failed members."""
         import polars as pl
 
-        frames = (pl.read_parquet(self.path(chunk), columns=["status"]) for chunk in self.chunks)
+        frames = (pl.read_parquet(self.path(chunk.start), columns=["status"]) for chunk in self.chunks)
         return sum(int((frame["status"] != engine.DONE).sum()) for frame in frames)
 
     def remove(self) -> None:
         """Remove the folder with all chunks."""
         for chunk in self.chunks:
-            self.path(chunk).unlink(missing_ok=True)
+            self.path(chunk.start).unlink(missing_ok=True)
         (self.folder / STUDY).unlink(missing_ok=True)
         self.folder.rmdir()
 
@@ -458,7 +448,7 @@ def results(
     """
     chunks = study.chunks(members) if store is None else store.missing()
     total = study.rows.size
-    done = total - sum(chunk.last - chunk.first for chunk in chunks)
+    done = total - sum(map(len, chunks))
     # A cluster runs one chunk in each of its threads at a time.
     source = study if executor is None else replace(study, threads=study.threads or 1)
     items = ((source.part(chunk), chunk) for chunk in chunks)
@@ -476,7 +466,7 @@ def results(
         yield frame
 
 
-def run_part(item: tuple[EnsembleStudy, Chunk]) -> pl.DataFrame:
+def run_part(item: tuple[EnsembleStudy, range]) -> pl.DataFrame:
     """Run one chunk in another process."""
     study, chunk = item
     return study.run(chunk)
@@ -607,9 +597,8 @@ def simulate_many(
         what = f"{size} members are more than max_members_in_memory = {max_members_in_memory}"
         raise CommandError(what, remedy="Give a folder for their results: out=...")
     store = None if out is None else ChunkStore(Path(out), study, chunk)
-    frames = []
-    for frame in results(study, store, chunk, executor, Watch(progress, cancel)):
-        frames += [frame] if store is None else []
+    done = results(study, store, chunk, executor, Watch(progress, cancel))
+    frames = [frame for frame in done if store is None]
     if store is not None and not fits:
         found = Members(study, next(store.frames()).clear(), store.failed())
     else:

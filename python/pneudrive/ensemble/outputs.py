@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from numbers import Real
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -22,8 +22,6 @@ from pneudrive.simulation.simulate import positive
 from pneudrive.simulation.trajectory import meaning
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
     from pneudrive.arrays import Array, Plain
     from pneudrive.simulation.command import CommandInput, Steps
 
@@ -32,27 +30,6 @@ if TYPE_CHECKING:
 
 
 # --- Commands and duration of each member, one for all members or one for each.
-
-#: Index of all members, if they share one command.
-_ALL = slice(None)
-
-
-class Alike(NamedTuple):
-    """Members whose commands change at the same times.
-
-    Attributes
-    ----------
-    places : ndarray of int, or slice
-        Indices of the members.
-    plans : list
-        Tuples of input, its times in s, and its values with shape (times,) or (members, times).
-    durations : ndarray
-        s, shape (1,) or (members,).
-    """
-
-    places: NDArray[np.intp] | slice
-    plans: list[tuple[str, list[float], Array]]
-    durations: Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,12 +78,22 @@ class MemberPlans:
         own = {name: each if len(each) == 1 else each[first:last] for name, each in self.steps.items()}
         return MemberPlans(own, self.durations if len(self.durations) == 1 else self.durations[first:last])
 
-    def alike(self) -> Iterator[Alike]:
-        """Yield groups of members with equal command times, which are computed together."""
+    def alike(self) -> Iterator[tuple[Any, list[tuple[str, list[float], Array]], Array]]:
+        """Yield groups of members with equal command times, which are computed together.
+
+        Yields
+        ------
+        ndarray of int, or slice
+            Indices of the members.
+        list
+            Tuples of input, its times in s, and its values with shape (times,) or (members, times).
+        ndarray
+            Durations, s, shape (1,) or (members,).
+        """
         longest = max((len(each) for each in self.steps.values()), default=1)
         if longest == 1:
             plans = [(name, list(each[0][0]), np.array(each[0][1])) for name, each in self.steps.items()]
-            yield Alike(_ALL, plans, self.durations)
+            yield slice(None), plans, self.durations
             return
         every = {name: each * longest if len(each) == 1 else each for name, each in self.steps.items()}
         groups: dict[tuple[tuple[float, ...], ...], list[int]] = {}
@@ -117,7 +104,7 @@ class MemberPlans:
                 (name, list(at), np.array([each[place][1] for place in own]))
                 for (name, each), at in zip(every.items(), times, strict=True)
             ]
-            yield Alike(np.array(own), plans, self.durations if len(self.durations) == 1 else self.durations[own])
+            yield np.array(own), plans, self.durations if len(self.durations) == 1 else self.durations[own]
 
     def about(self) -> Plain:
         """Describe commands and durations as plain data. Long data are represented by their SHA-256."""

@@ -103,17 +103,17 @@ def sensitivity(
         raise CommandError(f"n = {n} is too few", rule="at least 2")
     design = replace(design_of(vary), members=n)
     study = study_of(drive, command, duration, vary=design, outputs=outputs, initial=initial, rtol=rtol)
-    shape = study.rows.shape
-    if shape is None or design.correlation or design.fit is not None:
+    rows = study.rows
+    if rows.quantiles is None or design.correlation or design.fit is not None:
         rule = "a distribution of each number, all independent"
         raise CommandError("vary does not fit sensitivity", rule=rule, remedy='For instance "normal(30 N, 10 %)".')
     sampled = [output.name for output in study.outputs if output.word == "samples"]
     if sampled:
         raise CommandError(f"outputs: {sampled[0]} is sampled", rule="sensitivities are of numbers")
-    names, about = study.rows.names, {**study.about(), "vary": shape.about()}
+    about = {**study.about(), "vary": {key: rows.about[key] for key in ("distributions", "correlation")}}
     about |= {"n": n, "seed": seed, "confidence": CONFIDENCE}
-    cube = sobol_points(n, len(names), seed)
-    study = replace(study, rows=Rows.table(names, shape.values(cube)))
+    cube = sobol_points(n, len(rows.names), seed)
+    study = replace(study, rows=Rows.table(rows.names, rows.quantiles(cube)))
     study.plans.check(study.rows.size)
     values = _values(study, executor, Watch(progress, cancel))
     return _labelled(study, sobol_indices(cube, values, seed=seed), about)

@@ -343,14 +343,13 @@ def _run_alike(asked: Sequence[StrokeRuns], rtol: float) -> list[StrokeResults]:
     members = CoreMembers(each[0].paths, np.concatenate([one.values for one in each]), starts)
     plans = MemberPlans({}, np.array([held_s(limit)]))
     system, reductions = first.template(outward)[0], _reductions(first.task.stroke_m, outward)
-    kept = engine.run(system, members, plans, rtol, reductions, None)
-    arrived, speed, *peaks, air, force = kept.values
+    (arrived, speed, *peaks, air, force), status, _ = engine.run(system, members, plans, rtol, reductions, None)
     late = np.concatenate([one.strokes.opens_after(outward, one.draws) for one in asked])
     time = np.where(np.isnan(arrived), np.inf, arrived + late)
     speed = np.where(np.isfinite(time), speed, 0.0)
     columns = dict(zip(members.paths, members.values.T, strict=True))
     mass = columns["cylinder.moving_mass"] + columns["load.mass"]
-    failed = kept.status != engine.DONE
+    failed = status != engine.DONE
     for values in (time, *peaks, air):
         values[failed] = np.inf
     force = np.where(np.isfinite(time), np.nan_to_num(force if outward else -force), 0.0)
