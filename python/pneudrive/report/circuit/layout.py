@@ -104,7 +104,6 @@ class Block:
     x: int = 0
     y: int = 0
     rank: int = 0
-    is_fixed: bool = False
     marks: dict[str, str] = field(default_factory=dict)  # port -> "exhaust" or "shut"
 
     def port(self, name: str) -> Place:
@@ -182,12 +181,8 @@ def text_width(text: str, points: float) -> float:
     return float(path.get_extents().width) / 72.0 / MODULE_IN
 
 
-def blocks(circuit: Circuit) -> dict[str, Block]:
-    """Return a block for each component. Positions are set later."""
-    return {name: _block(name, one) for name, one in circuit.components.items()}
-
-
 def _block(name: str, one: Component) -> Block:
+    """Return the block of a component. Its position is set later."""
     entry = one.entry
     symbol = SYMBOLS.get(entry["kind"])
     if symbol:
@@ -385,18 +380,17 @@ class Routes:
 
     def _way(self, net: int, tree: Iterable[Place], goal: Place) -> list[Place]:
         """Return the cheapest path from any point of a net to a port."""
-        queue: list[tuple[int, int, Place, Place]] = []
+        queue: list[tuple[int, int, Place, Place, list[Place]]] = []
         best: dict[tuple[Place, Place], int] = {}
-        came: dict[tuple[Place, Place], tuple[Place, Place]] = {}
         still = (0, 0)
         for point in sorted(tree):
             if not any(other != net for other in self.through.get(point, ())):
                 best[point, still] = 0
-                heapq.heappush(queue, (_far(point, goal), 0, point, still))
+                heapq.heappush(queue, (_far(point, goal), 0, point, still, [point]))
         while queue:
-            _, cost, point, last = heapq.heappop(queue)
+            _, cost, point, last, way = heapq.heappop(queue)
             if point == goal:
-                return self._back(came, (point, last))
+                return way
             if cost > best[point, last]:
                 continue
             crosses = last != still and any(other != net for other in self.through.get(point, ()))
@@ -410,8 +404,7 @@ class Routes:
                 new = cost + 1 + extra + (BEND if last not in (still, step) else 0)
                 if new < best.get((to, step), 1 << 30):
                     best[to, step] = new
-                    came[to, step] = point, last
-                    heapq.heappush(queue, (new + _far(to, goal), new, to, step))
+                    heapq.heappush(queue, (new + _far(to, goal), new, to, step, [*way, to]))
         raise NoWayError
 
     def _enter(self, net: int, to: Place, step: Place, goal: Place) -> int | None:
@@ -426,13 +419,6 @@ class Routes:
         if any(way != across for way in others) or (others and to == goal):
             return None
         return CROSSING * len(others)
-
-    def _back(self, came: Mapping[tuple[Place, Place], tuple[Place, Place]], at: tuple[Place, Place]) -> list[Place]:
-        way = [at[0]]
-        while at in came:
-            at = came[at]
-            way.append(at[0])
-        return way[::-1]
 
     def branches(self, net: int) -> list[Place]:
         """Return the points at which more than two parts of a line meet."""
@@ -520,7 +506,7 @@ def place(circuit: Circuit, spread: float) -> tuple[dict[str, Block], list[Net]]
     DescriptionError
         If two components with `at` overlap.
     """
-    placed = blocks(circuit)
+    placed = {name: _block(name, one) for name, one in circuit.components.items()}
     lines = nets(circuit, placed)
     above = {name for name in placed if is_platform(circuit.components[name].entry)}
     beside = _beside(lines, circuit, above)
@@ -532,12 +518,14 @@ def place(circuit: Circuit, spread: float) -> tuple[dict[str, Block], list[Net]]
     rows: dict[int, list[str]] = {}
     for name, rank in sorted(ranks.items(), key=lambda item: item[1]):
         rows.setdefault(rank, []).append(name)
+    spans = [[ranks[name] for name, _ in line.pins if name in ranks] for line in lines]
     extent = {name: _group_extent(groups[name], beside, placed) for name in ranks}
     _order(rows, extent, _pulls(lines, beside, above), placed, spread)
     y = 0.0
     for rank in sorted(rows):
         row = [placed[name] for name in rows[rank]]
-        between = sum(_parts(line, rows[rank], ranks) for line in lines)
+        # Lines that lead to a higher row may each need a track.
+        between = sum(min(span) <= rank < max(span) for span in spans if span)
         y += -min(block.box[1] for block in row)
         for block in row:
             block.y = round(y)
@@ -546,12 +534,6 @@ def place(circuit: Circuit, spread: float) -> tuple[dict[str, Block], list[Net]]
         _put_beside(group, beside, placed)
     _fix(circuit, placed)
     return placed, lines
-
-
-def _parts(line: Net, row: Sequence[str], ranks: Mapping[str, int]) -> int:
-    """Return 1 if a line leads to a higher row and may need a separate track, otherwise 0."""
-    found = [ranks[name] for name, _ in line.pins if name in ranks]
-    return int(bool(found) and min(found) <= ranks[row[0]] < max(found))
 
 
 def _beside(lines: Sequence[Net], circuit: Circuit, above: Collection[str]) -> dict[str, tuple[str, str]]:
@@ -606,11 +588,9 @@ def _group_extent(names: Sequence[str], beside: Beside, placed: Placed) -> tuple
 
 def _ranks(wiring: Wiring, names: Sequence[str]) -> dict[str, int]:
     """Return the distance of each component from the supply. Exhaust parts are below, and actuators are on top."""
-    known: dict[str, int] = {}
     ports = {name: [port for port in wiring.ports(name) if port.kind == "gas"] for name in names}
-    first = [name for name in names if _is_supply(ports[name])] or list(names[:1])
-    todo = list(first)
-    known |= dict.fromkeys(first, 0)
+    todo = [name for name in names if _is_supply(ports[name])] or list(names[:1])
+    known = dict.fromkeys(todo, 0)
     while len(known) < len(names):
         for name in todo:  # grows during the loop
             for port in ports[name]:
@@ -684,9 +664,8 @@ def _order(
                 ]
                 want[name] = sum(aims) / len(aims) if aims else float(placed[name].x)
             row.sort(key=lambda name: (want[name], placed[name].x))
-            for name, x in zip(
-                row, _apart([want[n] for n in row], [extent[n] for n in row], GAP * spread), strict=True
-            ):
+            places = _apart([want[name] for name in row], [extent[name] for name in row], GAP * spread)
+            for name, x in zip(row, places, strict=True):
                 placed[name].x = x
 
 
@@ -703,21 +682,20 @@ def _apart(want: Sequence[float], extents: Sequence[tuple[float, float]], gap: f
 
 def _fix(circuit: Circuit, placed: Placed) -> None:
     """Move components to the positions in their description. Other components make room."""
-    for name, block in placed.items():
-        at = circuit.components[name].at
-        if at is not None:
-            block.x, block.y, block.is_fixed = round(at[0]), round(at[1]), True
-    fixed = [block for block in placed.values() if block.is_fixed]
-    for number, block in enumerate(fixed):
-        for other in fixed[:number]:
+    places = {name: at for name in placed if (at := circuit.components[name].at) is not None}
+    standing: list[Block] = []
+    for name, at in places.items():
+        block = placed[name]
+        block.x, block.y = map(round, at)
+        for other in standing:
             if _overlap(block, other):
-                remedy = f"Move {block.name}; {other.name} takes x {_range(other, 0)}, y {_range(other, 1)}."
-                error = DescriptionError(f"{other.name} and {block.name} overlap", remedy=remedy)
-                error.key = f"components.{block.name}.at"
+                remedy = f"Move {name}; {other.name} takes x {_range(other, 0)}, y {_range(other, 1)}."
+                error = DescriptionError(f"{other.name} and {name} overlap", remedy=remedy)
+                error.key = f"components.{name}.at"
                 raise error
-    standing = list(fixed)
-    for block in placed.values() if fixed else ():
-        if not block.is_fixed:
+        standing.append(block)
+    for name, block in placed.items() if places else ():
+        if name not in places:
             while any(_overlap(block, other) for other in standing):
                 block.x += 1
             standing.append(block)
@@ -741,9 +719,6 @@ def arranged(circuit: Circuit) -> tuple[dict[str, Block], list[Net], Routes]:
     """Position the components and find a path for every line, with more space if necessary."""
     for spread in SPREADS:
         placed, nets = place(circuit, spread)
-        try:
+        with suppress(NoWayError):
             return placed, nets, Routes(placed, nets)
-        except NoWayError:
-            if spread == SPREADS[-1]:
-                raise
     raise NoWayError

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from pneudrive.describe import Circuit, Drive
-    from pneudrive.report.circuit.layout import Block, Box, Routes
+    from pneudrive.report.circuit.layout import Box
 
 
 EDGE = 2.0  # modules of paper around everything
@@ -110,9 +110,14 @@ def circuit_shapes(described: Circuit | Drive) -> CircuitShapes:
     """
     circuit: Circuit = described if hasattr(described, "wiring") else described.circuit  # type: ignore[union-attr,assignment]
     placed, nets, routes = arranged(circuit)
-    low_x, low_y, high_x, high_y = _extent(placed, routes)
+    boxes = [block.rectangle() for block in placed.values()]
+    boxes += [(x, y, x, y) for block in placed.values() for x, y in block.cells()]
+    boxes += [(*low, *high) for line in routes.lines for low, high in line]
+    lows_x, lows_y, highs_x, highs_y = zip(*boxes, strict=True)
+    low_x, low_y, high_x, high_y = min(lows_x), min(lows_y), max(highs_x), max(highs_y)
     width = max(high_x - low_x, LEAST_WIDTH, text_width(circuit.name, TITLE_PT))
-    notes = list(_wrapped(_notes(circuit), width))
+    volumes = [f"{name} {1e6 * volume:.3g} cm\N{SUPERSCRIPT THREE}" for name, volume in circuit.joint_volumes]
+    notes = list(_wrapped(f"Volumes of joints: {', '.join(volumes)}. {SAID}" if volumes else SAID, width))
     paper = (low_x - EDGE, low_y - EDGE - LINE * len(notes) - 0.5, low_x + width + EDGE, high_y + EDGE + 2.0)
     shapes = [*routes.shapes(nets), *(shape for block in placed.values() for shape in block.shapes())]
     shapes.append(Shape("text", ((low_x, paper[3] - EDGE),), "", TITLE_PT, circuit.name, "left top"))
@@ -121,20 +126,6 @@ def circuit_shapes(described: Circuit | Drive) -> CircuitShapes:
     ends = [[*net.pins, *net.pilots] for net in nets]
     ports = {name: {port: block.port(port) for port in block.directions} for name, block in placed.items()}
     return CircuitShapes(paper, shapes, ends, ports)
-
-
-def _extent(placed: dict[str, Block], routes: Routes) -> Box:
-    boxes = [block.rectangle() for block in placed.values()]
-    boxes += [(x, y, x, y) for block in placed.values() for x, y in block.cells()]
-    boxes += [(*low, *high) for line in routes.lines for low, high in line]
-    low_x, low_y, high_x, high_y = zip(*boxes, strict=True)
-    return min(low_x), min(low_y), max(high_x), max(high_y)
-
-
-def _notes(circuit: Circuit) -> str:
-    volumes = circuit.joint_volumes
-    listed = ", ".join(f"{name} {1e6 * volume:.3g} cm\N{SUPERSCRIPT THREE}" for name, volume in volumes)
-    return f"Volumes of joints: {listed}. {SAID}" if listed else SAID
 
 
 def _wrapped(text: str, width: float) -> Iterator[str]:
@@ -193,15 +184,10 @@ def _element(shape: Shape) -> str:
     if shape.word == "dot":
         return f'<circle cx="{x:.4g}" cy="{y:.4g}" r="{shape.size:.3g}" fill="currentColor" stroke="none"/>'
     if shape.word == "arc":
-        low, high = shape.angles
-        r, ends = (
-            shape.size,
-            [
-                f"{x + shape.size * cos(radians(angle)):.4g} {y - shape.size * sin(radians(angle)):.4g}"
-                for angle in (low, 0.5 * (low + high), high)
-            ],
-        )  # in two halves: a full circle has one point for both ends
-        return f'<path d="M {ends[0]} A {r} {r} 0 0 0 {ends[1]} A {r} {r} 0 0 0 {ends[2]}"/>'
+        (low, high), r = shape.angles, shape.size
+        angles = map(radians, (low, 0.5 * (low + high), high))  # in two halves: a circle has one point for both ends
+        begin, middle, end = (f"{x + r * cos(angle):.4g} {y - r * sin(angle):.4g}" for angle in angles)
+        return f'<path d="M {begin} A {r} {r} 0 0 0 {middle} A {r} {r} 0 0 0 {end}"/>'
     points = " ".join(f"{px:.4g},{-py:.4g}" for px, py in shape.points)
     if shape.word in ("triangle", "head"):
         fill = ' fill="currentColor"' if shape.word == "head" else ""
