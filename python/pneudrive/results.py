@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 import re
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -224,7 +224,7 @@ def _characterisation_view(stored: StoredResult) -> View:
     groups = list(dict.fromkeys(group.assembly for group in groups_of(table)))
     names = {group: "fit" if len(groups) == 1 else Path(fit_file(group)).stem for group in groups}
     laws = {group: {fits[name].law: fits[name]} for group, name in names.items() if hasattr(fits.get(name), "law")}
-    return replace(map_view(table, laws), rows=tuple(rows))
+    return replace(map_view(table, laws), rows=rows)
 
 
 def _curve(
@@ -242,7 +242,7 @@ def _run_view(run: xr.Dataset) -> View:
         unit, words = str(column.attrs.get("units")), str(name).replace("_", " ")
         if column.dims == ("time",) and unit in ("m", "m/s", "Pa", "N"):
             curves.append(_curve(words, time, column.to_numpy(), ("time", words, "s", unit)))
-    return replace(run.pneu.info(), curves=tuple(curves))
+    return replace(run.pneu.info(), curves=curves)
 
 
 def _fit_pairs(before: FrictionFit, after: FrictionFit) -> Iterator[CurvePair]:
@@ -585,7 +585,7 @@ def _pair(key: str, old: ComparedValue, new: ComparedValue) -> ValuePair:
     return ValuePair(key, old.text, text, old.interval, new.interval, change)
 
 
-def _curves(result: Any) -> tuple[ShownCurve, ...]:  # noqa: ANN401 - any result
+def _curves(result: Any) -> Sequence[ShownCurve]:  # noqa: ANN401 - any result
     has_view = hasattr(result, "view") or isinstance(result, xr.Dataset)
     return view_of(result).curves if has_view else ()
 

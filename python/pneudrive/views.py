@@ -177,8 +177,8 @@ class ShownTable:
     """A table of texts with its caption. Columns of numbers are right-aligned."""
 
     caption: str
-    head: tuple[str, ...]
-    rows: tuple[tuple[str, ...], ...]
+    head: Sequence[str]
+    rows: Sequence[Sequence[str]]
 
     @property
     def are_numbers(self) -> tuple[bool, ...]:
@@ -285,35 +285,35 @@ class View(Shown):
     ----------
     title : str
         Headline, one sentence.
-    rows : tuple of ShownValue
-    curves : tuple of ShownCurve
-    notes : tuple of str
+    rows : sequence of ShownValue
+    curves : sequence of ShownCurve
+    notes : sequence of str
     state : str
         "good", "open" or "bad".
-    leading : tuple of LeadingValue
+    leading : sequence of LeadingValue
         At most five leading values.
-    findings : tuple of Finding
+    findings : sequence of Finding
         Findings, sorted with the worst first.
-    tables : tuple of ShownTable
-    figures : tuple of ShownFigure
+    tables : sequence of ShownTable
+    figures : sequence of ShownFigure
     """
 
     title: str
-    rows: tuple[ShownValue, ...] = ()
-    curves: tuple[ShownCurve, ...] = ()
-    notes: tuple[str, ...] = ()
+    rows: Sequence[ShownValue] = ()
+    curves: Sequence[ShownCurve] = ()
+    notes: Sequence[str] = ()
     state: State = "good"
-    leading: tuple[LeadingValue, ...] = ()
-    findings: tuple[Finding, ...] = ()
-    tables: tuple[ShownTable, ...] = ()
-    figures: tuple[ShownFigure, ...] = ()
+    leading: Sequence[LeadingValue] = ()
+    findings: Sequence[Finding] = ()
+    tables: Sequence[ShownTable] = ()
+    figures: Sequence[ShownFigure] = ()
 
     def __post_init__(self) -> None:
         """Sort the findings, and check the number of leading values."""
         if len(self.leading) > MOST_LEADING:
             raise ValueError(f"{len(self.leading)} leading values, at most {MOST_LEADING}")
         worst_first = sorted(self.findings, key=lambda finding: -STATES.index(finding.state))
-        object.__setattr__(self, "findings", tuple(worst_first))
+        object.__setattr__(self, "findings", worst_first)
 
     @property
     def leading_values(self) -> list[SentValue]:
@@ -360,7 +360,7 @@ class View(Shown):
                 groups.append(group := (set(), []))
             group[0].update(quantities[value.label])
             group[1].extend([value] * (value not in without))
-        return [replace(self, rows=tuple(values)).table() for _, values in groups if values]
+        return [replace(self, rows=values).table() for _, values in groups if values]
 
     def curve_table(self) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
         """Return head and rows of the curves: the ranges of both axes, and the mean band."""
@@ -395,7 +395,7 @@ class View(Shown):
         """Return the display in a notebook and at the prompt."""
         head, rows = self.table() if self.rows else self.curve_table()
         if not rows and self.tables:
-            head, rows = self.tables[0].head, list(self.tables[0].rows)
+            head, rows = self.tables[0].head, self.tables[0].rows
         return Card(self.title, head, rows, self.sentences())
 
     def _card(self) -> Card:

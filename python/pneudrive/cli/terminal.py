@@ -112,7 +112,7 @@ def show_view(view: View) -> None:
     for caption, (head, rows) in (*(("", table) for table in (*values, view.curve_table())), *tables):
         if rows:
             show_lines(*([caption] if caption else ()))
-            numbers = ShownTable("", tuple(head), tuple(map(tuple, rows))).are_numbers
+            numbers = ShownTable("", head, rows).are_numbers
             heads = [name if is_number else f"<{name}" for name, is_number in zip(head, numbers, strict=True)]
             show_table(heads, rows[:MOST_ROWS])
         if len(rows) > MOST_ROWS:

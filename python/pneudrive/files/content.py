@@ -19,15 +19,12 @@ from pneudrive.errors import ErrorKind, PneudriveError, package_table
 from pneudrive.files.bounds import bound, within
 
 
-def rendered(
-    template: Path, filters: Mapping[str, Any], tests: Mapping[str, Any] | None = None, /, **values: object
-) -> str:
+def rendered(template: Path, filters: Mapping[str, Any], /, **values: object) -> str:
     """Return the rendered text of a jinja2 template, without lines of block tags; `values` are not escaped."""
     import jinja2
 
     environment = jinja2.Environment(trim_blocks=True, lstrip_blocks=True, keep_trailing_newline=True)
     environment.filters |= filters
-    environment.tests |= tests or {}
     return environment.from_string(template.read_text(encoding="utf-8")).render(values)
 
 

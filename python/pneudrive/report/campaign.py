@@ -27,13 +27,13 @@ from pneudrive.report.layout_figure import rig_diagram
 from pneudrive.report.page import MM, Paragraph, Topic, condition_names, figure_of, plural, spread_evenly
 from pneudrive.rig.interface import envelope_of
 from pneudrive.units import readable
-from pneudrive.views import Finding, LeadingValue, ShownCurve, ShownFigure, ShownTable, ShownValue, State, View, worst
+from pneudrive.views import Finding, LeadingValue, ShownCurve, ShownFigure, ShownValue, State, View, worst
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
     from pathlib import Path
 
-    from pneudrive.friction.campaign.result import AirShare, CampaignCharacteristics, Curve, PressureEffects
+    from pneudrive.friction.campaign.result import CampaignCharacteristics
     from pneudrive.friction.campaign.stops.dwell_law import DwellSeries
     from pneudrive.friction.campaign.stops.dwell_models import DwellLawFit
     from pneudrive.report.page import Block, Section
@@ -179,16 +179,13 @@ def curves(found: CampaignCharacteristics) -> Section | None:
     if any(c.contains_air for c in both):
         text += topic.say("with_air")
     picture = topic.figure("campaign-curves", curve_figure([c.shown(ambient) for c in shown]))
-    return topic.section(Paragraph(text), picture, topic.table(_curve_rows(found, both)))
-
-
-def _curve_rows(found: CampaignCharacteristics, both: Sequence[Curve]) -> Iterator[tuple]:
-    named = condition_names(found)
+    named, rows = condition_names(found), []
     for c in both[:MOST_CURVES]:
         for i in spread_evenly(np.flatnonzero(c.measured).tolist(), SHOWN_SPEEDS):
             friction = with_u(float(c.friction_n[i]), float(c.high_n[i] - c.low_n[i]) / 2.0, "")
-            speed, uncertainties = MM * c.speed_m_s[i], (c.stderr_n[i], c.u_systematic_n[i])
-            yield (named(c.condition), speed, friction, *uncertainties, int(c.cycles[i]))
+            uncertainties = c.stderr_n[i], c.u_systematic_n[i]
+            rows.append((named(c.condition), MM * c.speed_m_s[i], friction, *uncertainties, int(c.cycles[i])))
+    return topic.section(Paragraph(text), picture, topic.table(rows))
 
 
 def curve_figure(shown: Sequence[ShownCurve]) -> Figure:
@@ -219,8 +216,8 @@ def air(found: CampaignCharacteristics) -> Section | None:
     text, panels = "separated" if separated else "together", []
     for a in shown:
         marks: list[Band | Line] = []
-        for index, (label, (middle, low, high)) in enumerate(_parts(a).items()):
-            own = look(index)
+        for index, label in enumerate(("total", "seal", "air") if a.separated else ("total",)):
+            own, (middle, low, high) = look(index), (getattr(a, f"{label}{end}_n") for end in ("", "_low", "_high"))
             marks += [Band(a.speed_m_s, low, high, look=own), Line(a.speed_m_s, middle, label, own)]
         if not a.separated:
             marks.append(Line(a.speed_m_s, a.air_bound_n, "air, at most", Look("orange", ":")))
@@ -231,34 +228,22 @@ def air(found: CampaignCharacteristics) -> Section | None:
     )
 
 
-def _parts(a: AirShare) -> dict[str, tuple[np.ndarray, np.ndarray, np.ndarray]]:
-    """Return the force with its interval, and the same for its parts if they can be separated."""
-    total = {"total": (a.total_n, a.total_low_n, a.total_high_n)}
-    if not a.separated:
-        return total
-    return total | {"seal": (a.seal_n, a.seal_low_n, a.seal_high_n), "air": (a.air_n, a.air_low_n, a.air_high_n)}
-
-
 def pressure(found: CampaignCharacteristics) -> Section | None:
     """Return the section on effects of the chamber pressures, and their interaction."""
     if not found.pressure:
         return None
-    topic, texts = Topic("campaign", "pressure"), []
+    topic, texts, panels = Topic("campaign", "pressure"), [], []
     for effects in found.pressure:
         pairs = ", ".join(f"{a / PA_PER_BAR:.3g}/{b / PA_PER_BAR:.3g}" for a, b in effects.gauge_pa)
         name = f"{effects.levels}: " if effects.levels else ""
         texts.append(topic.text(name=name, statement=effects.statement, pairs=pairs))
-    panels = [_slopes(e) for e in found.pressure if e.slopes]
+        marks: list[Any] = [Rule(y=0.0, look=Look("black"))]
+        for index, (chamber, slopes) in enumerate(effects.slopes.items()):
+            speed = effects.speed_m_s * (1.0 + 0.03 * (index - 1))  # side by side
+            value, low, high = ends(slopes)
+            marks.append(Markers(speed, value, CHAMBERS[chamber], look(index), low, high, 3.5, joined=True))
+        panels += [Panel(marks, effects.levels)] if effects.slopes else []
     return topic.section(*texts, topic.figure("campaign-pressure", figure_of("slopes", panels)) if panels else None)
-
-
-def _slopes(e: PressureEffects) -> Panel:
-    marks: list[Any] = [Rule(y=0.0, look=Look("black"))]
-    for index, (chamber, slopes) in enumerate(e.slopes.items()):
-        speed = e.speed_m_s * (1.0 + 0.03 * (index - 1))  # side by side
-        value, low, high = ends(slopes)
-        marks.append(Markers(speed, value, CHAMBERS[chamber], look(index), low, high, 3.5, joined=True))
-    return Panel(marks, e.levels)
 
 
 # --- course along the stroke and over time ---------------------------------------------------------------------------
@@ -365,14 +350,17 @@ def stops(found: CampaignCharacteristics) -> Section | None:
     if not len(found.stops):
         return None
     topic = Topic("campaign", "stops")
-    series = [s for s in found.dwell if s.curve is not None]
-    moved = any(len(_known(found.stops, name)) for name in ("relaxation_n", "recovery_m"))
-    return topic.section(
-        topic.text(stops=plural(len(found.stops), "stop")),
-        topic.figure("campaign-stop-traces", traces(found)),
-        *(_dwell_blocks(topic, found, series[:MOST_SERIES]) if series else ()),
-        *(_relaxation_blocks(topic, found) if moved else ()),
-    )
+    series = [s for s in found.dwell if s.curve is not None][:MOST_SERIES]
+    blocks: list[Block] = [topic.text(stops=plural(len(found.stops), "stop"))]
+    blocks.append(topic.figure("campaign-stop-traces", traces(found)))
+    if series:
+        blocks.append(topic.figure("campaign-dwell", figure_of("dwell", [_increments(found, s) for s in series])))
+    named = ((_laws(s), {"series": s.name, "reference_s": s.reference_s}) for s in series if s.laws)
+    blocks += [topic.table(rows, "laws", **values) for rows, values in named]
+    if any(len(_known(found.stops, name)) for name in ("relaxation_n", "recovery_m")):
+        blocks.append(topic.figure("campaign-stop-relaxation", relaxation(found)))
+        blocks.append(topic.table(_medians(found.stops), "medians"))
+    return topic.section(*blocks)
 
 
 # --- traces ----------------------------------------------------------------------------------------------------------
@@ -436,14 +424,6 @@ def _force(stop: SimpleNamespace, begin_s: float, end_s: float, label: str) -> A
 # --- breakaway against duration --------------------------------------------------------------------------------------
 
 
-def _dwell_blocks(topic: Topic, found: CampaignCharacteristics, shown: list[DwellSeries]) -> Iterator[Block]:
-    panels = [_increments(found, s) for s in shown]
-    yield topic.figure("campaign-dwell", figure_of("dwell", panels))
-    for s in shown:
-        if s.laws:
-            yield topic.table(_laws(s), "laws", series=s.name, reference_s=s.reference_s)
-
-
 def best_of(laws: tuple[DwellLawFit, ...], *, saturates: bool) -> DwellLawFit | None:
     """Return the best law among the laws that saturate, or among those that do not."""
     return next((law for law in laws if law.form.saturates == saturates and law.name != "none"), None)
@@ -469,24 +449,16 @@ def _increments(found: CampaignCharacteristics, s: DwellSeries) -> Panel:
 def _laws(s: DwellSeries) -> Iterator[tuple]:
     least = min(law.bic for law in s.laws)
     for law in s.laws:
-        shape = "; ".join(_shape(law, *unit) for unit in law.form.units.items()) or None
+        shapes = []
+        for name, unit in law.form.units.items():
+            ends = (f"{end:.2g}" if 0 < end < np.inf else "open" for end in law.shape_intervals[name])
+            shapes.append(f"{SHAPES[name]} = {law.shape[name]:.2g} ({' … '.join(ends)}) {unit}".strip())
         slope = f"{law.slope_n:.3g} ({law.slope_low_n:.3g} … {law.slope_high_n:.3g})"
-        yield f"{law.form.title}: {law.form.formula}", shape, slope, law.delta, law.bic - least, law.weight
-
-
-def _shape(law: DwellLawFit, name: str, unit: str) -> str:
-    low, high = law.shape_intervals[name]
-    lower = f"{low:.2g}" if low > 0 else "open"
-    upper = f"{high:.2g}" if np.isfinite(high) else "open"
-    return f"{SHAPES[name]} = {law.shape[name]:.2g} ({lower} … {upper}) {unit}".strip()
+        about = f"{law.form.title}: {law.form.formula}", "; ".join(shapes) or None
+        yield *about, slope, law.delta, law.bic - least, law.weight
 
 
 # --- relaxation and way back -----------------------------------------------------------------------------------------
-
-
-def _relaxation_blocks(topic: Topic, found: CampaignCharacteristics) -> Iterator[Block]:
-    yield topic.figure("campaign-stop-relaxation", relaxation(found))
-    yield topic.table(_medians(found.stops), "medians")
 
 
 def _known(stops: pl.DataFrame, name: str) -> pl.DataFrame:
@@ -567,19 +539,8 @@ def run(found: CampaignCharacteristics) -> Section:
         ("ambient pressure", f"{rig.ambient_pressure_pa / 1e5:.4g} bar abs"),
         ("selection of samples", found.protocol),
     )
-    return topic.section(
-        topic.text("simulated", "note") if found.synthetic else topic.text("measured"),
-        topic.text("counts", counts=counts or "none"),
-        topic.figure("campaign-rig", rig_diagram(rig, envelope)) if envelope is not None else None,
-        topic.table(rows, "facts"),
-        _sensors(topic, found),
-    )
-
-
-def _sensors(topic: Topic, found: CampaignCharacteristics) -> ShownTable:
-    rig = found.identity
     unstated = "not stated: assumed"
-    rows = [
+    sensors = [
         (
             channel,
             "{:g} … {:g}".format(*rig.limits[channel]) if channel in rig.limits else "not stated",
@@ -588,7 +549,13 @@ def _sensors(topic: Topic, found: CampaignCharacteristics) -> ShownTable:
         )
         for channel in dict.fromkeys([*rig.accuracy, *rig.limits, *rig.resolution, *rig.calibration])
     ]
-    return topic.table(rows or [("all", "not stated", unstated, "not stated")], "sensors")
+    return topic.section(
+        topic.text("simulated", "note") if found.synthetic else topic.text("measured"),
+        topic.text("counts", counts=counts or "none"),
+        topic.figure("campaign-rig", rig_diagram(rig, envelope)) if envelope is not None else None,
+        topic.table(rows, "facts"),
+        topic.table(sensors or [("all", "not stated", unstated, "not stated")], "sensors"),
+    )
 
 
 def flags(found: CampaignCharacteristics) -> Section:
@@ -624,18 +591,10 @@ def sources(found: CampaignCharacteristics) -> Section:
         *page.software(),
         ("raw data", f"{found.folder.name}/cycles, one Parquet file per cycle"),
     ]
-    topic = Topic("campaign", "provenance")
-    return topic.section(
-        topic.table(rows, "software"),
-        *_protocol(topic, found),
-        *topic.listed(page.references(METHODS), "sources"),
-    )
-
-
-def _protocol(topic: Topic, found: CampaignCharacteristics) -> Iterator[Block]:
-    protocol = found.folder / "campaign.toml"
+    topic, protocol = Topic("campaign", "provenance"), found.folder / "campaign.toml"
+    blocks: list[Block] = [topic.table(rows, "software")]
     if protocol.is_file():
         lines = protocol.read_text(encoding="utf-8", errors="replace").strip().splitlines()
         more = [topic.say("more", count=len(lines) - MOST_LINES)] if len(lines) > MOST_LINES else []
-        yield topic.text("protocol")
-        yield Paragraph("\n".join([*lines[:MOST_LINES], *more]), "code")
+        blocks += [topic.text("protocol"), Paragraph("\n".join([*lines[:MOST_LINES], *more]), "code")]
+    return topic.section(*blocks, *topic.listed(page.references(METHODS), "sources"))

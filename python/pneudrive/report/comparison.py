@@ -75,7 +75,7 @@ def comparison_view(c: Comparison) -> View:
         state=worst(findings),
         leading=tuple(LeadingValue(replace(v, quantity=f"{v.label}:")) for v in sizes[:MOST_LEADING]),
         findings=findings,
-        notes=tuple(sentence(f"{test.what}: {test.note}") for test in c.tests),
+        notes=[sentence(f"{test.what}: {test.note}") for test in c.tests],
         figures=shown_figures(_figured(c)),
     )
 

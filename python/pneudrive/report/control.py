@@ -174,16 +174,16 @@ def controllers_view(found: ControlComparison, measures: Collection[str] = ()) -
     total = found.count * len(found.references) * len(found.laws)
     if not found.is_finished:
         findings.append(Finding(f"{len(found.runs)} of {total} runs are done.", "open", "Repeat the command."))
-    truth = tuple((name, f"{low:.4g}", f"{high:.4g}") for name, (low, high) in found.truth.items())
+    truth = [(name, f"{low:.4g}", f"{high:.4g}") for name, (low, high) in found.truth.items()]
     about = Topic("control", "true")
     return View(
         f"{found.drive} under {plural(len(found.laws), 'law')} of control, {plural(len(found.runs), 'simulated run')}",
-        tuple(value for along in found.references for value in found.values(along, measures)),
+        [value for along in found.references for value in found.values(along, measures)],
         notes=tuple(_conditions(found)),
         state="bad" if failed else "good" if found.is_finished else "open",
-        leading=tuple(leading[:MOST_LEADING]),
-        findings=tuple(findings),
-        tables=(ShownTable(about.say("text"), tuple(about.texts["head"]), truth),) if truth else (),
+        leading=leading[:MOST_LEADING],
+        findings=findings,
+        tables=(ShownTable(about.say("text"), about.texts["head"], truth),) if truth else (),
         figures=tuple(
             figure for number in range(len(found.references)) for figure in _reference_figures(found, number)
         ),

@@ -21,7 +21,7 @@ from pneudrive.report.render import DrawnFigure, draw_figure
 from pneudrive.report.validation import MOST_SHOWN, channel_figure, friction_figure
 from pneudrive.simulation.trajectory import check_target, write_whole
 from pneudrive.validate.validation import run_columns
-from pneudrive.views import MOST_LEADING, STATES, LeadingValue, ShownFigure, ShownTable, ShownValue, State, View
+from pneudrive.views import MOST_LEADING, LeadingValue, ShownFigure, ShownTable, ShownValue, View, worst
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -95,7 +95,7 @@ def characteristic_view(found: xr.Dataset) -> View:
         found.attrs["title"],
         leading=tuple(map(LeadingValue, values[:MOST_LEADING])),
         notes=(*notes, f"Interval: {found.attrs.get('interval', 'not asked for')}"),
-        tables=(ShownTable("", ("result", "at", "value", "meaning"), tuple(rows)),),
+        tables=(ShownTable("", ("result", "at", "value", "meaning"), rows),),
         figures=(ShownFigure(kind.name, f"{kind.title}.", figure_of("characteristic", panels)),) if panels else (),
     )
 
@@ -199,7 +199,7 @@ def write_datasheet(found: Datasheet, path: str | Path) -> Path:
         _definitions(found),
     ]
     if found.measured is not None and compared:
-        beside = View(Topic("datasheet", "measured").say("title"), figures=tuple(compared))
+        beside = View(Topic("datasheet", "measured").say("title"), figures=compared)
         sections.insert(2, view_section("measured", beside, synthetic=found.measured.synthetic))
     report = Report(view.title, [*view.findings, *view.notes], sections, synthetic=True)
     if target.suffix.lower() == ".pdf":
@@ -226,15 +226,15 @@ def sheet_view(found: Datasheet) -> View:
         caption = topics["measured"].texts["pictures"]["measured"]
         figures += [ShownFigure(name, caption, figure) for name, figure in _comparisons(found.measured)]
     tables.append(topics["values"].shown(values))
-    states: list[State] = [finding.state for finding in found.findings] or ["open"]
+    beside = "" if found.measured is None else f" beside {'synthetic ' * found.measured.synthetic}recordings"
     return View(
-        _title(found),
-        state=max(states, key=STATES.index),
+        f"{found.drive.name}: datasheet, simulated{beside}",
+        state=worst(found.findings) if found.findings else "open",
         leading=tuple(_leading(found)),
-        findings=tuple(found.findings),
+        findings=found.findings,
         notes=(*found.notes, *(f"Read beside: {name}" for name in (found.measured.names if found.measured else ()))),
-        tables=tuple(table for table in tables if table.rows),
-        figures=tuple(figures),
+        tables=[table for table in tables if table.rows],
+        figures=figures,
     )
 
 
@@ -249,14 +249,6 @@ def _leading(found: Datasheet) -> Iterator[LeadingValue]:
     if "air" in found.results:
         words = "air of a full cycle, l ANR"
         yield LeadingValue(ShownValue("air", "", words, float(found.results["air"].full)))
-
-
-def _title(found: Datasheet) -> str:
-    measured = found.measured
-    if measured is None:
-        return f"{found.drive.name}: datasheet, simulated"
-    kind = "synthetic recordings" if measured.synthetic else "recordings"
-    return f"{found.drive.name}: datasheet, simulated beside {kind}"
 
 
 def _published(found: Datasheet) -> Iterator[tuple[str, ...]]:
@@ -292,8 +284,8 @@ def _definitions(found: Datasheet) -> Section:
     shown = [known[name] for name in found.results if name in known]
     keys = dict.fromkeys(key for one in shown for key in one.cites)
     return Topic("datasheet", "definitions").section(
-        Items(tuple(f"assumed: {one}" for one in found.assumed)),
-        Items(tuple(f"{one.title}: {one.definition} ({one.algorithm})" for one in shown)),
+        Items([f"assumed: {one}" for one in found.assumed]),
+        Items([f"{one.title}: {one.definition} ({one.algorithm})" for one in shown]),
         Items(references(keys)),
         synthetic=False,
     )

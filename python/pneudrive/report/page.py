@@ -9,7 +9,7 @@ import tempfile
 from dataclasses import dataclass, field, replace
 from functools import lru_cache, partial
 from importlib.metadata import version
-from io import BytesIO, StringIO
+from io import StringIO
 from operator import attrgetter, itemgetter
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol, TypeAlias
@@ -68,7 +68,7 @@ class Paragraph:
 class Items:
     """A list of sentences; `kind` as for a paragraph."""
 
-    items: tuple[str, ...]
+    items: Sequence[str]
     kind: str = "plain"
 
 
@@ -100,11 +100,11 @@ def view_section(key: str, view: View, *, synthetic: bool | None = None) -> Sect
         kind = {"bad": "fails", "open": "note"}.get(finding.state, "plain")
         facts[kind].append(f"{finding.text} {finding.remedy}".strip())
     facts["plain"] += view.notes
-    lists = (Items(tuple(items), kind) for kind, items in facts.items() if items)
+    lists = (Items(items, kind) for kind, items in facts.items() if items)
     tables = []
     values = (("Values", table) for table in view.value_tables())
     for caption, (head, rows) in (*values, ("Curves", view.curve_table())):
-        tables += [ShownTable(caption, tuple(head), tuple(map(tuple, rows)))] if rows else []
+        tables += [ShownTable(caption, head, rows)] if rows else []
     return Section(key, view.title, (*lists, *view.figures, *tables, *view.tables), synthetic)
 
 
@@ -113,7 +113,7 @@ def view_report(view: View, *sections: Section | None, synthetic: bool = False) 
     leading = [Finding(value.text, value.state) for value in view.leading]
     bad = [finding for finding in view.findings if finding.state == "bad"]
     rest = replace(view, title="Result", leading=(), findings=tuple(f for f in view.findings if f.state != "bad"))
-    return Report(view.title, [*bad, *leading], [view_section("result", rest), *sections], synthetic)
+    return Report(view.title, [*bad, *leading], [view_section("result", rest), *filter(None, sections)], synthetic)
 
 
 @applied()
@@ -137,14 +137,13 @@ class Report:
 
     title: str
     verdict: Iterable[str | Finding]
-    sections: Sequence[Section | None]
+    sections: Sequence[Section]
     synthetic: bool = False
     pictures: dict[str, str] = field(default_factory=dict)  # name -> SVG for the page
 
     def __post_init__(self) -> None:
-        parts = [part for part in self.sections if part is not None]
         self.sections = [
-            part if part.synthetic is not None else replace(part, synthetic=self.synthetic) for part in parts
+            part if part.synthetic is not None else replace(part, synthetic=self.synthetic) for part in self.sections
         ]
 
     @property
@@ -165,12 +164,17 @@ class Report:
         figures = Path(folder) / FIGURES
         make_subfolder(figures)
         for one, synthetic in self.figures():
-            self.pictures[one.name] = write_picture(one, synthetic, figures)
+            figure = drawn(one, synthetic)
+            with whole(figures / f"{one.name}.png") as temporary:
+                figure.savefig(temporary, format="png", dpi=PNG_DPI)
+            svg = svg_text(figure)
+            write_whole(figures / f"{one.name}.svg", svg)
+            self.pictures[one.name] = inline(svg, one.name, one.caption)
         return write_whole(Path(folder) / REPORT, self.html())
 
     def figures(self) -> Iterator[tuple[ShownFigure, bool]]:
         """Yield the figures of all sections, each with whether its section is synthetic."""
-        blocks = ((block, bool(part.synthetic)) for part in self.sections if part for block in part.blocks)
+        blocks = ((block, bool(part.synthetic)) for part in self.sections for block in part.blocks)
         return ((block, synthetic) for block, synthetic in blocks if isinstance(block, ShownFigure))
 
     @applied()
@@ -190,7 +194,7 @@ class Report:
 
         environment = jinja2.Environment(autoescape=True, trim_blocks=True, lstrip_blocks=True, finalize=_plain)
         environment.filters["words"] = _words
-        details = [part.key for part in self.sections if part and part.key in DETAILS and not _has_severe(part)]
+        details = [part.key for part in self.sections if part.key in DETAILS and not _has_severe(part)]
         template = environment.from_string(TEMPLATE.read_text(encoding="utf-8"))
         return template.render(
             title=self.title,
@@ -214,17 +218,6 @@ def _words(text: str) -> object:
     from markupsafe import Markup, escape
 
     return Markup(re.sub(r"`([^`]+)`", r"<code>\1</code>", str(escape(_plain(text)))))
-
-
-def write_picture(picture: ShownFigure, synthetic: bool, folder: Path) -> str:
-    """Write PNG and SVG; return the SVG for use inside a page."""
-    figure, png = drawn(picture, synthetic), BytesIO()
-    figure.savefig(png, format="png", dpi=PNG_DPI)
-    with whole(folder / f"{picture.name}.png") as temporary:
-        temporary.write_bytes(png.getvalue())
-    svg = svg_text(figure)
-    write_whole(folder / f"{picture.name}.svg", svg)
-    return inline(svg, picture.name, picture.caption)
 
 
 def svg_text(figure: DrawnFigure) -> str:
@@ -397,8 +390,7 @@ class Topic:
 
     def listed(self, items: Iterable[str], name: str = "") -> tuple[Block, ...]:
         """Return a paragraph with a list of sentences; empty without sentences."""
-        lines = tuple(items)
-        lead = (self.text(name),) if name else ()
+        lines, lead = list(items), (self.text(name),) if name else ()
         return (*lead, Items(lines)) if lines else ()
 
     def figure(self, name: str, figure: Any, /, **values: object) -> ShownFigure:  # noqa: ANN401 - also of matplotlib
@@ -423,7 +415,7 @@ class Topic:
                 heads.append(f"{head}, {unit}".removesuffix(", ").format(**values))
                 columns.append(cells)
         caption = texts.get("caption", "").format(**values)
-        return ShownTable(caption, tuple(heads), tuple(zip(*columns, strict=True)))
+        return ShownTable(caption, heads, list(zip(*columns, strict=True)))
 
     def shown(self, records: Iterable[Any], name: str = "table", /, **values: object) -> ShownTable:
         """Return a table of a view. Its caption is that of the table, or otherwise the title of the topic."""
@@ -475,13 +467,11 @@ def write_pdf(report: Report, target: Path) -> Path:
 
 def typst_of(report: Report) -> str:
     """Return the typst source of a report. Every text is a literal, so that no text acts as markup."""
-    kinds = {"paragraph": Paragraph, "list_of_items": Items, "table": ShownTable, "figure": ShownFigure}
-    tests = {name: lambda block, kind=kind: isinstance(block, kind) for name, kind in kinds.items()}
-    parts = [part for part in report.sections if part is not None]
-    beside, narrow = ([part for part in parts if part.key in keys] for keys in (BESIDE, NARROW))
-    others = [part for part in parts if part not in beside and part not in narrow]
-    filters, values = {"literal": literal, "breakable": _breakable}, {"beside": beside, "others": others}
-    return rendered(TYPST, filters, tests, title=report.title, verdict=report.lines, narrow=narrow, **values)
+    groups = {"beside": BESIDE, "narrow": NARROW}
+    parts = {name: [part for part in report.sections if part.key in keys] for name, keys in groups.items()}
+    parts["others"] = [part for part in report.sections if part.key not in BESIDE + NARROW]
+    filters = {"literal": literal, "breakable": _breakable}
+    return rendered(TYPST, filters, title=report.title, verdict=report.lines, **parts)
 
 
 def _breakable(text: str) -> str:
@@ -609,7 +599,7 @@ def provenance_section(found: Characterisation | None, study: Addition | None) -
         blocks += study.sources
         keys += [*study.cited, *(laws[name]["source"] for name in study.laws if name in laws)]
     blocks += topic.listed(references(dict.fromkeys(keys)), "sources")
-    return topic.section(Items(tuple(lines)), topic.table(rows), *blocks, synthetic=False)
+    return topic.section(Items(lines), topic.table(rows), *blocks, synthetic=False)
 
 
 def _notes(topic: Topic, found: Characterisation) -> Iterator[Block]:
@@ -618,14 +608,11 @@ def _notes(topic: Topic, found: Characterisation) -> Iterator[Block]:
     for folder in dict.fromkeys(folder for source in sources for folder in source.parents[:2]):
         if (folder / SOURCE_NOTE).is_file():
             yield topic.text("note", note=f"{folder.name}/{SOURCE_NOTE}")
-            yield Paragraph(_head(folder / SOURCE_NOTE), "code")
-
-
-def _head(path: Path) -> str:
-    try:
-        return path.read_text(encoding="utf-8", errors="replace")[:3000].strip()
-    except OSError as error:
-        return f"(it cannot be read: {error.strerror})"
+            try:
+                text = (folder / SOURCE_NOTE).read_text(encoding="utf-8", errors="replace")[:3000].strip()
+            except OSError as error:
+                text = f"(it cannot be read: {error.strerror})"
+            yield Paragraph(text, "code")
 
 
 def reference(key: str) -> str | None:

@@ -390,9 +390,9 @@ def platform_view(platform: Platform) -> View:
     picture = ShownFigure(platform.name, f"{platform.name}, every leg at half of its stroke.", _paper(scene, -1))
     return View(
         f"{platform.name}: {platform.text(home)}, with every leg at half of its stroke",
-        tuple(rows),
+        rows,
         notes=(f"singular values, without unit: {values}",),
-        tables=(ShownTable(caption, head, tuple(table)),),
+        tables=(ShownTable(caption, head, table),),
         figures=(picture,),
     )
 
@@ -412,7 +412,7 @@ def platform_run_view(platform: Platform, columns: Mapping[str, Array]) -> View:
         " ".join(sentences),
         leading=leading,
         state=state,
-        tables=(ShownTable("Ranges of the run.", ("", "quantity", "least", "most"), tuple(rows)),),
+        tables=(ShownTable("Ranges of the run.", ("", "quantity", "least", "most"), rows),),
         figures=(ShownFigure(platform.name, caption, run_figure(platform, found)),),
         notes=(f"{len(time)} samples to {time[-1]:g} s",),
     )

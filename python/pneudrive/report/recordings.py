@@ -7,12 +7,12 @@ import re
 from contextlib import suppress
 from dataclasses import replace
 from textwrap import fill
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from pneudrive.errors import RecordingError
-from pneudrive.figures import MEASURED, THIN, Axis, Band, Figure, Line, Look, Markers, Panel, Rule, look
+from pneudrive.figures import MEASURED, THIN, Axis, Band, Figure, Line, Look, Markers, Panel, Rule, look, stack
 from pneudrive.friction.budget import COVERAGE_FACTOR
 from pneudrive.friction.friction_map import group_of
 from pneudrive.friction.pressure import MINIMUM_RANGE_PA, NET, ClosureFit, LevelPoint, PressureLine
@@ -32,7 +32,6 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
     from pathlib import Path
 
-    from pneudrive.estimate.estimates import Estimate
     from pneudrive.friction.campaign.result import CampaignCharacteristics
     from pneudrive.friction.characterisation import Characterisation
     from pneudrive.friction.level import Level
@@ -73,7 +72,7 @@ def recording_view(recording: Recording) -> View:
         leading=tuple(
             LeadingValue(ShownValue(k, k, k, *value)) for k, value in numbers.items() if math.isfinite(value[0])
         ),
-        findings=tuple(findings),
+        findings=findings,
         tables=(topic.shown(_sensors((recording,)), "sensors"),) if len(recording) else (),
         figures=(topic.figure("record", record_figure(recording, found)),) if len(recording) else (),
     )
@@ -126,10 +125,10 @@ def characterisation_view(found: Characterisation, fits: Fits | None = None) -> 
         curves=(),
         state=worst(findings),
         leading=(*base.leading, *_effects(found)),
-        findings=tuple(findings),
+        findings=findings,
         notes=(*(note for note in found.notes if note not in found.doubts), *single),
-        tables=tuple(tables),
-        figures=tuple(figures),
+        tables=tables,
+        figures=figures,
     )
 
 
@@ -225,10 +224,8 @@ def closures(fits: Sequence[ClosureFit]) -> Figure:
     panels = [Panel(above, y=y, legend="panel")]
     panels += [Panel([Rule(y=0.0), *below], y="residual / N")] if below else []
     x_axis = PRESSURE if one_chamber else "half sum as fitted / N"
-    size: dict[str, Any] = (
-        {"row_in": 2.0, "rest_in": 0.0, "heights": (2, 1)} if below else {"row_in": 2.8, "rest_in": 0.0}
-    )
-    return Figure(panels, x_axis, share_x="all", **size)
+    height, heights = (4.0, (2, 1)) if below else (2.8, ())
+    return stack(panels, height, heights, x_axis)
 
 
 def _areas(fits: Sequence[ClosureFit]) -> Iterator[tuple]:
@@ -237,13 +234,10 @@ def _areas(fits: Sequence[ClosureFit]) -> Iterator[tuple]:
             nominal = fit.nominal_m2[side]
             off, low, high = (100 * (v / nominal - 1) for v in (area.value, area.low, area.high))
             between = f"{low:+.2f} … {high:+.2f}" if fit.has_interval else "not determined"
-            zero = _interval(fit.force_zero_n)
-            yield fit.group, side, nominal * 1e4, area.value * 1e4, off, between, zero, len(fit.recordings)
-
-
-def _interval(estimate: Estimate) -> str:
-    ends = f" ({estimate.low:+.2f} … {estimate.high:+.2f})" if np.isfinite(estimate.low) else ""
-    return f"{estimate.value:+.2f}{ends}"
+            zero = fit.force_zero_n
+            ends = f" ({zero.low:+.2f} … {zero.high:+.2f})" if np.isfinite(zero.low) else ""
+            sizes = nominal * 1e4, area.value * 1e4, off, between
+            yield fit.group, side, *sizes, f"{zero.value:+.2f}{ends}", len(fit.recordings)
 
 
 MOST_PANELS = 9
@@ -331,7 +325,7 @@ def recordings_report(
     parts.append(page.provenance_section(found, addition))
     if found is None:
         title = "Nothing" if addition is None else addition.title
-        return Report(title, () if addition is None else addition.verdict, parts)
+        return Report(title, () if addition is None else addition.verdict, [*filter(None, parts)])
     title = "Friction of simulated recordings" if found.synthetic else "Friction of a pneumatic piston from recordings"
     title += ", with a simulated rig" if addition is not None and not found.synthetic else ""
     view = replace(characterisation_view(found, fits), title=title)

@@ -233,8 +233,11 @@ def render(figure: figures.Figure) -> Figure:
     for index, panel in enumerate(figure.panels):
         if panel is not None:
             row, column = divmod(index, columns)
+            alike = {"all": list(axes), "row": [i for i in axes if i // columns == row]}
+            alike["col"] = [i for i in axes if i % columns == column]
+            # The first panel with the same range of an axis.
             shared = {
-                f"share{side}": _partner(axes, how, row, column, columns)
+                f"share{side}": axes.get(next(iter(alike.get(how, ())), -1))
                 for side, how in (("x", figure.share_x), ("y", figure.share_y))
             }
             axes[index] = made.add_subplot(layout[row, column + first], **shared)
@@ -288,16 +291,6 @@ def film(pictures: Iterable[figures.Figure], dpi: float) -> Iterator[Image.Image
         yield Image.fromarray(np.asarray(canvas.buffer_rgba())[..., :3].copy())
 
 
-def _partner(axes: dict[int, Axes], how: str, row: int, column: int, columns: int) -> Axes | None:
-    """Return the first panel that shares its axis range with the panel in this row and column."""
-    fits = {
-        "all": lambda i: True,
-        "row": lambda i: i // columns == row,
-        "col": lambda i: i % columns == column,
-    }.get(how, lambda i: False)
-    return next((axis for i, axis in axes.items() if fits(i)), None)
-
-
 def _outer(made: Figure, figure: figures.Figure, axes: dict[int, Axes]) -> None:
     """Show numbers and labels of shared axes on the outer sides only."""
     rows, columns = figure.grid
@@ -325,24 +318,18 @@ def _panel(axis: Axes, panel: Panel, figure: figures.Figure) -> Plain:
         axis.set_title(panel.title, fontsize=TITLE_PT * figure.text_scale)
     if all(isinstance(mark, Line | Band | Rule) for mark in panel.marks):
         axis.margins(x=0)
-    handles = _marks(axis, panel.marks, x, y)
-    _scale(axis, "x", x, panel.marks)
-    _scale(axis, "y", y, panel.marks)
-    if figure.text_scale != 1.0:
-        axis.tick_params(labelsize=TICK_PT * figure.text_scale)
-        for label in (axis.xaxis.label, axis.yaxis.label):
-            label.set_fontsize(LABEL_PT * figure.text_scale)
-    return handles
-
-
-def _marks(axis: Axes, marks: Sequence[Any], x: Axis, y: Axis) -> Plain:
-    """Draw marks; return the legend handle of each label."""
     handles: Plain = {}
-    for mark in marks:
+    for mark in panel.marks:
         handle = DRAWN[type(mark)](mark, axis, x, y)
         label = getattr(mark, "label", "")
         if label and handle is not None:
             handles.setdefault(label, handle)
+    _scale(axis, "x", x, panel.marks)
+    _scale(axis, "y", y, panel.marks)
+    if figure.text_scale != 1.0:
+        axis.tick_params(labelsize=TICK_PT * figure.text_scale)
+        for text in (axis.xaxis.label, axis.yaxis.label):
+            text.set_fontsize(LABEL_PT * figure.text_scale)
     return handles
 
 

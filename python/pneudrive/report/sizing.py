@@ -29,7 +29,7 @@ from pneudrive.sizing.task import values_of as task_values
 from pneudrive.views import Finding, LeadingValue, ShownFigure, ShownTable, ShownValue, View
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator
+    from collections.abc import Iterator
 
     from pneudrive.sizing.result import SizingResult
 
@@ -50,22 +50,22 @@ def sizing_view(found: SizingResult) -> View:
     """Return the view of a sizing: answer, open checks with remedies, candidates with limits, and time over air."""
     topic, best, cheaper = Topic("sizing", "candidates"), found.by_cylinder[:WRITTEN], found.cheaper[:WRITTEN]
     is_open = found.feasible or (found.miss is None and bool(found.provisional))
-    ranking = ((str(place), drive.part_names, drive.needles) for place, drive in enumerate(best, 1))
-    missed = ((drive.part_names, f"{drive.air_litres_anr:.3g}", drive.missed) for drive in cheaper)
+    ranking = [(str(place), drive.part_names, drive.needles) for place, drive in enumerate(best, 1)]
+    missed = [(drive.part_names, f"{drive.air_litres_anr:.3g}", drive.missed) for drive in cheaper]
     tables = (
-        ShownTable(topic.say("ranking"), ("", "parts", "settings"), tuple(ranking)),
+        ShownTable(topic.say("ranking"), ("", "parts", "settings"), ranking),
         _ranges(best or cheaper, Topic("sizing", "limits").say("table")),
-        ShownTable(topic.say("cheaper" if best else "nearest"), ("parts", "air l ANR", "misses"), tuple(missed)),
+        ShownTable(topic.say("cheaper" if best else "nearest"), ("parts", "air l ANR", "misses"), missed),
     )
     figure = ShownFigure("candidates", topic.texts["pictures"]["candidates"], candidate_figure(found))
     return View(
         found.answer,
-        tuple(value for place, drive in enumerate(best, 1) for value in drive_values(drive, place)),
+        [value for place, drive in enumerate(best, 1) for value in drive_values(drive, place)],
         state="good" if found.ready else "open" if is_open else "bad",
         leading=tuple(_leading(found)),
-        findings=tuple(found.findings),
-        notes=tuple(found.remarks),
-        tables=tuple(table for table in tables if table.rows),
+        findings=found.findings,
+        notes=found.remarks,
+        tables=[table for table in tables if table.rows],
         figures=(figure,) if found.simulated else (),
     )
 
@@ -154,7 +154,7 @@ def candidate_figure(result: SizingResult) -> Figure:
 def _points(result: SizingResult, way: str) -> Iterator[Markers | Line]:
     best = result.best
     if best is not None:
-        air, time, own = best.air_litres_anr, _time(best, way), Look("orange")
+        air, time, own = best.air_litres_anr, getattr(best, f"time_{way}"), Look("orange")
         yield Markers([air], [time], "best", own, size=9.0)
         if best.intervals:  # the range of 98 % of the samples
             yield Line([ANR_LITRES_PER_KG * end for end in best.intervals["air"]], [time, time], look=own, width=1.2)
@@ -166,14 +166,10 @@ def _points(result: SizingResult, way: str) -> Iterator[Markers | Line]:
         ([drive for drive in rest if drive.is_feasible], Look("grey", "-", "."), "not simulated to the end"),
         (result.ranked, Look("blue"), "meets the task"),
     ):
-        shown = [(drive.air_litres_anr, t) for drive in chosen if (t := _time(drive, way)) < math.inf]
+        shown = [(drive.air_litres_anr, t) for drive in chosen if (t := getattr(drive, f"time_{way}")) < math.inf]
         if shown:
             air, times = zip(*shown, strict=True)
             yield Markers(air, times, label, own, filled=True)
-
-
-def _time(drive: SizedDrive, way: str) -> float:
-    return drive.time_out if way == "out" else drive.time_back
 
 
 def write_sizing_report(found: SizingResult, folder: str | Path) -> Path:
@@ -196,10 +192,11 @@ def write_sizing_report(found: SizingResult, folder: str | Path) -> Path:
     candidates = view_section(
         "candidates", replace(view, title=topic.say("title"), leading=(), findings=(), notes=notes)
     )
-    parts = [candidates, *_best(found), _task(found), _method(found), *_sources(found)]
+    parts = [candidates, *_best(found), _task(found), _method(found)]
     verdict = [Finding(view.title, view.state), *view.findings, *map(Finding, view.notes)]
     lines = [replace(line, text=f"{line.text[:1].upper()}{line.text[1:]}") for line in verdict]
     if found.best is not None:
+        parts.append(Topic("sizing", "sources").section(Items(_cited(found)), synthetic=False))
         sheet = Path(folder) / SHEET
         make_subfolder(sheet)
         sheet_report(found).write(sheet)
@@ -230,7 +227,7 @@ def sizing_sheet(found: SizingResult) -> View:
         findings=tuple(check.finding for check in found.open_checks),
         notes=(*yearly(found), f"{best.needles}.", topic.say("ports")),
         tables=(
-            ShownTable(topic.say("order"), ("number", "", "type", "catalogue"), tuple(order)),
+            ShownTable(topic.say("order"), ("number", "", "type", "catalogue"), order),
             _ranges([best], topic.say("ranges")),
         ),
         figures=(topic.figure("sketch", sketch_figure(found)),),
@@ -297,7 +294,7 @@ def _task(found: SizingResult) -> Section:
     rows = ((one.key, one.text, "given" if one.is_given else "default", one.meaning) for one in task_values(found.task))
     follows = [f"{what}: {value:.4g} {unit}" for what, value, unit in follows_from(found.task)]
     follows += [topic.say("guide", name=guide, friction=GUIDES[guide])] if GUIDES[guide] else []
-    return topic.section(topic.table(rows), Items(tuple(follows)), synthetic=False)
+    return topic.section(topic.table(rows), Items(follows), synthetic=False)
 
 
 def _method(found: SizingResult) -> Section:
@@ -314,12 +311,6 @@ def _method(found: SizingResult) -> Section:
         *(Paragraph(line, "code") for line in (*lines, toml.write(found.task.to_dict()).strip())),
         synthetic=False,
     )
-
-
-def _sources(found: SizingResult) -> Iterable[Section]:
-    if found.best is None:
-        return
-    yield Topic("sizing", "sources").section(Items(_cited(found)), synthetic=False)
 
 
 def _cited(found: SizingResult) -> tuple[str, ...]:

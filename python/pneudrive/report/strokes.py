@@ -50,7 +50,7 @@ def map_view(table: xr.Dataset, fits: Fits | None = None) -> View:
         Assembly -> law -> fit. Determined laws are drawn; undetermined values become findings.
     """
     groups = [(group, group.curves(table)) for group in groups_of(table)]
-    curves = tuple(curve for _, own in groups for curve in own)
+    curves = [curve for _, own in groups for curve in own]
     names = table["recording"].to_numpy().astype(str).tolist()
     raised: dict[str, list[str]] = {}
     for name, flags in zip(names, table["flags"].to_numpy(), strict=True):
@@ -69,7 +69,7 @@ def map_view(table: xr.Dataset, fits: Fits | None = None) -> View:
         curves=curves,
         state=worst(findings),
         leading=tuple(_ends(table)),
-        findings=tuple(findings),
+        findings=findings,
         tables=tables,
         figures=(topic.figure("friction-speed", speed_figure(groups, fits or {}), law=law, labels=labels),),
     )
@@ -107,14 +107,14 @@ def _fitted(fits: Fits) -> View:
         notes += [Finding(f"{group}: {note}.", "open") for note in fit.notes]
         for finding in view.findings:
             lost.setdefault(finding, []).append(group)
-    head, rows = View("", tuple(values)).table()
-    tables = [ShownTable(DETERMINED, head, tuple(rows))] if rows else []
+    head, rows = View("", values).table()
+    tables = [ShownTable(DETERMINED, head, rows)] if rows else []
     if lost:
-        cells = ((", ".join(groups), f.text, f.remedy.removeprefix("Remedy: ")) for f, groups in lost.items())
-        tables.append(ShownTable(UNDETERMINED, ("group", "value", "measure"), tuple(cells)))
+        cells = [(", ".join(groups), f.text, f.remedy.removeprefix("Remedy: ")) for f, groups in lost.items()]
+        tables.append(ShownTable(UNDETERMINED, ("group", "value", "measure"), cells))
         names = dict.fromkeys(item.parameter for by_law in fits.values() for item in richest(by_law).undetermined)
         notes.append(Finding(f"{UNDETERMINED}: {', '.join(names)}.", "open", "The table states what to measure."))
-    return View("", findings=tuple(notes), tables=tuple(tables))
+    return View("", findings=notes, tables=tables)
 
 
 def speed_figure(groups: list[tuple[MapGroup, list[ShownCurve]]], fits: Fits) -> Figure:
@@ -338,18 +338,17 @@ def stick_slip(found: Characterisation) -> Section | None:
             text += topic.say("jumps", strokes=plural(len(jumps), "stroke"), percent=percent)
         return topic.section(Paragraph(text))
     shown = [_of_stroke(*item) for item in slipping[:MOST_COLUMNS]]
+    rows = []
+    for _, level, s in slipping[:MOST_SLIPS]:
+        ratio = s.peak_speed_m_s / s.mean_speed_m_s if s.mean_speed_m_s > 0 else None
+        times = 1e3 * s.mean_speed_m_s, s.periods, s.period_s
+        rows.append((level.recording, s.direction, *times, 1e3 * s.step_m, ratio, 100 * s.stuck_share))
     return topic.section(
         topic.text(some=len(slipping), strokes=strokes),
-        topic.table(_slip(level, s) for _, level, s in slipping[:MOST_SLIPS]),
+        topic.table(rows),
         topic.figure("stick-slip-recordings", in_time(shown)),
         topic.figure("stick-slip-recordings-phase", phase_plane(shown)),
     )
-
-
-def _slip(level: Level, s: StickSlip) -> tuple[object, ...]:
-    mean = 1e3 * s.mean_speed_m_s
-    ratio = s.peak_speed_m_s / s.mean_speed_m_s if s.mean_speed_m_s > 0 else None
-    return level.recording, s.direction, mean, s.periods, s.period_s, 1e3 * s.step_m, ratio, 100 * s.stuck_share
 
 
 def _of_stroke(result: RecordingResult, level: Level, s: StickSlip) -> DrawnMotion:

@@ -173,7 +173,7 @@ def view_of_tubes(study: xr.Dataset) -> View:
         texts |= {"of the speed": f"{100.0 * ratio:.0f} %" if ratio == ratio else ""}
         rows += [ShownValue(f"{label}.{head}", label, head, text) for head, text in texts.items()]
     figure = ShownFigure("tubes", f"{study.attrs['title']}: speed and stroke time.", tubes_figure(study))
-    return View(str(study.attrs["title"]), tuple(rows), notes=(topic.say("about"),), figures=(figure,))
+    return View(str(study.attrs["title"]), rows, notes=(topic.say("about"),), figures=(figure,))
 
 
 # --- Pages of a circuit along recorded motions: chambers, force balance, and what the recordings do not determine.
@@ -203,11 +203,11 @@ def motion_view(found: MotionValidation) -> View:
         notes += [*map(str, found.closures), topic.say()]
     return View(
         f"{found.circuit.name} along recorded motions",
-        notes=tuple(notes),
+        notes=notes,
         state=worst(findings),
-        findings=tuple(findings),
+        findings=findings,
         tables=(topic.shown(map(_force_row, found.closures)),) if found.closures else (),
-        figures=tuple(figures),
+        figures=figures,
     )
 
 
@@ -295,7 +295,7 @@ def ensemble_view(found: xr.Dataset) -> View:
     before = f"{found.attrs['title']}: " if "title" in found.attrs else ""
     return View(
         f"{before}{found.sizes['member']} members, {np.count_nonzero(status)} failed",
-        tuple(rows),
+        rows,
         state="bad" if failed.size else "open" if missing else "good",
         findings=(*reasons, *missing),
         figures=tuple(
@@ -333,10 +333,10 @@ def sensitivity_view(found: xr.Dataset) -> View:
     count = f"{plural(len(numbers), 'number')}, {plural(found.sizes['output'], 'output')}"
     return View(
         f"{found.attrs.get('title', 'Sensitivities')}: {count}",
-        tuple(rows),
+        rows,
         notes=(f"points used: {used}",),
         state="open" if findings else "good",
-        leading=tuple(leading[:MOST_LEADING]),
-        findings=tuple(findings),
+        leading=leading[:MOST_LEADING],
+        findings=findings,
         figures=(ShownFigure("sensitivity", "Effect of each number, with 95 % intervals.", figure),) if panels else (),
     )

@@ -58,13 +58,13 @@ def validation_view(content: Keyed, run: Callable[[int], Keyed | None]) -> View:
     words = verdict if tested else "is not tested"
     return View(
         f"{content['provenance']['drive']} {words} on {plural(len(records), 'recording')}",
-        tuple(row for record in records for row in _rows(record)),
-        notes=tuple(content["notes"]),
+        [row for record in records for row in _rows(record)],
+        notes=content["notes"],
         state="bad" if any(value.state == "bad" for value in leading) else state,
         leading=leading,
-        findings=tuple(findings),
-        tables=tuple(table for table in _tables(content) if table.rows),
-        figures=tuple(figures),
+        findings=findings,
+        tables=[table for table in _tables(content) if table.rows],
+        figures=figures,
     )
 
 

@@ -73,7 +73,7 @@ def run_view(columns: Keyed, provenance: Keyed, described: Drive | Circuit | Non
             LeadingValue(value, state="bad" if is_hazard and value.key == "hardest impact" else "good")
             for value in (*leading, *([air] if flows else []))
         ),
-        findings=tuple(findings),
+        findings=findings,
     )
 
 

@@ -241,11 +241,11 @@ def behind_fit(workspace: Workspace, path: str) -> Plain:
     found: Plain = {"designs": isinstance(fit, FrictionFit)}
     if not isinstance(fit, SlidingFit):
         why = f"The {fit.TITLE} stores no samples. Validation compares it with its recordings."
-        return found | {"view": View(why, figures=tuple(figures)).data()}
+        return found | {"view": View(why, figures=figures).data()}
     edge = next(iter(Lineage(workspace).edges(path)), None)
     if edge is None or edge.state != SAME:
         why = "Residuals and profiles need the map of the fit, but this map was removed or changed."
-        return found | {"view": View(why, figures=tuple(figures)).data()}
+        return found | {"view": View(why, figures=figures).data()}
     table = read_map(workspace.path(edge.path))
     data = with_map(fit, table).compared()["friction"]
     copied = ""
@@ -257,7 +257,7 @@ def behind_fit(workspace: Workspace, path: str) -> Plain:
     figures.insert(0, ShownFigure("Residuals over speed", "", rest))
     command = shell("report", path, map=edge.path, out=f"{path.removesuffix('.toml')}-report")
     lines = {"command": command, "python": python("fit", map=edge.path, fit=path, profiles=copied)}
-    return found | {"view": View("", figures=tuple(figures)).data(), **lines}
+    return found | {"view": View("", figures=figures).data(), **lines}
 
 
 def _axis(fit: AnyFit, name: str) -> tuple[float, Axis]:
