@@ -14,9 +14,9 @@ from collections import Counter
 import numpy as np
 
 from pneudrive.errors import DescriptionError
+from pneudrive.sizing.checks import simulated
 from pneudrive.sizing.choices import choices, combined
 from pneudrive.sizing.prune import SafeBounds
-from pneudrive.sizing.search import sized
 from pneudrive.sizing.strokes import DRAWN, DriveStrokes, points
 from pneudrive.sizing.task import SizingTask
 from pneudrive.sizing.tune import tune
@@ -73,7 +73,7 @@ def main(tasks: int) -> None:
             looked[lacks.limit] += 1
             if max(shares) <= 1.0:
                 kept.append((max(shares), choice.name, lacks))
-                if sized(strokes, tune(strokes).setting, points(64)).is_feasible:
+                if simulated(strokes, tune(strokes).setting, points(64)).drive.is_feasible:
                     met.append((choice.name, lacks))
         print(number, len(pruned), dict(looked), len(kept), len(met), flush=True)
     print("kept their times at the favourable end:", *kept, sep="\n  ")

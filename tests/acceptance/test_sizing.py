@@ -19,7 +19,7 @@ from pneudrive.datasheet.strokes import stroke_numbers
 from pneudrive.describe.circuit import Circuit
 from pneudrive.errors import CommandError
 from pneudrive.report.page import reference
-from pneudrive.sizing.checks import SAME_AIR, sized
+from pneudrive.sizing.checks import SAME_AIR, simulated
 from pneudrive.sizing.choices import SLOTS, choices, combined
 from pneudrive.sizing.prune import SafeBounds, misfit
 from pneudrive.sizing.result import SizingResult
@@ -49,7 +49,7 @@ def found() -> SizingResult:
 def test_the_best_of_full_enumeration_is_found_and_margins_are_monotone(found: SizingResult):
     task = SizingTask(**TASK)
     made = [DriveStrokes(choice, task) for choice in combined(choices(task))]
-    every = [sized(one, tune(one).setting, points(DRAWS["draws_best"]), RTOL) for one in made]
+    every = [simulated(one, tune(one).setting, points(DRAWS["draws_best"]), RTOL).drive for one in made]
     best = min((one for one in every if one.is_feasible), key=lambda one: one.rank)
     assert len(every) == found.enumerated >= 4
     assert found.best.rank == best.rank

@@ -20,7 +20,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
 from oracle.shares import options
 from pneudrive.describe.files.catalogue import entries
-from pneudrive.sizing.checks import PROBABILITY, SizedDrive, sized
+from pneudrive.sizing.checks import PROBABILITY, SizedDrive, simulated
 from pneudrive.sizing.choices import SLOTS, choices, combined
 from pneudrive.sizing.prune import SafeBounds
 from pneudrive.sizing.search import size
@@ -61,10 +61,10 @@ def random_task(rng: np.random.Generator) -> SizingTask:
 
 def enumerated(strokes: DriveStrokes, setting: Setting) -> SizedDrive | None:
     """Simulate all draws of a choice; None as soon as more of them fail than may fail of all."""
-    first = sized(strokes, setting, points(DRAWS)[:FIRST], RTOL)
+    first = simulated(strokes, setting, points(DRAWS)[:FIRST], RTOL).drive
     if first.draws - first.met > (1.0 - PROBABILITY) * DRAWS:
         return None
-    return sized(strokes, setting, points(DRAWS), RTOL)
+    return simulated(strokes, setting, points(DRAWS), RTOL).drive
 
 
 def compared(task: SizingTask) -> tuple[bool, str]:

@@ -141,8 +141,20 @@ def run(
     if platforms.is_platform(described.circuit):
         if initial is not None or allow_code:
             raise CommandError.of("cli.platform")
-        options |= {"law": law, "seed": seed, "dynamics": dynamics}
-        _run_platform(described.circuit, reference, payload, out, plot, options)
+        check_outputs(None, plot=plot)
+        if out is not None:
+            out.mkdir(parents=True, exist_ok=True)
+        options |= {"payload": None if payload is None else names_in(payload), "seed": seed, "dynamics": dynamics}
+        run = pn.control.run_pose(described.circuit, law, reference=reference, progress=watch().tell, **options)
+        score = pn.control.PoseScore.read(run.attrs["score"])
+        show_view(score.view(run.attrs))
+        draw = partial(control_page.plot_control, run)
+        of_folder = (
+            (RUN, partial(trajectory.save, run)),
+            (SCORE, lambda path: trajectory.write_whole(path, score.to_csv())),
+            (PICTURE, draw),
+        )
+        write_outputs((plot, draw), *((out and out / name, write) for name, write in of_folder))
         return
     if payload is not None:
         raise CommandError(f"--payload {payload} is only for platforms", remedy="Use --mismatch, such as mass+30.")
@@ -154,26 +166,6 @@ def run(
         (out, lambda path: trajectory.save(found.dataset(), path)),
         (plot, lambda path: control_page.plot_control(found.dataset(), path)),
     )
-
-
-def _run_platform(
-    circuit: pn.Circuit, path: str, payload: str | None, out: Path | None, plot: Path | None, options: dict[str, Any]
-) -> None:
-    """Run a platform along a path, print its score, and write run, score and picture into a folder."""
-    check_outputs(None, plot=plot)
-    if out is not None:
-        out.mkdir(parents=True, exist_ok=True)
-    payloads = None if payload is None else names_in(payload)
-    run = pn.control.run_pose(circuit, reference=path, payload=payloads, progress=watch().tell, **options)
-    score = pn.control.PoseScore.read(run.attrs["score"])
-    show_view(score.view(run.attrs))
-    draw = partial(control_page.plot_control, run)
-    of_folder = (
-        (RUN, partial(trajectory.save, run)),
-        (SCORE, lambda path: trajectory.write_whole(path, score.to_csv())),
-        (PICTURE, draw),
-    )
-    write_outputs((plot, draw), *((out and out / name, write) for name, write in of_folder))
 
 
 def benchmark(

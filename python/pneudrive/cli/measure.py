@@ -110,7 +110,18 @@ def characterise(
     choice = one_of("--protocol", protocol, strokes.SAMPLE_CHOICES)()
     recordings = [file for path in recordings for file in (path.is_dir() and load.recordings_in(path)) or [path]]
     if any(path.is_dir() for path in recordings):
-        _characterise_campaign(recordings, layout, out, choice)
+        if len(recordings) > 1 or layout is not None:
+            names = " ".join(str(path) for path in recordings) + (f" --layout {layout}" if layout else "")
+            raise CommandError.of("cli.one-campaign", value=names)
+        with _output(out) as folder:
+            run = characteristics.campaign_friction(recordings[0], choice, progress=watch().tell)
+            written = files.write_characteristics(run, folder)
+            fits, problems = characteristics.fit_campaign(run)
+            written += _write_fits(fits, folder, characteristics.ALL if len(fits) != 1 else next(iter(fits)))
+            written.append(campaign_page.write_campaign_report(run, folder))
+        _show_problems(problems)
+        show_view(run.view())
+        show_paths(*written)
         return
     with _output(out) as folder:
         found = characterisation.characterise_recordings(recordings, layout, choice, progress=watch().tell)
@@ -126,25 +137,6 @@ def characterise(
     show_lines(*(f"- {balance}." for balance in balances if balance.gains))
     if curves is not None:
         show_view(replace(curves.view(), rows=()))
-    show_paths(*written)
-
-
-def _characterise_campaign(
-    recordings: list[Path], layout: Path | None, out: Path, choice: strokes.SampleChoice
-) -> None:
-    """Characterise one campaign folder."""
-    if len(recordings) > 1 or layout is not None:
-        names = " ".join(str(path) for path in recordings) + (f" --layout {layout}" if layout else "")
-        raise CommandError.of("cli.one-campaign", value=names)
-    with _output(out) as folder:
-        found = characteristics.campaign_friction(recordings[0], choice, progress=watch().tell)
-        written = files.write_characteristics(found, folder)
-        fits, problems = characteristics.fit_campaign(found)
-        whole = characteristics.ALL if len(fits) != 1 else next(iter(fits))
-        written += _write_fits(fits, folder, whole)
-        written.append(campaign_page.write_campaign_report(found, folder))
-    _show_problems(problems)
-    show_view(found.view())
     show_paths(*written)
 
 

@@ -315,7 +315,15 @@ def _runs(folder: Path, references: Mapping[str, str]) -> tuple[ControlledRun, .
 
     path = folder / TABLE
     if not path.is_file():
-        return tuple(_so_far(folder, references))
+        text = ""
+        with suppress(CommandError):  # no run is finished, or there are so many that they are reported at the end
+            text = read_text(folder / SO_FAR, CommandError)
+        lines = _logged(text, "law", "reference", "seed", "reason", "run")
+        return tuple(
+            ControlledRun(law, along, seed, score, reason, folder / RUNS / Path(file).name, {})
+            for score, (law, along, seed, reason, file) in lines
+            if along in references
+        )
     if not open_table(path, "parquet", CommandError).is_sealed:  # its hash shows that this package wrote the bytes
         raise CommandError(f"{path} is damaged or was changed", remedy="Run the comparison again.")
     table = pl.read_parquet(path)
@@ -345,15 +353,6 @@ def _logged(text: str, *keys: str) -> Iterator[tuple[Score | None, list[Any]]]:
         with suppress(ValueError, LookupError, TypeError):  # an incomplete line: still being written, or cut by a kill
             entry = json.loads(line)
             yield None if entry["score"] is None else Score(**entry["score"]), [entry[key] for key in keys]
-
-
-def _so_far(folder: Path, references: Mapping[str, str]) -> Iterator[ControlledRun]:
-    text = ""
-    with suppress(CommandError):  # no run is finished, or there are so many that they are reported at the end
-        text = read_text(folder / SO_FAR, CommandError)
-    for score, (law, along, seed, reason, file) in _logged(text, "law", "reference", "seed", "reason", "run"):
-        if along in references:
-            yield ControlledRun(law, along, seed, score, reason, folder / RUNS / Path(file).name, {})
 
 
 # --- Comparison of laws along references with seeds or members of a spread; each run is kept, by file or by score.

@@ -123,7 +123,7 @@ class Feasibility(Viewed):
             self.reference.text,
             (*rows, *(value.value for value in leading)),
             state=state,
-            leading=tuple(leading),
+            leading=leading,
             findings=(Finding(f"Feasible: {self._verdict()}", state),),
         )
 
@@ -245,7 +245,7 @@ def suitability(drive: Drive | Circuit, setup: Setup | str | Path = "real") -> V
         )
     ]
     title = f"Each controller along {ALONG}, as described and with half of the mass, simulated; best first"
-    return View(title, tuple(rows), state="bad" if all(has_failed for has_failed, *_ in tried) else "good")
+    return View(title, rows, state="bad" if all(has_failed for has_failed, *_ in tried) else "good")
 
 
 def _trial(
@@ -314,4 +314,4 @@ def view_of_lag(drive: Drive | Circuit, tuning: Tuning, setup: Setup | str | Pat
             f"{valve}: the largest error along {ALONG} is {errors[0]}, and {errors[1]} with {listed} instead of zero."
         )
         findings.append(Finding(cost, "open", f"Take them from the data sheet. {FIND_SHAPE}"))
-    return View(f"Valve slower than described, or not ideal, {law}, simulated", findings=tuple(findings))
+    return View(f"Valve slower than described, or not ideal, {law}, simulated", findings=findings)

@@ -186,7 +186,11 @@ def prepare(
         tuning = alone(controller, law=law, believes=believes)
     else:
         tuning = tune(drive, law, setup=read, controller=controller, believes=believes, allow_code=allow_code)
-    _check_jitter(read, tuning.period_s)
+    parts = {f"sensors.{name}": getattr(read.sensors, name) for name in CHANNEL_UNITS} | {"computer": read.computer}
+    for key, part in parts.items():  # with a jitter of one period or more, samples could change their order
+        if part is not None and not part.jitter_s < tuning.period_s:
+            jitter = {"jitter_ms": 1e3 * part.jitter_s, "period_ms": 1e3 * tuning.period_s}
+            raise CommandError.of("control.jitter", name=key, **jitter)
     circuit = drive.circuit
     to_follow = named_or_read(along, *tuning.reach)
     is_another = tuning.belief.core_json() != circuit.core_json()
@@ -307,14 +311,6 @@ def whole_number(name: str, given: object, low: int, high: int) -> int:
     if not low <= number <= high:
         raise CommandError(f"{name} = {given} is out of bounds", rule=rule)
     return number
-
-
-def _check_jitter(setup: Setup, period_s: float) -> None:
-    """Reject a jitter of one period or more, because samples could change their order."""
-    parts = {f"sensors.{name}": getattr(setup.sensors, name) for name in CHANNEL_UNITS} | {"computer": setup.computer}
-    for name, part in parts.items():
-        if part is not None and not part.jitter_s < period_s:
-            raise CommandError.of("control.jitter", name=name, jitter_ms=1e3 * part.jitter_s, period_ms=1e3 * period_s)
 
 
 def _beyond_switches(setup: Setup, along: Reference, stroke_m: float) -> Iterator[str]:

@@ -289,16 +289,9 @@ def _supply(form: Plain, drawn: Mapping[str, float], conductance: float) -> dict
     if "supply_conductance" not in drawn:
         return {}
     (supply,) = reservoirs  # a commanded circuit has exactly one
-    names = [f"{supply['name']}_{what}" for what in ("restriction", "volume")]
-    restriction, volume = names
-    for name, kind, numbers in (
-        (volume, "tank", {"volume": SUPPLY_VOLUME_M3}),
-        (
-            restriction,
-            "fitting",
-            {"conductance": drawn["supply_conductance"] * conductance, "critical_pressure_ratio": SUPPLY_RATIO},
-        ),
-    ):
+    restriction, volume = (f"{supply['name']}_{what}" for what in ("restriction", "volume"))
+    weak = {"conductance": drawn["supply_conductance"] * conductance, "critical_pressure_ratio": SUPPLY_RATIO}
+    for name, kind, numbers in ((volume, "tank", {"volume": SUPPLY_VOLUME_M3}), (restriction, "fitting", weak)):
         form["components"].append({"name": name, "kind": kind, "choices": {}, "friction": None, "numbers": numbers})
     form["joints"] = [
         [f"{volume}.1" if port == f"{supply['name']}.1" else port for port in joint] for joint in form["joints"]

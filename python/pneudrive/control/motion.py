@@ -74,7 +74,18 @@ def within_limits(begin_s: float, start_m: float, to_m: float, limits: tuple[flo
     up = [(t_s, s), (t_j, 0.0), (t_s, -s)]
     down = [(t, -snap) for t, snap in up]
     faster, slower = [*up, (t_a, 0.0), *down], [*down, (t_a, 0.0), *up]
-    return _integrated(begin_s, start_m, math.copysign(1.0, to_m - start_m), [*faster, (t_v, 0.0), *slower])
+    rows, (x, v, a, j) = [], (start_m, 0.0, 0.0, 0.0)
+    for t, size in [*faster, (t_v, 0.0), *slower]:
+        s = math.copysign(1.0, to_m - start_m) * size
+        numbers = [x, v * t, a * t**2 / 2.0, j * t**3 / 6.0, s * t**4 / 24.0]
+        if t > 0.0:
+            rows.append([begin_s, t, *numbers, *[0.0] * (POWERS - len(numbers))])
+        x = sum(numbers)
+        v = v + a * t + j * t**2 / 2 + s * t**3 / 6
+        a = a + j * t + s * t**2 / 2
+        j = j + s * t
+        begin_s += t
+    return rows
 
 
 def _longest(fits: Callable[[float], bool]) -> float:
@@ -88,22 +99,6 @@ def _longest(fits: Callable[[float], bool]) -> float:
             break
         low, high = (middle, high) if fits(middle) else (low, middle)
     return low
-
-
-def _integrated(begin_s: float, start_m: float, sign: float, each: Sequence[Pair]) -> list[Row]:
-    """Integrate intervals of constant snap."""
-    rows, (x, v, a, j) = [], (start_m, 0.0, 0.0, 0.0)
-    for t, size in each:
-        s = sign * size
-        numbers = [x, v * t, a * t**2 / 2.0, j * t**3 / 6.0, s * t**4 / 24.0]
-        if t > 0.0:
-            rows.append([begin_s, t, *numbers, *[0.0] * (POWERS - len(numbers))])
-        x = sum(numbers)
-        v = v + a * t + j * t**2 / 2 + s * t**3 / 6
-        a = a + j * t + s * t**2 / 2
-        j = j + s * t
-        begin_s += t
-    return rows
 
 
 def along_line(begin_s: float, start_m: float, to_m: float, duration_s: float, run_up_s: float) -> list[Row]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal
@@ -185,7 +186,9 @@ def _from_file(path: Path) -> motion.Reference:
     with toml.locating(path, text):
         read: Any = ReferenceFile.model_validate(tables)
     if read.points:
-        return _of_points(str(path), read)
+        times, points = [one.at_s for one in read.points], [one.to_m for one in read.points]
+        pieces = tuple(motion.through(times, points))
+        return _missing(motion.Reference(str(path), points[0], pieces=pieces), times, points)
     if all(one.duration_s is not None for one in read.moves):
         moves = [motion.ReferenceMove(one.at_s, one.duration_s, one.to_m) for one in read.moves]
         return _checked(str(path), read.start_m, moves)
@@ -204,15 +207,8 @@ def _from_file(path: Path) -> motion.Reference:
     return motion.Reference(str(path), read.start_m, pieces=tuple(rows))
 
 
-def _of_points(text: str, read: ReferenceFile) -> motion.Reference:
-    times, points = [one.at_s for one in read.points], [one.to_m for one in read.points]
-    pieces = motion.through(times, points)
-    return _missing(motion.Reference(text, points[0], pieces=tuple(pieces)), times, points)
-
-
 def _missing(made: motion.Reference, times: Any, points: Any) -> motion.Reference:  # noqa: ANN401 - arrays or lists
-    missed = np.abs(made.at(times)[:, 0] - np.asarray(points)).max()
-    return motion.Reference(made.text, made.start_m, pieces=made.pieces, points_missed_m=float(missed))
+    return replace(made, points_missed_m=float(np.abs(made.at(times)[:, 0] - np.asarray(points)).max()))
 
 
 def _of_record(path: Path) -> motion.Reference:

@@ -158,7 +158,7 @@ def view_of_score(about: Keyed) -> View:
             for name in LEADING
             if name in values
         ),
-        findings=tuple(findings),
+        findings=findings,
         tables=tuple(event_table(about.get("events") or ())),
     )
 
@@ -182,7 +182,7 @@ def event_table(events: Iterable[Keyed]) -> Iterator[ShownTable]:
         for event in events
     ]
     if rows:
-        yield ShownTable("Events.", ("time", "event", "meaning"), tuple(rows))
+        yield ShownTable("Events.", ("time", "event", "meaning"), rows)
 
 
 def score(run: xr.Dataset) -> Score:

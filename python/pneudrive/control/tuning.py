@@ -368,7 +368,10 @@ class Tuning(Viewed):
 
     def to_toml(self, folder: str | Path = "") -> str:
         """Return the text of a controller file for a folder, with meaning and rule of each gain."""
-        controller, word = self.controller, self.law if self.own is None else _code_seen_from(folder, self.law)
+        controller, word = self.controller, self.law
+        if self.own is not None:
+            module, name = split(word) or ("", OWN)
+            word = f"{_seen_from(folder, module)}:{name}" if is_code_file(module) else word if module else name
         lines = ["schema = 1", f'law = "{word}"', f'period = "{units.write(self.period_s, "s", "ms")}"']
         if self.source:
             lines.append(f"drive = {toml.value_text(_seen_from(folder, self.source))}")
@@ -441,12 +444,6 @@ def _factored(law: str) -> str:
 def _seen_from(folder: str | Path, source: str) -> str:
     """Return the name of a drive, or the path of a file relative to the folder of a controller file."""
     return source if source.startswith(PREFIX) else Path(os.path.relpath(source, folder or ".")).as_posix()
-
-
-def _code_seen_from(folder: str | Path, law: str) -> str:
-    """Return the name of a custom law as written in a controller file of a folder."""
-    module, name = split(law) or ("", OWN)
-    return f"{_seen_from(folder, module)}:{name}" if is_code_file(module) else law if module else name
 
 
 def is_code_file(module: str) -> bool:

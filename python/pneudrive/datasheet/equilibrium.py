@@ -279,7 +279,7 @@ OPENINGS = {"+": 1.0, "-": -1.0}
 SIDE = 1e-9  # of the command: one side of a shut valve
 SMALL = 0.05  # of the command: beyond the edge of a valve whose flow begins without slope, and of slow motion
 MOVING = 1e-9  # m/s: a contact that slips
-STEP = 1e-3  # share of a velocity over which the slope of sliding friction is taken
+FAST, STEP = 10.0, 1e-3  # m/s: where only viscous friction depends on velocity; share over which its slope is taken
 
 
 def linearise(
@@ -422,10 +422,12 @@ def linear_model(plant: HeldDrive, command: float, position: float, gas: Array, 
     lags = {name: math.copysign(lag, command * lag) for name, lag in plant.lags.items()}
     session = plant.frictionless.session(command, position, MOVING, gas, lags=lags)
     bare = _linear(plant, session, command)
+    ends, pressures = [FAST * (1.0 + sign * STEP) for sign in (-1.0, 1.0)], plant.pressures(gas)
     for name in lags if friction == "sliding" else ():
         row = bare.states.index(f"{name}.velocity_m_s")
         by_load = bare.B[row, 1] if name == plant.piston else 1.0 / plant.masses[name]
-        bare.A[row, row] -= by_load * friction_slope(plant, name, gas, position)
+        low, high = (plant.sliding_of(name, velocity, pressures, position) for velocity in ends)
+        bare.A[row, row] -= by_load * ((high - low) / (2.0 * STEP * FAST))
     return bare
 
 
@@ -439,13 +441,3 @@ def _linear(plant: HeldDrive, session: Session, command: float) -> Linear:
     count = len(slopes)
     b, d = (np.c_[matrix[:, :count] @ slopes, matrix[:, count:]] for matrix in (found.B, found.D))
     return replace(found, B=b, D=d, inputs=(plant.commands[0], *found.inputs[count:]))
-
-
-def friction_slope(plant: HeldDrive, name: str, gas: Array, position: float) -> float:
-    """Return the slope of a component's steady friction over velocity, far above the Stribeck velocity, N s/m."""
-    pressures = plant.pressures(gas)
-    low, high = (plant.sliding_of(name, FAST * (1.0 + sign * STEP), pressures, position) for sign in (-1.0, 1.0))
-    return (high - low) / (2.0 * STEP * FAST)
-
-
-FAST = 10.0  # m/s: where nothing but viscous friction depends on velocity

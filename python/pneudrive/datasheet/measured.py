@@ -216,6 +216,8 @@ class MeasuredBeside:
 def beside(drive: Drive, recordings: Sequence[Path], layout: Path | None, watch: Watch) -> MeasuredBeside:
     """Read recordings, simulate their commands, and compute the same numbers from both.
 
+    Recordings of a tank give the air of cycles; the other recordings are read as without them.
+
     Raises
     ------
     RecordingError, LayoutError, CampaignError
@@ -224,7 +226,16 @@ def beside(drive: Drive, recordings: Sequence[Path], layout: Path | None, watch:
     names = tuple(path.name for path in recordings)
     of_tank = [path for path in recordings if not is_friction(path) and is_of_tank(path, layout)]
     if of_tank:
-        return _with_air(drive, recordings, of_tank, layout, watch)
+        others = [path for path in recordings if path not in of_tank]
+        rest = beside(drive, others, layout, watch) if others else MeasuredBeside(None, (), (), None, True, ())
+        tanks = read_volume_recordings(of_tank, layout)
+        airs: dict[str, list[Pair]] = defaultdict(list)
+        for recording in tanks:
+            airs[f"half period {recording.labels['half_period']}"].append(_air(drive, recording))
+        pairs = ((cycle, np.array(some).T) for cycle, some in airs.items())
+        compared = [_compared(cycle, "air_per_cycle", seen, told, "l ANR") for cycle, (seen, told) in pairs]
+        marked = rest.synthetic and all(SYNTHETIC in recording.labels for recording in tanks)
+        return replace(rest, numbers=(*rest.numbers, *compared), synthetic=marked, names=names)
     if any(is_friction(path) for path in recordings):
         if len(recordings) > 1:
             raise CampaignError.of("datasheet.together")
@@ -233,42 +244,17 @@ def beside(drive: Drive, recordings: Sequence[Path], layout: Path | None, watch:
     try:
         validated = validate(drive, list(recordings), layout=layout, progress=watch.tell)
     except (RecordingError, LayoutError) as error:
-        return _of_piston(drive, recordings, layout, watch, error)
+        try:  # recordings of a piston alone: pressure, position and force, from which friction follows
+            alone = characterise_recordings(list(recordings), layout, progress=watch.tell)
+        except PneudriveError:
+            raise error from None
+        with tempfile.TemporaryDirectory() as folder:
+            found = validate_friction(drive, write_map(alone.friction_map, Path(folder) / "map.parquet"))
+        return MeasuredBeside(None, (), (), found, alone.synthetic, names)
     numbers = tuple(_numbers(drive, validated.records))
     responses = tuple(one for record in validated.records if (one := response_of(record)) is not None)
     marked = all(SYNTHETIC in record.recording.labels for record in validated.records)
     return MeasuredBeside(validated, numbers, responses, None, validated.synthetic or marked, names)
-
-
-def _with_air(
-    drive: Drive, recordings: Sequence[Path], of_tank: list[Path], layout: Path | None, watch: Watch
-) -> MeasuredBeside:
-    """Read the air of cycles from recordings of a tank, and return the other recordings unchanged."""
-    others = [path for path in recordings if path not in of_tank]
-    rest = beside(drive, others, layout, watch) if others else MeasuredBeside(None, (), (), None, True, ())
-    tanks = read_volume_recordings(of_tank, layout)
-    airs: dict[str, list[Pair]] = defaultdict(list)
-    for recording in tanks:
-        air = _air(drive, recording)
-        airs[f"half period {recording.labels['half_period']}"].append(air)
-    pairs = ((cycle, np.array(some).T) for cycle, some in airs.items())
-    found = [_compared(cycle, "air_per_cycle", seen, told, "l ANR") for cycle, (seen, told) in pairs]
-    marked = all(SYNTHETIC in recording.labels for recording in tanks)
-    names = tuple(path.name for path in recordings)
-    return replace(rest, numbers=(*rest.numbers, *found), synthetic=rest.synthetic and marked, names=names)
-
-
-def _of_piston(
-    drive: Drive, recordings: Sequence[Path], layout: Path | None, watch: Watch, first: Exception
-) -> MeasuredBeside:
-    """Read recordings of a piston alone: pressure, position and force, from which friction follows."""
-    try:
-        found = characterise_recordings(list(recordings), layout, progress=watch.tell)
-    except PneudriveError:
-        raise first from None
-    with tempfile.TemporaryDirectory() as folder:
-        friction = validate_friction(drive, write_map(found.friction_map, Path(folder) / "map.parquet"))
-    return MeasuredBeside(None, (), (), friction, found.synthetic, tuple(path.name for path in recordings))
 
 
 def _numbers(drive: Drive, records: Iterable[RecordResult]) -> Iterable[ComparedNumber]:

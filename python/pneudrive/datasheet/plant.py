@@ -199,6 +199,7 @@ class HeldDrive:
                 "datasheet.pistons", name=self.circuit.name, pistons=len(pistons), valves=len(self.valves)
             )
         self.piston, self.valve = pistons[0], self.valves[0]
+        self.cylinder: Any = self.circuit.components[self.piston]
         if actuation is None and isinstance(described, Drive) and not described.valve.is_switching:
             actuation = Actuation({self.valve: 1.0}, {self.valve: -1.0})
         self.actuation = actuation_of(self.circuit) if actuation is None else actuation
@@ -330,11 +331,6 @@ class HeldDrive:
             return node.endswith((".2", "_b")) or "_b." in node
         return self.has_line("b") and node.partition(".")[0] in {name for name, *_ in self.line("b")[1]}
 
-    def set(self, session: Session, u: float) -> None:
-        """Command the valves of a session."""
-        for name, value in self.actuation.commands(u).items():
-            session.set(f"{name}.command", value)
-
     @property
     def commands(self) -> tuple[str, ...]:
         """Names of the inputs that are commands."""
@@ -348,12 +344,12 @@ class HeldDrive:
     @property
     def stroke_m(self) -> float:
         """Stroke, m."""
-        return float(self._cylinder("stroke"))
+        return float(self.cylinder.stroke)
 
     @property
     def bore_m(self) -> float:
         """Bore, m."""
-        return float(self._cylinder("bore"))
+        return float(self.cylinder.bore)
 
     @property
     def hanging_n(self) -> float:
@@ -385,9 +381,6 @@ class HeldDrive:
     def ambient(self) -> Pair:
         """Ambient pressure, Pa, and temperature, K."""
         return float(self.circuit.ambient.pressure_pa), float(self.circuit.ambient.temperature_k)
-
-    def _cylinder(self, key: str):  # noqa: ANN202 - any field
-        return getattr(self.circuit.components[self.piston], key)
 
     @cached_property
     def frictionless(self) -> HeldDrive:
@@ -477,7 +470,8 @@ class HeldDrive:
             session = Session(self.core.start(start, rtol))
         except (ValueError, RuntimeError) as error:
             raise CommandError(str(error)) from None
-        self.set(session, command)
+        for name, value in self.actuation.commands(command).items():
+            session.set(f"{name}.command", value)
         return session
 
     def rates(self, session: Session) -> tuple[Array, float]:
@@ -560,6 +554,8 @@ def actuation_of(circuit: Circuit) -> Actuation:
 def _search(circuit: Circuit) -> Actuation:
     """Find the commands for both directions: those that cause the largest force on the fixed piston.
 
+    Among nearly equal forces, those with the fewest commands.
+
     Raises
     ------
     CommandError
@@ -581,14 +577,12 @@ def _search(circuit: Circuit) -> Actuation:
         plant = HeldDrive(copy, actuation=Actuation(seen, seen))
         session = plant.settled(1.0, 0.5 * plant.stroke_m)
         forces.append((session.read(f"{plant.piston}.friction_force_n"), commands))
-    least, most = (_strongest(forces, sign) for sign in (-1.0, 1.0))
+    ends = []
+    for sign in (-1.0, 1.0):
+        largest = max(sign * force for force, _ in forces)
+        close = [one for one in forces if sign * one[0] >= largest - CLOSE * abs(largest)]
+        ends.append(min(close, key=lambda one: sum(value != 0.0 for value in one[1].values())))
+    least, most = ends
     if not most[0] - least[0] > CLOSE * max(abs(most[0]), abs(least[0])):
         raise CommandError.of("datasheet.still", name=circuit.name, valves=", ".join(kinds))
     return Actuation(most[1], least[1], bool(held), not held, held)
-
-
-def _strongest(forces: Sequence[tuple[float, dict[str, float]]], sign: float) -> tuple[float, dict[str, float]]:
-    """Return the largest force in a direction. Among nearly equal forces, use the fewest commands."""
-    most = max(sign * force for force, _ in forces)
-    close = [one for one in forces if sign * one[0] >= most - CLOSE * abs(most)]
-    return min(close, key=lambda one: sum(value != 0.0 for value in one[1].values()))

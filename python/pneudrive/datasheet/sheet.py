@@ -260,7 +260,13 @@ def _numbers(results: dict[str, xr.Dataset]) -> list[SheetNumber]:
                 places = (dict(zip(found[result].dims, at, strict=True)) for at in np.ndindex(found[result].shape))
                 first, *others = (shown(found, result, place) for place in places)
                 out.append(SheetNumber(title, first, others[0] if others else "", standard))
-    out += _of_maps(results)
+    for name, result in (("stiffness", "adiabatic_stiffness"), ("natural-frequency", "natural_frequency")):
+        if name in results:  # at mid stroke and at one of the pressures
+            found = results[name]
+            at = {"position": found.sizes["position"] // 2, "pressure": min(1, found.sizes["pressure"] - 1)}
+            bar = 1e-5 * float(found.pressure[at["pressure"]])
+            title = f"{in_words(result)}, mid stroke, {bar:g} bar abs"
+            out.append(SheetNumber(title, shown(found, result, at), "", ""))
     if "flow" in results:
         found, standard = results["flow"], characteristics()["flow"].standard
         for k, path in enumerate(found.path.to_numpy()):
@@ -281,19 +287,6 @@ def _life(drive: Drive | Circuit) -> list[SheetNumber]:
     return [SheetNumber(f"B10, stated: {name}", f"{value} cycles", "", "ISO 19973") for name, value in stated] or [
         SheetNumber("B10", "not stated", "", "ISO 19973")
     ]
-
-
-def _of_maps(results: dict[str, xr.Dataset]) -> list[SheetNumber]:
-    """Return stiffness and natural frequency at mid stroke and at one of the pressures."""
-    out = []
-    for name, result in (("stiffness", "adiabatic_stiffness"), ("natural-frequency", "natural_frequency")):
-        if name in results:
-            found = results[name]
-            at = {"position": found.sizes["position"] // 2, "pressure": min(1, found.sizes["pressure"] - 1)}
-            bar = 1e-5 * float(found.pressure[at["pressure"]])
-            title = f"{in_words(result)}, mid stroke, {bar:g} bar abs"
-            out.append(SheetNumber(title, shown(found, result, at), "", ""))
-    return out
 
 
 def shown(found: xr.Dataset, name: str, at: Mapping[Any, int]) -> str:

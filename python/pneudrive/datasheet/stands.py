@@ -206,14 +206,6 @@ def _at_6_bar(drive: Drive) -> HeldDrive:
     return HeldDrive(_alone(drive).replace({"supply.pressure": "6 bar gauge"})).static
 
 
-def _theoretical(drive: Drive) -> float:
-    return full_force(_at_6_bar(drive), 1.0)[0]
-
-
-def _effective(drive: Drive) -> float:
-    return full_force(_at_6_bar(drive), 1.0, SLOW)[1]
-
-
 def _minimum(drive: Drive) -> float:
     plant = HeldDrive(_alone(drive))
     return least_pressure(plant, 1.0) - plant.ambient[0]
@@ -229,8 +221,14 @@ class SheetFigure(NamedTuple):
 
 FIGURES = {
     "nominal_flow": SheetFigure("m^3/s ANR", _nominal_flow, "flow from 6 to 5 bar gauge, virtual test stand"),
-    "theoretical_force_6bar": SheetFigure("N", _theoretical, "blocked force at 6 bar gauge"),
-    "effective_force_6bar": SheetFigure("N", _effective, "blocked force minus friction at 50 mm/s, 6 bar gauge"),
+    "theoretical_force_6bar": SheetFigure(
+        "N", lambda drive: full_force(_at_6_bar(drive), 1.0)[0], "blocked force at 6 bar gauge"
+    ),
+    "effective_force_6bar": SheetFigure(
+        "N",
+        lambda drive: full_force(_at_6_bar(drive), 1.0, SLOW)[1],
+        "blocked force minus friction at 50 mm/s, 6 bar gauge",
+    ),
     "minimum_operating_pressure": SheetFigure("", _minimum, "minimum pressure, above ambient"),
 }
 

@@ -560,13 +560,11 @@ class Hardest(NamedTuple):
     air: float
 
 
-def sized(strokes: DriveStrokes, setting: Setting, draws: Array, rtol: float = COARSE) -> SizedDrive:
-    """Simulate a choice with its settings over samples of the spreads, and compare the results with the task."""
-    return simulated(strokes, setting, draws, rtol).drive
-
-
 def simulated(strokes: DriveStrokes, setting: Setting, draws: Array, rtol: float = COARSE) -> DrawResults:
-    """Simulate a choice with its settings over samples of the spreads, and keep the results of each sample."""
+    """Simulate a choice with its settings over samples of the spreads, and compare the results with the task.
+
+    The results of each sample are kept.
+    """
     out, back = _both(strokes, setting, draws, rtol)
     task, choice = strokes.task, strokes.choice
     found = limits(task, choice, out, back)

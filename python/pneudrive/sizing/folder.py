@@ -67,12 +67,9 @@ class SizingFolder:
         elif folder.is_dir() and any(one.name != LOCK for one in folder.iterdir()):
             raise CommandError(f"{folder} is not empty and holds no sizing", remedy="Choose a new folder.")
         else:
-            self._begin(path, about)
-
-    def _begin(self, path: Path, about: Plain) -> None:
-        make_result_folder(self.folder)
-        self._lock()
-        write_whole(path, json.dumps(about, indent=1))
+            make_result_folder(folder)
+            self._lock()
+            write_whole(path, json.dumps(about, indent=1))
 
     def _lock(self) -> None:
         """Lock the folder; continue without a lock if the file system has no locks."""

@@ -6,6 +6,7 @@ Every bound uses the favourable end of each spread, so a removed choice fails in
 from __future__ import annotations
 
 import math
+from itertools import product
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -289,25 +290,18 @@ class Pruning:
                 if shortage is not None:
                     others = [len(found[other]) for other in SLOTS if other != slot]
                     self._drop({slot: name}, int(np.prod(others)), shortage)
-        for cylinder in kept["cylinder"]:
-            for tube in kept["tube"]:
-                self._pair(cylinder, tube, kept["valve"], kept["flow_control"], bounds)
+        for cylinder, tube in product(kept["cylinder"], kept["tube"]):
+            self._pair(cylinder, tube, kept)
         self.pairs.sort(key=lambda one: (one.open_checks, one.fill, one.cylinder.name, one.tube.name))
 
     def _drop(self, parts: dict[str, str], count: int, shortage: Shortage) -> None:
         every = {slot: parts.get(slot, "*") for slot in SLOTS}
         self.dropped.append(Dropped(every, count, shortage.limit, shortage.said, shortage.share))
 
-    def _pair(
-        self,
-        cylinder: PartChoice,
-        tube: PartChoice,
-        valves: Sequence[PartChoice],
-        controls: Sequence[PartChoice],
-        bounds: SafeBounds,
-    ) -> None:
+    def _pair(self, cylinder: PartChoice, tube: PartChoice, kept: Mapping[str, Sequence[PartChoice]]) -> None:
         """Leave out valves and flow controls that do not fit, or through which the gas cannot leave in time."""
-        names = {"cylinder": cylinder.name, "tube": tube.name}
+        names, bounds = {"cylinder": cylinder.name, "tube": tube.name}, self.bounds
+        valves, controls = kept["valve"], kept["flow_control"]
         slow = {one.name: bounds.fits(DriveChoice(cylinder, one, tube, NO_FLOW_CONTROL)) for one in valves}
         slow |= {one.name: bounds.fits(DriveChoice(cylinder, NO_FLOW_CONTROL, tube, one)) for one in controls}
         wide = [valve for valve in valves if slow[valve.name] is None]

@@ -17,7 +17,7 @@ from pneudrive.files.content import read_json
 from pneudrive.lazy_names import upper
 from pneudrive.numbers import plain as three
 from pneudrive.simulation.trajectory import write_whole
-from pneudrive.sizing.checks import READ, MachineCheck, Provisional, SizedDrive, sized
+from pneudrive.sizing.checks import READ, MachineCheck, Provisional, SizedDrive, simulated
 from pneudrive.sizing.choices import SLOTS, WITHOUT, choices
 from pneudrive.sizing.folder import LINES, read_choices, read_drive
 from pneudrive.sizing.strokes import DriveStrokes, Setting, circuit_of, cycle_s
@@ -488,6 +488,6 @@ def savings(best: DriveStrokes, sized_best: SizedDrive, draws: Array) -> Iterato
     tried[f"tubes of {half:.3g} m in place of {task.tube_length_m:.3g} m"] = short
     for change, strokes in tried.items():
         tuned = tune(strokes)
-        made = None if tuned.nominal < 0.0 else sized(strokes, tuned.setting, draws)
+        made = None if tuned.nominal < 0.0 else simulated(strokes, tuned.setting, draws).drive
         is_kept = made is not None and made.is_feasible
         yield Saving(change, 1.0 - made.air / sized_best.air if is_kept and made else 0.0, is_kept)

@@ -209,6 +209,11 @@ class Search:
                 miss = replace(
                     miss, possible=tuple(nearest_possible(self.task, self.pruning.found, self.pruning.bounds))
                 )
+        more = f"--max-candidates {2 * self.most} (in Python: most={2 * self.most})"
+        note = f"The search ended after {self.most} tuned choices; other choices may rank before these: {more}."
+        notes = () if complete else (note,)
+        if interrupted:
+            notes = ("The search was interrupted: the ranking is that of the results so far.",)
         reasons = [(one.choice.parts, *one.lost.partition(": ")) for one in self.candidates if one.lost]
         lost = [Dropped(parts, 1, limit, reason) for parts, limit, _, reason in reasons]
         return SizingResult(
@@ -220,17 +225,9 @@ class Search:
             savings=tuple(self.savings),
             checks=tuple(machine_checks(self._candidate(ranked[0]).choice, self.task, ranked[0])) if ranked else (),
             interrupted=interrupted,
-            notes=self._notes(complete, interrupted),
+            notes=notes,
             asked={"most": self.most, "draws": self.draws[-2], "draws_best": self.final},
         )
-
-    def _notes(self, complete: bool, interrupted: bool) -> tuple[str, ...]:
-        """Return remarks on an incomplete search."""
-        if interrupted:
-            return ("The search was interrupted: the ranking is that of the results so far.",)
-        more = f"--max-candidates {2 * self.most} (in Python: most={2 * self.most})"
-        note = f"The search ended after {self.most} tuned choices; other choices may rank before these: {more}."
-        return () if complete else (note,)
 
     def _candidate(self, drive: SizedDrive) -> SizingCandidate:
         return next(one for one in self.candidates if one.choice.name == drive.name)

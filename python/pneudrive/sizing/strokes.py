@@ -163,12 +163,8 @@ class DriveStrokes:
 
         Choices with equal keys run in one ensemble.
         """
-        return outward, *self._structure
-
-    @cached_property
-    def _structure(self) -> tuple[Any, ...]:
         parts = (self.choice.cylinder, self.choice.tube, self.choice.flow_control)
-        return self.task.template_key, *(part.form for part in parts)
+        return outward, self.task.template_key, *(part.form for part in parts)
 
     def template(self, outward: bool) -> tuple[System, dict[str, float]]:
         """Return the circuit of a stroke in the core's form, and its start. Equal keys differ only in numbers."""

@@ -128,19 +128,11 @@ def tune_all(every: Sequence[DriveStrokes], rough: Sequence[Tuned] | None = None
         results = run_all(list(asked.values()))
         due, asked = dict(zip(asked, results, strict=True)), {}
         for place, result in due.items():
-            following = _sent(searches[place], result)
-            if isinstance(following, Tuned):
-                found[place] = following
-            else:
-                asked[place] = following
+            try:
+                asked[place] = searches[place].send(result)
+            except StopIteration as end:  # noqa: PERF203 - a run takes longer
+                found[place] = end.value
     return [found[place] for place in range(len(every))]
-
-
-def _sent(search: Search, result: StrokeResults) -> StrokeRuns | Tuned:
-    try:
-        return search.send(result)
-    except StopIteration as end:
-        return end.value
 
 
 def _rough(strokes: DriveStrokes) -> Search:

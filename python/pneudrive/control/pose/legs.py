@@ -133,7 +133,10 @@ def check_path(
         out, back = tuning.speeds_m_s
         remedy = "Make the path slower, or take a larger valve."
         _within(name, "velocity", "m/s", v, (-back, out), times, remedy)
-        friction = tuning.plant.coulomb_n * np.sign(v) + _viscous(tuning) * v
+        form = json.loads(tuning.belief.core_json())
+        cylinder = next(one for one in form["components"] if one["name"] == tuning.plant.cylinder)
+        viscous = float(((cylinder["friction"] or {}).get("parameters") or {}).get("viscous", 0.0))
+        friction = tuning.plant.coulomb_n * np.sign(v) + viscous * v
         force, (low, high) = needs.legs.forces_n[:, i] + friction, _forces(platform, i, tuning)
         remedy = "Make the path slower, or take a larger cylinder or a higher pressure."
         _within(name, "force", "N", force, (low, high), times, remedy)
@@ -150,12 +153,6 @@ def _within(name: str, what: str, unit: str, values: Array, ends: Interval, time
         said = f"the path requires of {name} a {what} of {values[row]:.4g} {unit} at t = {times[row]:.4g} s"
         rule = f"{low:.4g} {unit} to {high:.4g} {unit}"
         raise CommandError(said, value=f"{-margins[row]:.3g} {unit} outside", rule=rule, remedy=remedy)
-
-
-def _viscous(tuning: Tuning) -> float:
-    form = json.loads(tuning.belief.core_json())
-    cylinder = next(one for one in form["components"] if one["name"] == tuning.plant.cylinder)
-    return float(((cylinder["friction"] or {}).get("parameters") or {}).get("viscous", 0.0))
 
 
 def _forces(platform: Platform, leg: int, tuning: Tuning) -> Interval:
@@ -175,11 +172,9 @@ def leg_reference(needs: Demands, leg: int, text: str) -> tuple[Reference, Plain
     binomials = np.array([[comb(n, k) for n in range(8)] for k in range(4)], dtype=float)
     low = scaled[:, :-1]
     high = np.linalg.solve(binomials[:, 4:], scaled[:, 1:] - binomials[:, :4] @ low)
-    rows = np.zeros((low.shape[1], 2 + POWERS))
-    rows[:, 0] = needs.times_s[:-1]
-    rows[:, 1] = h
-    rows[:, 2:6] = low.T
-    rows[:, 6:10] = high.T
+    begins = needs.times_s[:-1]
+    rest = np.zeros((begins.size, POWERS - len(low) - len(high)))
+    rows = np.column_stack([begins, np.full_like(begins, h), low.T, high.T, rest])
     made = Reference(text, float(needs.legs.positions_m[0, leg]), pieces=tuple(rows.tolist()))
     efforts = np.stack([needs.legs.masses_kg[:, leg], needs.loads_n[:, leg], needs.load_rates_n_s[:, leg]], axis=1)
     return made, {"period_s": h, "rows": efforts.tolist(), "others": needs.couplings[:, leg].tolist()}

@@ -328,7 +328,7 @@ class PoseScore(Viewed):
         rows = [value for of in (self.coordinates, self.legs) for name, one in of.items() for value in one.shown(name)]
         return View(
             "Score of a pose, simulated" if about is None else run_title(about),
-            tuple(rows),
+            rows,
             state="bad" if self.stops_hit else "good",
             leading=tuple(LeadingValue(ShownValue(key, "run", key, text)) for key, text in effort.items()),
             findings=hit,
