@@ -232,7 +232,8 @@ def pressure(found: CampaignCharacteristics) -> Section | None:
     """Return the section on effects of the chamber pressures, and their interaction."""
     if not found.pressure:
         return None
-    topic, texts, panels = Topic("campaign", "pressure"), [], []
+    topic = Topic("campaign", "pressure")
+    texts, panels = [], []
     for effects in found.pressure:
         pairs = ", ".join(f"{a / PA_PER_BAR:.3g}/{b / PA_PER_BAR:.3g}" for a, b in effects.gauge_pa)
         name = f"{effects.levels}: " if effects.levels else ""
@@ -591,7 +592,8 @@ def sources(found: CampaignCharacteristics) -> Section:
         *page.software(),
         ("raw data", f"{found.folder.name}/cycles, one Parquet file per cycle"),
     ]
-    topic, protocol = Topic("campaign", "provenance"), found.folder / "campaign.toml"
+    topic = Topic("campaign", "provenance")
+    protocol = found.folder / "campaign.toml"
     blocks: list[Block] = [topic.table(rows, "software")]
     if protocol.is_file():
         lines = protocol.read_text(encoding="utf-8", errors="replace").strip().splitlines()
