@@ -21,7 +21,7 @@ from pneudrive.report.page import Items, Paragraph, Report, Section, Topic, figu
 from pneudrive.report.render import DrawnFigure, draw_figure
 from pneudrive.sizing.checks import READ, SizedDrive, read
 from pneudrive.sizing.choices import WITHOUT
-from pneudrive.sizing.result import WRITTEN, in_words, maker_type, yearly
+from pneudrive.sizing.result import WRITTEN, SizingResult, in_words, maker_type, yearly
 from pneudrive.sizing.result import values_of as drive_values
 from pneudrive.sizing.search import MOST, is_of_command
 from pneudrive.sizing.task import GUIDES, follows_from
@@ -30,8 +30,6 @@ from pneudrive.views import Finding, LeadingValue, ShownFigure, ShownTable, Show
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
-
-    from pneudrive.sizing.result import SizingResult
 
 #: Quantities without a limit in the table of ranges: label, name of the value, factor from SI, unit.
 FREE = (

@@ -11,7 +11,7 @@ from math import cos, radians, sin
 from typing import TYPE_CHECKING, NamedTuple
 
 from pneudrive.figures import Drawing, Figure, Panel, PenStroke
-from pneudrive.report.circuit.layout import LINE, MODULE_IN, NAME_PT, TEXT_PT, Shape, arranged, text_width
+from pneudrive.report.circuit.layout import LINE, MODULE_IN, NAME_PT, TEXT_PT, Box, Shape, arranged, text_width
 from pneudrive.report.render import DrawnFigure, draw_figure
 
 if TYPE_CHECKING:
@@ -19,7 +19,6 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from pneudrive.describe import Circuit, Drive
-    from pneudrive.report.circuit.layout import Box
 
 
 EDGE = 2.0  # modules of paper around everything
