@@ -92,7 +92,8 @@ def type_of(node: ast.expr) -> str:
         case ast.BinOp():
             return f"{type_of(node.left)} | {type_of(node.right)}"
         case ast.Subscript(value=ast.Name("list" | "Sequence")):
-            return f"({type_of(node.slice)})[]"
+            one = type_of(node.slice)
+            return f"({one})[]" if " | " in one else f"{one}[]"
         case ast.Subscript(value=ast.Name("dict"), slice=ast.Tuple([key, value])):
             return f"Record<{type_of(key)}, {type_of(value)}>"
         case ast.Subscript(value=ast.Name("tuple"), slice=ast.Tuple([one, ast.Constant()])):

@@ -19,7 +19,7 @@ export interface Axis {
   high: number | null;
   below: number;
   above: number;
-  names: (string)[];
+  names: string[];
   is_si: boolean;
   is_named: boolean;
   unit: string;
@@ -55,7 +55,7 @@ export interface Markers {
   size: number;
   filled: boolean;
   joined: boolean;
-  names: (string)[];
+  names: string[];
   kind: "markers";
 }
 
@@ -79,7 +79,7 @@ export interface Bars {
 }
 
 export interface Drawing {
-  strokes: (PenStroke)[];
+  strokes: PenStroke[];
   x: [number, number];
   y: [number, number];
   equal: boolean;
@@ -93,7 +93,7 @@ export interface PenStroke {
   fill: string;
   width: number;
   size: number;
-  dash: (number)[];
+  dash: number[];
   opacity: number;
   tint: number;
   align: string;
@@ -103,7 +103,7 @@ export interface PenStroke {
 }
 
 export interface Panel {
-  marks: (Mark)[];
+  marks: Mark[];
   title: string;
   x: Axis;
   y: Axis;
@@ -120,8 +120,8 @@ export interface Figure {
   width_in: number;
   share_x: string;
   share_y: string;
-  heights: (number)[];
-  widths: (number)[];
+  heights: number[];
+  widths: number[];
   legend: string;
   entries: number;
   title: string;
@@ -172,21 +172,21 @@ export interface SentCurve {
   y: (number | null)[];
   low: (number | null)[];
   high: (number | null)[];
-  measured: (boolean)[];
+  measured: boolean[];
 }
 
 export interface SentView {
   title: string;
   state: State;
-  leading: (SentValue)[];
-  findings: (Finding)[];
-  head: (string)[];
-  table: ((string)[])[];
-  rows: (SentValue)[];
-  curves: (SentCurve)[];
-  tables: (ShownTable)[];
-  figures: (ShownFigure)[];
-  notes: (string)[];
+  leading: SentValue[];
+  findings: Finding[];
+  head: string[];
+  table: string[][];
+  rows: SentValue[];
+  curves: SentCurve[];
+  tables: ShownTable[];
+  figures: ShownFigure[];
+  notes: string[];
 }
 
 export interface MachineCheck {
@@ -213,7 +213,7 @@ export interface Shape {
 export interface PistonShapes {
   barrel: [number, number, number, number];
   piston: [number, number];
-  moves: Record<number, (boolean)[]>;
+  moves: Record<number, boolean[]>;
 }
 
 export interface CommandInput {
@@ -260,12 +260,12 @@ export interface Studies {
   version: string;
   platform: string;
   build: string;
-  protocols: (string)[];
+  protocols: string[];
   control: boolean;
   left_out: number;
   is_cut: boolean;
-  files: (Listed)[];
-  catalogue: (CatalogueEntry)[];
+  files: Listed[];
+  catalogue: CatalogueEntry[];
 }
 
 export interface Progress {
@@ -287,12 +287,12 @@ export interface Job {
 }
 
 export interface Jobs {
-  jobs: (Job)[];
+  jobs: Job[];
 }
 
 export interface Form {
   title: string;
-  fields: (CommandInput)[];
+  fields: CommandInput[];
 }
 
 /** Lines that do the same in a shell and in Python. */
@@ -308,19 +308,19 @@ export interface Made {
   digest: string;
   path: string;
   state: "same" | "changed" | "differs" | "missing" | "named" | "unread";
-  inputs: (Made)[];
+  inputs: Made[];
 }
 
 export interface Lineage {
   path: string;
-  inputs: (Made)[];
-  made: (string)[];
+  inputs: Made[];
+  made: string[];
   again: Record<string, unknown> | null;
-  stale: (string)[];
+  stale: string[];
 }
 
 export interface Stale {
-  stale: Record<string, (string)[]>;
+  stale: Record<string, string[]>;
   unchecked: number;
 }
 
@@ -332,9 +332,9 @@ export interface Field {
   kind: "given" | "source" | "identified" | "assumed" | "default";
   number?: number;
   unit?: string;
-  units?: (string)[];
+  units?: string[];
   component?: string;
-  copies?: (string)[];
+  copies?: string[];
   low?: number;
   high?: number;
 }
@@ -347,14 +347,14 @@ export interface Follows {
 
 /** Check of a text. `valves`: those of a circuit with their lowest commands; `follows`: from a task. */
 export interface Checked {
-  problems: (Problem)[];
+  problems: Problem[];
   name?: string;
   kind?: "drive" | "circuit";
   valves?: Record<string, number>;
-  values?: (Field)[];
-  notes?: (string)[];
-  sliders?: (string)[];
-  follows?: (Follows)[];
+  values?: Field[];
+  notes?: string[];
+  sliders?: string[];
+  follows?: Follows[];
 }
 
 export interface CheckedFile {
@@ -364,9 +364,9 @@ export interface CheckedFile {
 }
 
 export interface CircuitDrawing {
-  shapes: (Shape)[];
+  shapes: Shape[];
   pistons: Record<string, PistonShapes>;
-  nets: (([string, string])[])[];
+  nets: [string, string][][];
   ports: Record<string, Record<string, [number, number]>>;
 }
 
@@ -377,7 +377,7 @@ export interface Kind {
 }
 
 export interface Kinds {
-  kinds: (Kind)[];
+  kinds: Kind[];
 }
 
 export interface Part {
@@ -386,7 +386,7 @@ export interface Part {
 }
 
 export interface Parts {
-  parts: (Part)[];
+  parts: Part[];
 }
 
 export interface Fmu {
@@ -405,7 +405,7 @@ export interface RunPanel {
   title: string;
   unit: string;
   size: number;
-  curves: (CurveColumn)[];
+  curves: CurveColumn[];
   left_out?: number;
 }
 
@@ -425,7 +425,7 @@ export interface RunEvent {
 export interface SentPart {
   part: string;
   leg: number;
-  points: ([number, number, number])[];
+  points: [number, number, number][];
   moving: number;
 }
 
@@ -437,7 +437,7 @@ export interface SentLeg {
 
 export interface SentPath {
   label: string;
-  points: ([number, number, number])[];
+  points: [number, number, number][];
 }
 
 export interface SentOutput {
@@ -451,11 +451,11 @@ export interface SentPlatform {
   name: string;
   traced: string;
   view: SentView;
-  parts: (SentPart)[];
-  legs: (SentLeg)[];
-  reach: ([number, number, number])[];
-  paths: (SentPath)[];
-  outputs: (SentOutput)[];
+  parts: SentPart[];
+  legs: SentLeg[];
+  reach: [number, number, number][];
+  paths: SentPath[];
+  outputs: SentOutput[];
 }
 
 /** A cylinder and the columns of its position and pressures. */
@@ -491,22 +491,22 @@ export interface MemberBand {
 export interface RunHead {
   number: number;
   path: string;
-  problems?: (Problem)[];
-  panels?: (RunPanel)[];
-  warnings?: (string)[];
-  impacts?: (Impact)[];
+  problems?: Problem[];
+  panels?: RunPanel[];
+  warnings?: string[];
+  impacts?: Impact[];
   more_impacts?: number;
-  leading?: (SentValue)[];
-  events?: (RunEvent)[];
+  leading?: SentValue[];
+  events?: RunEvent[];
   assumed?: number;
   samples?: number;
   ends?: Record<string, number>;
-  others?: (OtherRun)[];
-  loops?: (string)[];
+  others?: OtherRun[];
+  loops?: string[];
   energy?: EnergyOfRun;
   band?: MemberBand;
-  platforms?: (SentPlatform)[];
-  cylinders?: (MovingCylinder)[];
+  platforms?: SentPlatform[];
+  cylinders?: MovingCylinder[];
 }
 
 export interface Gain {
@@ -522,15 +522,15 @@ export interface Gain {
 /** A run under control. Gains have the ranges of their sliders; `told` is the assumed drive. */
 export interface ControlHead extends Copied {
   number: number;
-  problems?: (Problem)[];
-  panels: (RunPanel)[];
+  problems?: Problem[];
+  panels: RunPanel[];
   samples: number;
   took_s: number;
   law: string;
   drive: string;
-  gains: (Gain)[];
+  gains: Gain[];
   mismatch: [string, string];
-  warnings: (string)[];
+  warnings: string[];
   max_error_m: number | null;
   view: SentView;
   told: SentView;
@@ -544,11 +544,11 @@ export interface StandardReference {
 }
 
 export interface Choices {
-  laws: (string)[];
-  setups: (string)[];
-  mismatches: (string)[];
-  spreads: (string)[];
-  references: (StandardReference)[];
+  laws: string[];
+  setups: string[];
+  mismatches: string[];
+  spreads: string[];
+  references: StandardReference[];
 }
 
 export interface Measure {
@@ -567,7 +567,7 @@ export interface CardCell {
   law: string;
   reference: string;
   text: string;
-  range: (string)[];
+  range: string[];
   value: number | null;
   best: boolean;
   lost: number;
@@ -585,12 +585,12 @@ export interface Card extends Copied {
   total: number;
   finished: boolean;
   done: number;
-  laws: (string)[];
-  references: (CardReference)[];
-  measures: (Measure)[];
-  cells: (CardCell)[];
-  each: (CardRun)[];
-  failed: (string)[];
+  laws: string[];
+  references: CardReference[];
+  measures: Measure[];
+  cells: CardCell[];
+  each: CardRun[];
+  failed: string[];
   told: SentView;
 }
 
@@ -601,8 +601,8 @@ export interface ErrorUnit {
 
 export interface Tracks {
   reference: string;
-  laws: (string)[];
-  seeds: (number)[];
+  laws: string[];
+  seeds: number[];
   error: ErrorUnit;
 }
 
@@ -633,7 +633,7 @@ export interface Candidate {
   load_ratio: number | null;
   margin: number | null;
   binding: string;
-  limits: (Limit)[];
+  limits: Limit[];
   misses: boolean;
   place: number | null;
   file: string;
@@ -645,7 +645,7 @@ export interface Sizing {
   words: string;
   task: string;
   draws: number;
-  candidates: (Candidate)[];
+  candidates: Candidate[];
   view: SentView | null;
   sheet: SentView | null;
   short: number;
@@ -663,15 +663,15 @@ export interface Channel {
 
 /** A recording, its problems, or the fraction of its file that is read. */
 export interface OpenedRecording {
-  problems?: (Problem)[];
+  problems?: Problem[];
   share?: number;
   key?: string;
-  channels?: (Channel)[];
+  channels?: Channel[];
   span?: [number, number];
   samples?: number;
   time?: boolean;
   layout?: string | null;
-  notes?: (string)[];
+  notes?: string[];
 }
 
 export interface Stroke {
@@ -683,18 +683,18 @@ export interface Stroke {
 
 export interface FaultKind {
   count: number;
-  places: ([number, number])[];
+  places: [number, number][];
 }
 
 export interface Strokes {
-  strokes: (Stroke)[];
+  strokes: Stroke[];
   faults: Record<string, FaultKind>;
   note?: string;
 }
 
 export interface WindowHead {
   number: number;
-  problems?: (Problem)[];
+  problems?: Problem[];
   path: string;
   key: string | null;
   missing: number;
@@ -716,7 +716,7 @@ export interface Proposal {
   problem: string;
   kind: string;
   strokes: number;
-  guesses: (Guess)[];
+  guesses: Guess[];
 }
 
 export interface MeasuredRow {
@@ -730,19 +730,19 @@ export interface MeasuredRow {
 }
 
 export interface MeasuredRows {
-  rows: (MeasuredRow)[];
+  rows: MeasuredRow[];
 }
 
 export interface QuickPoint {
   key: string;
   speed: number;
   friction: number;
-  flags: (string)[];
+  flags: string[];
 }
 
 export interface QuickGroup {
   label: string;
-  points: (QuickPoint)[];
+  points: QuickPoint[];
 }
 
 export interface Campaign {
@@ -757,9 +757,9 @@ export interface Campaign {
   text: string;
   cycle: string;
   flags: Record<string, number>;
-  problems: (string)[];
-  log: (string)[];
-  groups: (QuickGroup)[];
+  problems: string[];
+  log: string[];
+  groups: QuickGroup[];
 }
 
 export interface CycleHead {
@@ -796,18 +796,18 @@ export interface FrictionCurve {
 }
 
 export interface SpeedCurve extends FrictionCurve {
-  speed: (number)[];
+  speed: number[];
 }
 
 export interface GaugeCurve extends FrictionCurve {
-  gauge: (number)[];
+  gauge: number[];
 }
 
 /** Points of one seal and pressure, with the curve of the fit; `assembly` is seal, mounting and drive. */
 export interface FrictionGroup {
   label: string;
   assembly: string;
-  points: (FrictionPoint)[];
+  points: FrictionPoint[];
   curve?: SpeedCurve;
   gauges: [number, number];
 }
@@ -815,16 +815,16 @@ export interface FrictionGroup {
 export interface SliceGroup {
   label: string;
   assembly: string;
-  points: (GaugePoint)[];
+  points: GaugePoint[];
   curve?: GaugeCurve;
   speed: number;
 }
 
 /** Points of a map. `fit`: why curves are missing; `seals`: fit of each seal. */
 export interface FrictionMap {
-  groups: (FrictionGroup)[];
+  groups: FrictionGroup[];
   fit: string;
-  fits: (string)[];
+  fits: string[];
   seals: Record<string, string>;
   recordings: Record<string, string>;
   left_out: number;
@@ -832,7 +832,7 @@ export interface FrictionMap {
 
 export interface Slice {
   chamber: "a" | "b";
-  groups: (SliceGroup)[];
+  groups: SliceGroup[];
   python: string;
 }
 
@@ -851,21 +851,21 @@ export interface Compared extends Copied {
   names: [string, string];
   sentence: string;
   figure: ShownFigure | null;
-  values: (ValuePair)[];
-  lines: (string)[];
+  values: ValuePair[];
+  lines: string[];
 }
 
 export interface Culprit {
   what: string;
   share: number;
   text: string;
-  free: (string)[];
+  free: string[];
 }
 
 export interface Diagnosis {
   left: number;
   clean: boolean;
-  culprit?: (Culprit)[];
+  culprit?: Culprit[];
 }
 
 export interface Source {
@@ -880,7 +880,7 @@ export interface OriginOfValue {
   origin: string;
   interval?: string;
   fit?: string;
-  source?: (Source)[];
+  source?: Source[];
 }
 
 export interface ValidatedChannel {
@@ -918,15 +918,15 @@ export interface Validation {
   editable: boolean;
   window_s: number;
   synthetic: boolean;
-  record: (ValidatedRecord)[];
+  record: ValidatedRecord[];
   diagnosis: Diagnosis;
-  suspects: (Field)[];
-  values: (OriginOfValue)[];
-  channels: (ValidatedChannel)[];
+  suspects: Field[];
+  values: OriginOfValue[];
+  channels: ValidatedChannel[];
 }
 
 export interface ValidationHead {
   number: number;
-  problems?: (Problem)[];
+  problems?: Problem[];
   fit?: Record<string, number | null>;
 }
