@@ -2,8 +2,8 @@
 //!
 //! The controller file has the bounds that users set. The page on the theory prints [`thresholds`].
 
-/// A threshold: its name in the code; its value, or values; their unit in SI, or the counted thing, `1` for a pure number;
-/// its meaning; why it has this value.
+/// Name in the code, value (or values), unit, meaning and reason of a threshold. The unit is in SI, or the counted thing;
+/// `1` is a pure number.
 pub type Threshold = (&'static str, String, &'static str, &'static str, &'static str);
 
 macro_rules! thresholds {
