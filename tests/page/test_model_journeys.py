@@ -226,7 +226,7 @@ def test_size_a_drive(server: Server, open_tab: Open, monkeypatch: pytest.Monkey
     assert saved.value.suggested_filename == "lift-report.html"
     assert Path(saved.value.path()).read_bytes() == (server.folder / "results/lift/report.html").read_bytes()
     page.click("button:text-is('Data sheet of the best')")
-    page.wait_for_selector("[data-sheet=done]", timeout=3 * LONG)
+    page.wait_for_selector("[data-sheet=done]", timeout=5 * LONG)
     with page.context.expect_page() as opened:
         page.click("[data-sheet] >> text=Open the data sheet")
     opened.value.wait_for_selector("#numbers td")
