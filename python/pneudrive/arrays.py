@@ -22,7 +22,7 @@ Pair: TypeAlias = tuple[float, float]
 #: Values by column or key.
 Row: TypeAlias = dict[str, Any]
 #: Real numbers by name.
-Numbers: TypeAlias = dict[str, float]
+NamedNumbers: TypeAlias = dict[str, float]
 #: Plain data by key, as in TOML and JSON: writable, and read-only.
 Plain: TypeAlias = dict[str, Any]
 Keyed: TypeAlias = Mapping[str, Any]

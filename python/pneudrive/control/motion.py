@@ -75,7 +75,7 @@ def within_limits(begin_s: float, start_m: float, to_m: float, limits: tuple[flo
     down = [(t, -snap) for t, snap in up]
     faster, slower = [*up, (t_a, 0.0), *down], [*down, (t_a, 0.0), *up]
     rows, (x, v, a, j) = [], (start_m, 0.0, 0.0, 0.0)
-    for t, size in [*faster, (t_v, 0.0), *slower]:
+    for t, size in [*faster, (t_v, 0.0), *slower]:  # intervals of constant snap
         s = math.copysign(1.0, to_m - start_m) * size
         numbers = [x, v * t, a * t**2 / 2.0, j * t**3 / 6.0, s * t**4 / 24.0]
         if t > 0.0:

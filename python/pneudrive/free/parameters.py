@@ -36,7 +36,7 @@ if TYPE_CHECKING:
 
     from pneudrive._core import Circuit as CoreCircuit
     from pneudrive._core import Shooting, Shot
-    from pneudrive.arrays import Array, ArrayPair, Keyed, Numbers, Pair, Plain
+    from pneudrive.arrays import Array, ArrayPair, Keyed, NamedNumbers, Pair, Plain
     from pneudrive.describe import Circuit, Drive, Initial
     from pneudrive.describe.system import ShortNames
 
@@ -435,7 +435,7 @@ class DriveFamily:
             columns[one.path] = values
         return np.array([columns[path] for path in self.paths]).reshape(len(self.paths), len(rows)).T.copy()
 
-    def derived_values(self, values: Array) -> Numbers:
+    def derived_values(self, values: Array) -> NamedNumbers:
         """Return the derived values for these values, by their names in the drive file."""
         self._set(values)
         return {one.name: self.get(one.path) for one in (*self.settled, *self.moving)}

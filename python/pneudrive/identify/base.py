@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
     from typing_extensions import Self
 
-    from pneudrive.arrays import Array, Interval, Numbers, Pair, Plain
+    from pneudrive.arrays import Array, Interval, NamedNumbers, Pair, Plain
 
 #: Note of a fit of simulated data.
 SIMULATED = "from simulated recordings"
@@ -258,17 +258,17 @@ class Fit(Viewed):
     TITLE: ClassVar[str]
     WORDS: ClassVar[Plain]
 
-    values: Numbers
+    values: NamedNumbers
     units: dict[str, str]
     free: tuple[str, ...]
     covariance: Array
     intervals: dict[str, Interval]
-    systematic: Numbers = field(default_factory=dict)
-    model_errors: Numbers = field(default_factory=dict)
+    systematic: NamedNumbers = field(default_factory=dict)
+    model_errors: NamedNumbers = field(default_factory=dict)
     sources: dict[str, tuple[str, ...]] = field(default_factory=dict)
     undetermined: tuple[Any, ...] = ()
     notes: tuple[str, ...] = ()
-    statistics: Numbers
+    statistics: NamedNumbers
     provenance: dict[str, Any]
     converged: bool = True
     details: dict[str, dict[str, Any]] = field(default_factory=dict)
@@ -315,7 +315,7 @@ class Fit(Viewed):
         return SIMULATED in self.notes
 
     @property
-    def standard_errors(self) -> Numbers:
+    def standard_errors(self) -> NamedNumbers:
         """Statistical standard error of each free value that has an interval (first order)."""
         every = zip(self.free, np.sqrt(np.maximum(np.diag(self.covariance), 0.0)).tolist(), strict=True)
         return {name: error for name, error in every if name in self.intervals}
@@ -498,8 +498,8 @@ class Fit(Viewed):
         ends = {key: self.intervals[name] for name, key in keys.items() if name in self.intervals}
         wide = {keys[name]: u for name, u in self.systematic.items() if name in keys}
         values = {key: self.values[name] for name, key in keys.items()}
-        known = {key: self.free.index(name) for name, key in keys.items() if key in ends and name in self.free}
-        known = known if self.covariance.size else {}
+        rows = self.free if self.covariance.size else ()  # a fit without values has no covariance
+        known = {key: rows.index(name) for name, key in keys.items() if key in ends and name in rows}
         shares = self._correlation([self.systematic.get(n, 0.0) for n in self.free]) if known else self.covariance
         return Identified(
             values=values,
@@ -516,11 +516,11 @@ class Fit(Viewed):
 
     # -- the file ---------------------------------------------------------------------------------------------
 
-    def _groups(self) -> tuple[Numbers, ...]:
+    def _groups(self) -> tuple[NamedNumbers, ...]:
         """Return the values, one dict for each table of the file."""
         return (self.values,)
 
-    def free_values(self) -> Numbers:
+    def free_values(self) -> NamedNumbers:
         """Return all values with a name in `free`: values of the drive, and others such as those of sensors."""
         return {name: value for group in self._groups() for name, value in group.items()}
 
@@ -685,7 +685,7 @@ class Fit(Viewed):
         """Return tables of recordings and other models."""
         return ()
 
-    def _shown(self) -> Numbers:
+    def _shown(self) -> NamedNumbers:
         """Return the values of the table."""
         return self.free_values()
 

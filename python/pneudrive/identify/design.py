@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pneudrive.arrays import Array, Interval, Ints, Numbers, Pair, Plain, by_name
+from pneudrive.arrays import Array, Interval, Ints, NamedNumbers, Pair, Plain, by_name
 from pneudrive.describe.files import toml
 from pneudrive.errors import FitError, nearest
 from pneudrive.estimate.autocorrelation import distinct_levels
@@ -453,8 +453,8 @@ class Design(Viewed):
 
     points: tuple[Point, ...]
     criterion: str
-    half_widths_now: Numbers
-    half_widths_then: Numbers
+    half_widths_now: NamedNumbers
+    half_widths_then: NamedNumbers
     seconds: float
     limits: Limits
 
@@ -601,7 +601,7 @@ def _gradients(prior: Prior, at: sliding.Observations) -> Array:
     return np.array([prior.model.value_and_jacobian(q, at)[1] for q in prior.draws])
 
 
-def _half_widths(prior: Prior, matrix: Array, values: int) -> Numbers:
+def _half_widths(prior: Prior, matrix: Array, values: int) -> NamedNumbers:
     """Return half-widths in natural units: the median over the prior samples.
 
     Student's t refers to the number of values after the measurement.

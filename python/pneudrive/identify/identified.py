@@ -25,7 +25,7 @@ from pneudrive.units import readable
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from pneudrive.arrays import Array, Interval, Keyed, Numbers, Plain
+    from pneudrive.arrays import Array, Interval, Keyed, NamedNumbers, Plain
     from pneudrive.describe.drive import Drive
 
 
@@ -421,7 +421,7 @@ class Dependences:
 
     source: str = ""
     notes: tuple[str, ...] = ()
-    sliding: Numbers = field(default_factory=dict)
+    sliding: NamedNumbers = field(default_factory=dict)
     intervals: dict[str, list[float]] = field(default_factory=dict)
     tables: dict[str, dict[str, Any]] = field(default_factory=dict)
 

@@ -19,7 +19,7 @@ import numpy as np
 from scipy.optimize import OptimizeResult, least_squares
 
 from pneudrive import units
-from pneudrive.arrays import Array, Interval, Numbers, Plain, by_name
+from pneudrive.arrays import Array, Interval, NamedNumbers, Plain, by_name
 from pneudrive.constants import STANDARD_ATMOSPHERE_PA
 from pneudrive.describe.base import Described
 from pneudrive.describe.files import toml
@@ -538,7 +538,7 @@ class RegulatorFit(Fit, kind="regulator-fit"):
     """
 
     name: str
-    runs: dict[str, Numbers]
+    runs: dict[str, NamedNumbers]
 
     def findings(self) -> tuple[Finding, ...]:
         """Return the undetermined values."""
@@ -636,7 +636,7 @@ def identify_regulator(
     )
 
 
-def _named(point: Array) -> Numbers:
+def _named(point: Array) -> NamedNumbers:
     return by_name(REGULATOR_UNITS, REGULATOR_SCALES.natural(point))
 
 

@@ -356,8 +356,7 @@ def stops(found: CampaignCharacteristics) -> Section | None:
     blocks.append(topic.figure("campaign-stop-traces", traces(found)))
     if series:
         blocks.append(topic.figure("campaign-dwell", figure_of("dwell", [_increments(found, s) for s in series])))
-    named = ((_laws(s), {"series": s.name, "reference_s": s.reference_s}) for s in series if s.laws)
-    blocks += [topic.table(rows, "laws", **values) for rows, values in named]
+    blocks += [topic.table(_laws(s), "laws", series=s.name, reference_s=s.reference_s) for s in series if s.laws]
     if any(len(_known(found.stops, name)) for name in ("relaxation_n", "recovery_m")):
         blocks.append(topic.figure("campaign-stop-relaxation", relaxation(found)))
         blocks.append(topic.table(_medians(found.stops), "medians"))

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
 
     from pneudrive._core import Shooting, Shot
-    from pneudrive.arrays import Array, ArrayPair, Bools, Ints, Keyed, Numbers
+    from pneudrive.arrays import Array, ArrayPair, Bools, Ints, Keyed, NamedNumbers
     from pneudrive.describe.drive import Drive
     from pneudrive.signals.drive_recording import DriveRecording
 
@@ -124,7 +124,7 @@ def whiteness(residual: Array) -> Whiteness:
     return Whiteness(r, bound, outside, statistic, float(chi2.sf(statistic, lags.size)))
 
 
-def cross_correlations(residual: Array, signals: Mapping[str, Array]) -> Numbers:
+def cross_correlations(residual: Array, signals: Mapping[str, Array]) -> NamedNumbers:
     """Return the strongest correlation of a residual with each signal that changes, within +/- LAGS samples.
 
     The strongest of all signals comes first. A residual without values has none.

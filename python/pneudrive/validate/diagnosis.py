@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pneudrive.arrays import Array, Interval, Numbers, by_name
+from pneudrive.arrays import Array, Interval, NamedNumbers, by_name
 from pneudrive.errors import DescriptionError, SimulationError
 from pneudrive.estimate.estimates import NORMAL_95
 from pneudrive.numbers import plain, with_u
@@ -139,7 +139,7 @@ class Diagnosis(Shown):
         Balances of each recording.
     """
 
-    size: Numbers
+    size: NamedNumbers
     culprits: tuple[Culprit, ...]
     left: float
     alone: tuple[tuple[str, float, float], ...]
@@ -263,7 +263,7 @@ class _Regression:
         self.scenes = self.changed(fit.causes, fit.amounts)
         self.left = self.stacked(scene.residuals for scene in self.scenes)
 
-    def sizes(self, e: Array) -> Numbers:
+    def sizes(self, e: Array) -> NamedNumbers:
         """Return the root mean square of each balance; NaN for a balance without usable samples."""
         sums = np.bincount(self.places, weights=e * e, minlength=len(BALANCES))
         counts = np.bincount(self.places, minlength=len(BALANCES))

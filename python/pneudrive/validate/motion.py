@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from pneudrive.arrays import Array, Bools, Numbers, Pair, Plain, by_name
+from pneudrive.arrays import Array, Bools, NamedNumbers, Pair, Plain, by_name
 from pneudrive.describe.circuit import Circuit
 from pneudrive.describe.files import toml
 from pneudrive.errors import CommandError, RecordingError
@@ -377,7 +377,7 @@ def _sliding(recording: Recording, time: Array) -> _Sliding:
     return _Sliding(use, np.column_stack([*columns.values()]), list(columns), v)
 
 
-def _friction(value: Numbers) -> tuple[dict[int, Pair], float]:
+def _friction(value: NamedNumbers) -> tuple[dict[int, Pair], float]:
     """Return friction at zero speed and its slope by direction, and the offset (half the sum of both directions)."""
     both = "d1" in value and "d-1" in value
     offset = 0.5 * (value["d1"] + value["d-1"]) if both else 0.0

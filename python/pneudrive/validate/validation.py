@@ -33,7 +33,7 @@ from pneudrive.views import View, Viewed
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
 
-    from pneudrive.arrays import Array, Keyed, Numbers, Plain
+    from pneudrive.arrays import Array, Keyed, NamedNumbers, Plain
     from pneudrive.describe import Drive
     from pneudrive.identify.dynamic.sensors import Sensor
     from pneudrive.signals.drive_recording import DriveRecording, Given
@@ -75,7 +75,7 @@ class ChannelResult:
     free: balance.Metrics
     restarted: balance.Metrics
     whiteness: balance.Whiteness
-    cross: Numbers
+    cross: NamedNumbers
     window_rms: Array
     off_s: float | None
 

@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
     from pathlib import Path
 
-    from pneudrive.arrays import Array, Interval, Numbers, Pair
+    from pneudrive.arrays import Array, Interval, NamedNumbers, Pair
     from pneudrive.describe import Drive
     from pneudrive.identify.dynamic.sensors import SensorParameter
     from pneudrive.signals.drive_recording import DriveRecording, VolumeRecording
@@ -373,9 +373,9 @@ def solve(
     return replace(found, converged=converged, missed=missed, score=score, segment_s=options.segment_s)
 
 
-def _over_noise(problem: shooting.FitProblem, at: search.Misfit) -> Numbers:
+def _over_noise(problem: shooting.FitProblem, at: search.Misfit) -> NamedNumbers:
     """Return the residuals of each channel in the worst recording, relative to its sample-to-sample noise."""
-    worst: Numbers = {}
+    worst: NamedNumbers = {}
     for experiment, residual in zip(problem.experiments, at.residuals, strict=True):
         for c, channel in enumerate(experiment.channels):
             used = experiment.weight[:, c] > 0.0
@@ -520,7 +520,7 @@ def identify_presliding(
     )
 
 
-def _lost(step: float, level: float, values: Numbers, ends: dict[str, Interval]) -> tuple[Undetermined, ...]:
+def _lost(step: float, level: float, values: NamedNumbers, ends: dict[str, Interval]) -> tuple[Undetermined, ...]:
     unresolved = unresolved_damping(step, level, values[STIFFNESS])
     remedies = {STIFFNESS: "reverse more slowly and more often, with a finer encoder"}
     remedies |= {} if unresolved else {DAMPING: "reverse at several speeds, some of them ten times faster"}

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pneudrive.arrays import Array, ArrayPair, Bools, Ints, Numbers, by_name
+from pneudrive.arrays import Array, ArrayPair, Bools, Ints, NamedNumbers, by_name
 from pneudrive.describe.circuit import Circuit
 from pneudrive.errors import FitError
 from pneudrive.free.parameters import COMMAND_STEPS, DriveFamily, Parameter, at_rest
@@ -310,7 +310,7 @@ class FitProblem:
         """Return the free values of the drive and the sensors, SI."""
         return self.transforms.natural(eta)
 
-    def named(self, eta: Array) -> Numbers:
+    def named(self, eta: Array) -> NamedNumbers:
         """Return the free values by name, SI."""
         return by_name(self.names, self.values(eta))
 
@@ -318,10 +318,10 @@ class FitProblem:
         """Return the cost of the deviation from prior knowledge."""
         return float(self.prior @ eta**2)
 
-    def rms(self, residuals: list[Array]) -> Numbers:
+    def rms(self, residuals: list[Array]) -> NamedNumbers:
         """Return the root mean square of each channel's residuals, SI."""
-        power: Numbers = {}
-        count: Numbers = {}
+        power: NamedNumbers = {}
+        count: NamedNumbers = {}
         for experiment, residual in zip(self.experiments, residuals, strict=True):
             for c, channel in enumerate(experiment.channels):
                 own = np.sum((residual[:, c] * experiment.noise[c]) ** 2)
@@ -486,7 +486,7 @@ def measured_starts(experiment: FittedRecording, drive: Drive | Circuit, inner: 
     for column in (PRESSURE_A, PRESSURE_B):
         state[:, column] = np.maximum(state[:, column], 0.1 * ambient.pressure_pa)
     chambers = (state[:, PRESSURE_A], state[:, PRESSURE_B])
-    start: Numbers = {}
+    start: NamedNumbers = {}
     if isinstance(drive, Circuit):
         a, b = DISTINCT_PA
         distinct = {f"{piston}.a": f"{a} Pa abs", f"{piston}.b": f"{b} Pa abs"}

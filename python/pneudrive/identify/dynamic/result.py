@@ -24,7 +24,7 @@ from typing import Any
 import numpy as np
 
 from pneudrive import __version__, _core
-from pneudrive.arrays import Array, Interval, Keyed, Numbers, Pair, Plain, by_name
+from pneudrive.arrays import Array, Interval, Keyed, NamedNumbers, Pair, Plain, by_name
 from pneudrive.describe import Circuit, Drive
 from pneudrive.errors import FitError, PneudriveError, warn
 from pneudrive.estimate.estimates import rms, student
@@ -85,7 +85,7 @@ class DriveFit(Fit, kind="drive"):
         Description with the start values of the search.
     """
 
-    sensors: Numbers
+    sensors: NamedNumbers
     start: Drive | Circuit = field(repr=False)
     fits: bool = True
     solved: Solved | None = field(repr=False, default=None)
@@ -97,7 +97,7 @@ class DriveFit(Fit, kind="drive"):
             return "not converged: the best so far, without intervals"
         return "converged" if self.fits else "converged, but the model does not fit"
 
-    def sensors_of(self, recording: str) -> dict[str, Numbers]:
+    def sensors_of(self, recording: str) -> dict[str, NamedNumbers]:
         """Return the fitted errors of the sensors of a recording, in the form for `pn.validate`.
 
         Parameters
@@ -154,7 +154,7 @@ class DriveFit(Fit, kind="drive"):
             raise FitError(**stated("application", "circuit"))
         return curve_of_drive(self.apply(), speeds_m_s, *gauges_pa)
 
-    def _groups(self) -> tuple[Numbers, ...]:
+    def _groups(self) -> tuple[NamedNumbers, ...]:
         return self.values, self.sensors
 
     def _first(self) -> Plain:
@@ -253,7 +253,7 @@ def applied_note(solved: Solved, kept: Collection[str]) -> list[str]:
     return [f"{words}the error of a free run of this mixture is {', '.join(errors)}, rms"]
 
 
-def _free_run(solved: Solved, values: Array) -> Numbers:
+def _free_run(solved: Solved, values: Array) -> NamedNumbers:
     """Return the root mean square error of each channel of free runs, SI; empty if a run fails."""
     problem = solved.problem
     segments = [experiment.starts for experiment in problem.experiments]
@@ -282,11 +282,12 @@ SLIDES = 0.01
 #: Fraction of the largest scaled derivative below which a direction is not determined.
 SINGULAR_SHARE = 1e-3
 #: Balances of a recording as a function of the drive's numbers, at the fitted numbers, and their terms there.
-Along = tuple[Callable[["Array"], "list[Array]"], "list[Array]", "list[Array]"]
+Along = tuple[Callable[[Array], list[Array]], list[Array], list[Array]]
 _STATES = ("position_m", "velocity_m_s", "pressure_a_pa", "pressure_b_pa")
+_TERMS = ("force_n", "friction_n", "end_stop_force_n", "pressure_rate_a_pa_s", "pressure_rate_b_pa_s")
 
 
-def model_errors(drive: Drive | Circuit, solved: Solved) -> Numbers:
+def model_errors(drive: Drive | Circuit, solved: Solved) -> NamedNumbers:
     """Return the assumed minimum of the model error of each free value that affects sliding, SI."""
     if not drive.is_plain:  # the balances of the chambers differ
         return {}
@@ -332,23 +333,21 @@ def _balances(solved: Solved, index: int, family: DriveFamily, values: Array) ->
     recording = experiment.recording
     openings, temperatures = _core.valve_openings(recording["command"]), starts[0, [3, 5]].tolist()
     along: Any = (recording.time_s, *map(np.ascontiguousarray, states), openings, temperatures)
-    speed = np.abs(states[1])
-    slides = (speed > SLIDES * speed.max()) & (family.core(values).along(*along)["end_stop_force_n"] == 0.0)
 
-    def terms(numbers: Array) -> tuple[float, Array, Array, list[Array]]:
+    def terms(numbers: Array) -> list[Any]:
         out = family.core(numbers).along(*along)
         mass = family.get("cylinder.moving_mass") + family.get("load.mass")
-        rates = [out["pressure_rate_a_pa_s"], out["pressure_rate_b_pa_s"]]
-        return mass, out["force_n"] * slides, out["friction_n"] * slides, rates
+        return [mass, *(out[name] for name in _TERMS)]
 
-    at, pushed, friction, rates = terms(values)
-    inertia_n_kg = (pushed - friction) / at
+    def balances(mass: float, pushed: Array, friction: Array, _: Array, *rates: Array) -> list[Array]:
+        return [mass * inertia_n_kg - pushed * slides + friction * slides, *rates]
 
-    def balances(numbers: Array) -> list[Array]:
-        mass, pushed, friction, rates = terms(numbers)
-        return [mass * inertia_n_kg - pushed + friction, *rates]
-
-    return balances, balances(values), [np.hypot(pushed, friction), *rates]
+    here = mass, pushed, friction, stop, *rates = terms(values)
+    speed = np.abs(states[1])
+    slides = (speed > SLIDES * speed.max()) & (stop == 0.0)
+    inertia_n_kg = (pushed - friction) * slides / mass
+    sizes = [np.hypot(pushed, friction) * slides, *rates]
+    return lambda numbers: balances(*terms(numbers)), balances(*here), sizes
 
 
 def _change(every: list[Along], values: Array, k: int, step: float, scale: Array) -> Array:
@@ -499,7 +498,7 @@ def assembled(drive: Drive | Circuit, solved: Solved, options: SearchOptions, st
     return replace(fit, undetermined=(*options.lost, *lost), notes=notes)
 
 
-def _notes(drive: Drive | Circuit, options: SearchOptions, solved: Solved, statistics: Numbers) -> list[str]:
+def _notes(drive: Drive | Circuit, options: SearchOptions, solved: Solved, statistics: NamedNumbers) -> list[str]:
     notes, problem = list(options.notes), solved.problem
     if not solved.converged:
         if not options.interrupted:
@@ -534,7 +533,7 @@ def _written(name: str, si: float, unit: str) -> str:
     return f"{name} = {plain(si / factor, 4)} {shown}".strip()
 
 
-def _misfit(missed: Numbers, statistics: Numbers) -> list[str]:
+def _misfit(missed: NamedNumbers, statistics: NamedNumbers) -> list[str]:
     """Return a note on channels that the model does not follow."""
     notes = []
     fits = {k: v for k, v in statistics.items() if k.startswith("fit_percent.")}
@@ -546,7 +545,7 @@ def _misfit(missed: Numbers, statistics: Numbers) -> list[str]:
     return [*notes, sentence("notes", "misfit", missed=off)]
 
 
-def _statistics(solved: Solved, steps: int) -> Numbers:
+def _statistics(solved: Solved, steps: int) -> NamedNumbers:
     problem, at = solved.problem, solved.at
     samples = sum(len(e.measured) for e in problem.experiments)
     out = {"samples": float(samples), "iterations": float(steps), "cost": at.cost, "gap": at.gap}

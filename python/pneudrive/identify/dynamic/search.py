@@ -26,7 +26,7 @@ from pneudrive.progress import Watch
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from pneudrive.arrays import Array, ArrayPair, Interval, Numbers, Pair
+    from pneudrive.arrays import Array, ArrayPair, Interval, NamedNumbers, Pair
     from pneudrive.describe.system import ShortNames
     from pneudrive.identify.base import Undetermined
     from pneudrive.signals.drive_recording import DriveRecording
@@ -67,9 +67,9 @@ class Progress:
     phase: str
     step: int
     cost: float
-    rms: Numbers
+    rms: NamedNumbers
     gap: float
-    values: Numbers
+    values: NamedNumbers
 
 
 class Watcher:
@@ -465,7 +465,7 @@ class Solved:
     weak: Array
     inflation: dict[tuple[int, int], Pair]
     converged: bool = True
-    missed: Numbers = field(default_factory=dict)
+    missed: NamedNumbers = field(default_factory=dict)
     score: float = np.nan
     segment_s: float | None = None
 

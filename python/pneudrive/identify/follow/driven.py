@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from pneudrive.arrays import Array, ArrayPair, Numbers, Pair, Plain
+    from pneudrive.arrays import Array, ArrayPair, NamedNumbers, Pair, Plain
     from pneudrive.signals.layout import Layout
 
 MOST_GRID = 4500  # times at which pressures are compared
@@ -231,7 +231,7 @@ class DrivenCircuit:
         self.parts[name]["numbers"] |= {"stiffness": stiffness, "damping": 2.0 * mass_kg * STIFF_RAD_S}
         return name
 
-    def _add(self, name: str, kind: str, numbers: Numbers, *ends: str) -> None:
+    def _add(self, name: str, kind: str, numbers: NamedNumbers, *ends: str) -> None:
         """Add a component with its ports 1 and 2 joined to `ends`."""
         part = {"name": name, "kind": kind, "numbers": numbers, "choices": {}, "friction": None}
         self.form["components"].append(part)
@@ -429,7 +429,7 @@ class DrivenCircuit:
         return session.record(float(times[-1]), times, columns)["columns"]
 
 
-def _areas(numbers: Numbers) -> Pair:
+def _areas(numbers: NamedNumbers) -> Pair:
     if "area_a" in numbers:
         return float(numbers["area_a"]), float(numbers["area_b"])
     full = np.pi / 4.0 * float(numbers["bore"]) ** 2

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pneudrive import __version__
-from pneudrive.arrays import Interval, Numbers, Pair, Plain, by_name
+from pneudrive.arrays import Interval, NamedNumbers, Pair, Plain, by_name
 from pneudrive.constants import STANDARD_ATMOSPHERE_PA
 from pneudrive.describe.circuit import Circuit
 from pneudrive.errors import FitError, RecordingError
@@ -162,7 +162,7 @@ class Rival:
     fit_percent: float
     gain: float
     predictions: tuple[float, ...]
-    values: Numbers
+    values: NamedNumbers
     intervals: dict[str, Interval] = field(default_factory=dict)
 
     @property
@@ -450,7 +450,7 @@ def follow_record(solution: FollowSolution, at: int) -> FollowRecord:
     )
 
 
-def with_values(described: Circuit, problem: FollowProblem, values: Numbers) -> Circuit:
+def with_values(described: Circuit, problem: FollowProblem, values: NamedNumbers) -> Circuit:
     """Return the circuit with fitted values, including added components and keys."""
     tables, driven = described.to_dict(), problem.driven
     connections = list(tables.get("connections", ()))

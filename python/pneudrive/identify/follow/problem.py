@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from pneudrive.arrays import Array, ArrayPair, Interval, Numbers
+    from pneudrive.arrays import Array, ArrayPair, Interval, NamedNumbers
 
 #: Prior standard uncertainty of the gas temperature for a start at rest and in motion, K, and of the delay, s
 #: (assumed).
@@ -178,7 +178,7 @@ class FollowSolution:
         return [self.rms(at) for at in range(len(self.problem.records))]
 
     @property
-    def values(self) -> Numbers:
+    def values(self) -> NamedNumbers:
         """Shared parameters by name, SI."""
         return {n.name: float(np.exp(log)) for n, log in zip(self.problem.numbers, self.point.shared, strict=True)}
 

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pneudrive import __version__
-from pneudrive.arrays import Array, Interval, Numbers, by_name
+from pneudrive.arrays import Array, Interval, NamedNumbers, by_name
 from pneudrive.errors import FitError, nearest
 from pneudrive.estimate.autocorrelation import distinct_levels, weak_coordinates
 from pneudrive.estimate.estimates import changed, student
@@ -196,7 +196,7 @@ def assembled(
     )
 
 
-def _parameters(law: str, model: sliding.FrictionModel, theta: Numbers) -> Numbers:
+def _parameters(law: str, model: sliding.FrictionModel, theta: NamedNumbers) -> NamedNumbers:
     """Return every parameter of the requested law; NaN if its value is not determined."""
     curve = ("breakaway", "stribeck_velocity", "stribeck_exponent") if law == "stribeck" else ()
     names = ("coulomb", *(curve[:2] if model.lorentzian else curve), "viscous")

@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pneudrive import _core
-from pneudrive.arrays import Array, ArrayPair, Bools, Ints, Keyed, Numbers, Plain, by_name
+from pneudrive.arrays import Array, ArrayPair, Bools, Ints, Keyed, NamedNumbers, Plain, by_name
 from pneudrive.errors import FitError
 from pneudrive.estimate.autocorrelation import moderate
 from pneudrive.estimate.profile import Transforms
@@ -398,12 +398,12 @@ class AnyLaw(StaticLaw):
     friction: Friction
     names: tuple[str, ...]
     start: tuple[float, ...] = field(default=(), compare=False)
-    held: Numbers = field(default_factory=dict, compare=False)
+    held: NamedNumbers = field(default_factory=dict, compare=False)
     stribeck: bool = field(default=False, init=False)  # not linear in its forces
     chosen: int = field(default=0, init=False)
 
     @cached_property
-    def _core(self) -> tuple[str, Numbers, Plain]:
+    def _core(self) -> tuple[str, NamedNumbers, Plain]:
         tables = self.friction.core()
         law, values = tables.pop("law"), tables.pop("parameters")
         return law, values | self.held, {key: value for key, value in tables.items() if value is not None}

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     import xarray as xr
     from numpy.typing import ArrayLike
 
-    from pneudrive.arrays import Array, Keyed, Numbers, Pair, Plain
+    from pneudrive.arrays import Array, Keyed, NamedNumbers, Pair, Plain
     from pneudrive.describe.drive import Drive
 
 
@@ -36,7 +36,7 @@ class SlidingFit(Fit):
     observations: sliding.Observations | None = field(default=None, repr=False)
 
     @property
-    def parameters(self) -> Numbers:
+    def parameters(self) -> NamedNumbers:
         """Name in the drive file -> value in SI; NaN for parameters that could not be estimated."""
         return self.values
 
@@ -307,7 +307,7 @@ class FrictionFit(SlidingFit, kind="friction map"):
 
     # -- file and display ----------------------------------------------------------------------------
 
-    def _groups(self) -> tuple[Numbers, ...]:
+    def _groups(self) -> tuple[NamedNumbers, ...]:
         """Return the tables of values: parameters, and sums of slopes if only the sum of two is determined."""
         return self.values, {n: self.values[n.removesuffix("b")] for n in self.free if n.endswith("_ab")}
 
@@ -342,7 +342,7 @@ class FrictionFit(SlidingFit, kind="friction map"):
         found["dependences"] = identified.Dependences.of_table(file.content.get("dependences", {}))
         return found | {"law": file.content["law"], "model": model}
 
-    def _shown(self) -> Numbers:
+    def _shown(self) -> NamedNumbers:
         hidden = {n for n in self.values if n not in self.free and self.units[n].startswith("N/Pa")}
         return {name: value for name, value in self.free_values().items() if name not in hidden}
 

@@ -22,7 +22,7 @@ from typing import Any
 
 import numpy as np
 
-from pneudrive.arrays import Array, ArrayPair, Bools, Interval, Numbers, by_name
+from pneudrive.arrays import Array, ArrayPair, Bools, Interval, NamedNumbers, by_name
 from pneudrive.estimate.autocorrelation import HUBER, LINEAR, Loss, covariance_of, shift_of
 from pneudrive.estimate.estimates import rms, robust_deviation
 from pneudrive.identify.static.model import EXPONENT_BOUNDS, Observations, StaticLaw
@@ -89,7 +89,7 @@ class RobustEstimate:
         return len(self.data) - len(self.model.names) - self.model.chosen
 
     @property
-    def natural(self) -> Numbers:
+    def natural(self) -> NamedNumbers:
         """Parameters by name, SI."""
         return by_name(self.model.names, map(float, self.model.natural(self.q)))
 
@@ -114,7 +114,7 @@ class RobustEstimate:
         return 0.5 * (matrix + matrix.T)
 
     @property
-    def systematic(self) -> Numbers:
+    def systematic(self) -> NamedNumbers:
         """Standard uncertainty of each parameter from errors shared by all rows, to first order."""
         shift = shift_of(self.jacobian, self.data.u_systematic_n / self.data.stderr_n)
         sizes = np.abs(self.model.natural_jacobian(self.q) @ shift)
@@ -126,7 +126,7 @@ class RobustEstimate:
         other = estimate(model, pseudo, LINEAR, starts=starts)
         return replace(other, data=self.data, pseudo=self.pseudo, variance=self.variance)
 
-    def statistics(self, scatter_n: float = 0.0) -> Numbers:
+    def statistics(self, scatter_n: float = 0.0) -> NamedNumbers:
         """Return the statistics of a fit; AICc and BIC come from the deviance."""
         residual, n, stderr = self.residual, len(self.data), self.data.stderr_n
         weighted_mean = np.average(self.data.friction_n, weights=stderr**-2)
@@ -469,7 +469,7 @@ def _least_squares(columns: Array, y: Array) -> tuple[Array, Array, Array]:
     return np.einsum("gn,gn->g", rest, rest), value, np.where(lost, np.inf, spread)
 
 
-def _close(found: RobustEstimate, low: Numbers, high: Numbers) -> dict[str, Interval]:
+def _close(found: RobustEstimate, low: NamedNumbers, high: NamedNumbers) -> dict[str, Interval]:
     """Set open ends to infinity, or to zero for the lower end of a non-negative parameter.
 
     The breakaway force may reach beyond the bounds of the search, or the Stribeck velocity may reach its lower bound.
