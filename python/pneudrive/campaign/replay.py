@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import threading
 import time
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -31,42 +31,41 @@ ASSUMED_ACCELERATION_M_S2, ASSUMED_JERK_M_S3 = 5.0, 200.0
 ANY_TEMPERATURE_K = (0.0, 1000.0)
 NO_LIMIT_N = 1e9
 SAME_POSITION_M = 1e-3
+# Default differences between a request and its recording: relative for speeds and stops, Pa for pressures.
+SPEED_TOLERANCE, PRESSURE_TOLERANCE_PA = 0.05, 2000.0
 
 
-@dataclass(frozen=True)
-class Tolerance:
-    """Allowed difference between a recording and a request: relative for speeds and stops, Pa for pressures."""
+def near(asked: float, recorded: float, tolerance: float) -> bool:
+    """Return whether a recorded value differs from the requested one by at most this fraction."""
+    return abs(asked - recorded) <= tolerance * asked
 
-    speed: float = 0.05
-    pressure_pa: float = 2000.0
 
-    def as_fast(self, asked_m_s: float, recorded_m_s: float) -> bool:
-        """Return whether two speeds are equal within the tolerance."""
-        return abs(asked_m_s - recorded_m_s) <= self.speed * asked_m_s
+def alike(asked: Step, recorded: Step, tolerance: float) -> bool:
+    """Return whether a recorded step matches the requested step."""
+    if isinstance(asked, Move) and isinstance(recorded, Move):
+        same = abs(asked.to_m - recorded.to_m) <= SAME_POSITION_M
+        return same and near(asked.speed_m_s, recorded.speed_m_s, tolerance)
+    if isinstance(asked, Hold) and isinstance(recorded, Hold):
+        same = (asked.released, asked.shut) == (recorded.released, recorded.shut)
+        return same and near(asked.duration_s, recorded.duration_s, tolerance)
+    return False
 
-    def alike(self, asked: Step, recorded: Step) -> bool:
-        """Return whether a recorded step matches the requested step."""
-        if isinstance(asked, Move) and isinstance(recorded, Move):
-            near = abs(asked.to_m - recorded.to_m) <= SAME_POSITION_M
-            return near and self.as_fast(asked.speed_m_s, recorded.speed_m_s)
-        if isinstance(asked, Hold) and isinstance(recorded, Hold):
-            same = (asked.released, asked.shut) == (recorded.released, recorded.shut)
-            return same and abs(asked.duration_s - recorded.duration_s) <= self.speed * asked.duration_s
+
+def matches(steps: Sequence[Step], cycle: Cycle, tolerance: float) -> bool:
+    """Return whether the steps match those of a recorded cycle.
+
+    If the recorded cycle lists no steps, compare the longest stop and the speed after it.
+    """
+    if cycle.steps:
+        return len(steps) == len(cycle.steps) and all(
+            alike(*pair, tolerance) for pair in zip(steps, cycle.steps, strict=True)
+        )
+    holds = [(step.duration_s, at) for at, step in enumerate(steps) if isinstance(step, Hold)]
+    stop, at = max(holds, default=(0.0, 0)) if cycle.stop_s else (0.0, 0)
+    moves = [step.speed_m_s for step in steps[at:] if isinstance(step, Move)]
+    if not moves or cycle.speed_m_s is None or not near(moves[0], cycle.speed_m_s, tolerance):
         return False
-
-    def matches(self, steps: Sequence[Step], cycle: Cycle) -> bool:
-        """Return whether the steps match those of a recorded cycle.
-
-        If the recorded cycle lists no steps, compare the longest stop and the speed after it.
-        """
-        if cycle.steps:
-            return len(steps) == len(cycle.steps) and all(map(self.alike, steps, cycle.steps))
-        holds = [(step.duration_s, at) for at, step in enumerate(steps) if isinstance(step, Hold)]
-        stop, at = max(holds, default=(0.0, 0)) if cycle.stop_s else (0.0, 0)
-        moves = [step.speed_m_s for step in steps[at:] if isinstance(step, Move)]
-        if not moves or cycle.speed_m_s is None or not self.as_fast(moves[0], cycle.speed_m_s):
-            return False
-        return bool(cycle.stop_s) == bool(holds) and abs(stop - (cycle.stop_s or 0.0)) <= self.speed * stop
+    return bool(cycle.stop_s) == bool(holds) and near(stop, cycle.stop_s or 0.0, tolerance)
 
 
 def speeds_of(cycle: Cycle) -> list[float]:
@@ -86,7 +85,8 @@ class ReplayRig:
     limits : Envelope
     pace : float, optional
         Seconds of the recording per second of wall-clock time; None: as fast as possible.
-    tolerance : Tolerance, optional
+    file : ReplayFile
+        The tolerances between a cycle and its recording.
 
     Notes
     -----
@@ -100,9 +100,10 @@ class ReplayRig:
         identity: Identity,
         limits: Envelope,
         pace: float | None,
-        tolerance: Tolerance | None,
+        file: ReplayFile,
     ) -> None:
-        self.files, self.pace, self.tolerance = tuple(files), pace, tolerance or Tolerance()
+        self.files, self.pace = tuple(files), pace
+        self.speed_tolerance, self.pressure_tolerance_pa = file.speed_tolerance, file.pressure_tolerance_pa
         self._identity, self._limits = identity, limits
         self._played = dict.fromkeys((file.name for file in files), 0)
         self._key = ""
@@ -187,12 +188,12 @@ class ReplayRig:
         return abs(cycle.pressure_a_pa - state.pressure_a_pa), abs(cycle.pressure_b_pa - state.pressure_b_pa)
 
     def _find(self, steps: Sequence[Step]) -> CycleFile:
-        matching = []
-        for file in self.files:
-            cycle, wanted = file.head.cycle, self._levels.items()
-            mounted = all(cycle.levels.get(factor, level) == level for factor, level in wanted)
-            if mounted and max(self._apart_pa(cycle)) <= self.tolerance.pressure_pa:
-                matching += [file] if self.tolerance.matches(steps, cycle) else []
+        def fits(cycle: Cycle) -> bool:
+            is_mounted = all(cycle.levels.get(factor, level) == level for factor, level in self._levels.items())
+            is_near = is_mounted and max(self._apart_pa(cycle)) <= self.pressure_tolerance_pa
+            return is_near and matches(steps, cycle, self.speed_tolerance)
+
+        matching = [file for file in self.files if fits(file.head.cycle)]
         if not matching:
             raise self._none_like(steps)
         return min(matching, key=lambda file: (file.head.cycle.key != self._key, self._played[file.name]))
@@ -204,11 +205,11 @@ class ReplayRig:
 
         def distance(file: CycleFile) -> float:
             apart = (abs(np.log(speed / wanted)) for speed in speeds_of(file.head.cycle) if wanted)
-            return sum(self._apart_pa(file.head.cycle)) / self.tolerance.pressure_pa + min(apart, default=9)
+            return sum(self._apart_pa(file.head.cycle)) / self.pressure_tolerance_pa + min(apart, default=9)
 
         near = sorted(self.files, key=distance)[:SHOWN]
         asked = {"moves": len(moves), "speed": 1e3 * wanted, "stop": stop, "pressures": _bar(self._state)}
-        asked |= {"percent": 100 * self.tolerance.speed, "mbar": self.tolerance.pressure_pa / 100}
+        asked |= {"percent": 100 * self.speed_tolerance, "mbar": self.pressure_tolerance_pa / 100}
         nearest = "; ".join(map(_described, near))
         return RigError.of("campaign.no-recording", where=self._key or None, nearest=nearest, **asked)
 
@@ -255,8 +256,8 @@ class ReplayFile(RigFile):
     """Rig file of a replay: a campaign folder, and the tolerance between a cycle and its recording."""
 
     folder: str
-    speed_tolerance: Accuracy = Tolerance.speed
-    pressure_tolerance_pa: Annotated[float, Quantity("Pa", bounds=NOT_NEGATIVE)] = Tolerance.pressure_pa
+    speed_tolerance: Accuracy = SPEED_TOLERANCE
+    pressure_tolerance_pa: Annotated[float, Quantity("Pa", bounds=NOT_NEGATIVE)] = PRESSURE_TOLERANCE_PA
 
 
 def load_replay(source: str | Path, seed: int = 0, pace: float | None = None) -> ReplayRig:
@@ -269,12 +270,9 @@ def load_replay(source: str | Path, seed: int = 0, pace: float | None = None) ->
     RigError, CampaignError
         If the folder or file is invalid. The message gives file, value, rule and remedy.
     """
-    folder, tolerance, identity, limits = Path(source), Tolerance(), None, None
-    if not folder.is_dir():
-        file = ReplayFile.load(folder)
-        folder = file.beside(file.folder)
-        tolerance = Tolerance(speed=file.speed_tolerance, pressure_pa=file.pressure_tolerance_pa)
-        identity, limits = file.described()
+    is_folder = Path(source).is_dir()
+    file = ReplayFile(folder=str(source)) if is_folder else ReplayFile.load(source)
+    folder, (identity, limits) = Path(source) if is_folder else file.beside(file.folder), file.described()
     if not (folder / ABOUT).is_file():
         raise RigError.of("campaign.not-replayed", folder=folder)
     campaign = Campaign.open(folder)
@@ -283,7 +281,7 @@ def load_replay(source: str | Path, seed: int = 0, pace: float | None = None) ->
         raise RigError("the campaign has no finished cycle to play", where=str(folder))
     identity, envelope = identity or campaign.identity, campaign.about.get("envelope")
     limits = limits or (envelope_of(envelope, str(folder / ABOUT)) if envelope else _envelope(files, identity))
-    return ReplayRig(files, identity, limits, pace, tolerance)
+    return ReplayRig(files, identity, limits, pace, file)
 
 
 def _envelope(files: Sequence[CycleFile], identity: Identity) -> Envelope:
@@ -303,11 +301,11 @@ def _envelope(files: Sequence[CycleFile], identity: Identity) -> Envelope:
     force = identity.limits.get("force_n", (-NO_LIMIT_N, NO_LIMIT_N))
     return Envelope(
         position_m=(min(ends), max(ends)),
-        speed_m_s=max((speed for cycle in cycles for speed in speeds_of(cycle)), default=0.0) * (1.0 + Tolerance.speed),
+        speed_m_s=max((speed for cycle in cycles for speed in speeds_of(cycle)), default=0.0) * (1.0 + SPEED_TOLERANCE),
         acceleration_m_s2=ASSUMED_ACCELERATION_M_S2,
         jerk_m_s3=ASSUMED_JERK_M_S3,
         force_n=min(map(abs, force)),
-        pressure_pa=(min(*pressures, identity.ambient_pressure_pa), max(pressures) + Tolerance.pressure_pa),
+        pressure_pa=(min(*pressures, identity.ambient_pressure_pa), max(pressures) + PRESSURE_TOLERANCE_PA),
         separate_pressures=True,
         temperature_k=ANY_TEMPERATURE_K,
         home_m=min(ends),

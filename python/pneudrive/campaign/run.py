@@ -6,7 +6,7 @@ import contextlib
 import hashlib
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from pneudrive import __version__, own_code
 from pneudrive.campaign.planning.plan import lay_out
@@ -23,6 +23,7 @@ from pneudrive.rig.interface import Identity, Rig, as_json, closed_after
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping, Sequence
 
+    from pneudrive.arrays import Plain
     from pneudrive.campaign.planning.planned import Plan
     from pneudrive.campaign.running.live import Display
     from pneudrive.progress import Flag
@@ -101,7 +102,7 @@ def run_campaign(
     """
     asked = protocol if isinstance(protocol, Protocol) else read_protocol(protocol)
     folder = Path(into)
-    audience: dict[str, Any] = {"display": display, "prompt": prompt, "subscribers": subscribers, "cancel": cancel}
+    audience: Plain = {"display": display, "prompt": prompt, "subscribers": subscribers, "cancel": cancel}
     if (folder / ABOUT).exists():
         there = Campaign.open(folder)
         if asked.text.strip() != there.protocol.strip():
@@ -170,7 +171,7 @@ def can_be_resumed(error: BaseException) -> bool:
 
 
 def _run(
-    campaign: Campaign, plan: Plan, bench: Rig, options: Options | None, lock: FolderLock, audience: dict[str, Any]
+    campaign: Campaign, plan: Plan, bench: Rig, options: Options | None, lock: FolderLock, audience: Plain
 ) -> Result:
     """Run a campaign to its end. The operator is taken from the folder, unless the options name one."""
     options = options or Options()
@@ -219,7 +220,7 @@ def _full_name(source: str) -> str:
     return f"{Path(file).resolve()}:{name}" if file and Path(file).is_file() else source
 
 
-def _about(plan: Plan, operator: str, labels: dict[str, str], source: str) -> dict[str, Any]:
+def _about(plan: Plan, operator: str, labels: dict[str, str], source: str) -> Plain:
     protocol = plan.protocol
     return {
         "name": protocol.name,

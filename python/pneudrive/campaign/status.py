@@ -9,15 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pneudrive.campaign.storage.control import Holder, holder
-from pneudrive.campaign.storage.folder import (
-    CYCLES,
-    Campaign,
-    Problem,
-    plan_of,
-    read_samples,
-    recording_of,
-    steps_of,
-)
+from pneudrive.campaign.storage.folder import CYCLES, Campaign, Problem, plan_of, read_samples, recording_of, steps_of
 from pneudrive.errors import CampaignError, ProtocolError, RecordingError
 from pneudrive.repr_tables import Shown
 from pneudrive.rig.interface import Hold, Identity, Samples

@@ -7,7 +7,7 @@ from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
-from itertools import chain
+from itertools import chain, zip_longest
 from typing import TYPE_CHECKING, Any
 
 from pneudrive.constants import STANDARD_GRAVITY_M_S2, ZERO_CELSIUS_K
@@ -15,7 +15,7 @@ from pneudrive.errors import ProtocolError, nearest, package_table
 from pneudrive.rig.interface import Changeable, Envelope, Hold, Move, Rig
 
 if TYPE_CHECKING:
-    from pneudrive.arrays import Interval
+    from pneudrive.arrays import Interval, NamedNumbers
     from pneudrive.campaign.cycle import Cycle
     from pneudrive.campaign.planning.planned import Plan
     from pneudrive.campaign.planning.protocol import Protocol
@@ -102,9 +102,9 @@ class Allowed:
 
     def acceleration_of(self, cycle: Cycle) -> float:
         """Return the largest acceleration in a cycle, m/s2."""
-        return max((self.peak_acceleration_m_s2(d, step.speed_m_s) for d, step in _moves(cycle)), default=0.0)
+        return max((self.peak_acceleration_m_s2(d, step.speed_m_s) for d, step, _ in _moves(cycle)), default=0.0)
 
-    def forces_n(self, cycle: Cycle) -> dict[str, float]:
+    def forces_n(self, cycle: Cycle) -> NamedNumbers:
         """Return the contributions to the largest sensor force in a cycle; none is negative."""
         hung = max((step.weight_n for step in cycle.steps if isinstance(step, Hold)), default=0.0)
         if hung:  # on the sensor, the drive uncoupled
@@ -139,7 +139,7 @@ class Allowed:
 def margins(plan: Plan) -> dict[str, tuple[float, float, str]]:
     """Return (largest value of the plan, limit, unit) for each limit that applies to the plan."""
     allowed, cycles = Allowed(plan), [alike[0] for alike in _alike(plan)]
-    speed = max(step.speed_m_s for cycle in cycles for _, step in _moves(cycle))
+    speed = max(step.speed_m_s for cycle in cycles for _, step, _ in _moves(cycle))
     pressure = max(max(cycle.pressure_a_pa, cycle.pressure_b_pa) for cycle in cycles)
     return {
         "speed": (1e3 * speed, 1e3 * allowed.envelope.speed_m_s, "mm/s"),
@@ -172,7 +172,7 @@ def violations(cycle: Cycle, allowed: Allowed) -> Iterator[Violation]:
 def _motion(cycle: Cycle, allowed: Allowed) -> Iterator[Violation]:
     low, high = allowed.envelope.position_m
     moves = list(_moves(cycle))
-    for distance, step in moves:
+    for distance, step, _ in moves:
         speed = step.speed_m_s
         if not low - ROUNDING <= step.to_m <= high + ROUNDING:
             remedy = "Change [stop] position, approach or recovery." if cycle.kind == "stop" else "Change [position]."
@@ -183,13 +183,9 @@ def _motion(cycle: Cycle, allowed: Allowed) -> Iterator[Violation]:
         if peak > top * (1.0 + ROUNDING):
             remedy = "Lower the speed: the rig ramps with its own acceleration, which a protocol cannot change."
             yield "acceleration", f"{peak:.4g} m/s2; at most {top:.4g} m/s2", remedy
-    if cycle.kind not in MEASURING:
-        return
-    before_hold = [isinstance(after, Hold) for after in (*cycle.steps[1:], None)]
-    measures = [hold for step, hold in zip(cycle.steps, before_hold, strict=True) if isinstance(step, Move)]
-    for (distance, step), hold in zip(moves, measures, strict=True):
+    for distance, step, is_before_hold in moves if cycle.kind in MEASURING else ():
         speed, reached = step.speed_m_s, allowed.axis.top_speed_m_s(distance)
-        if (hold or speed == cycle.speed_m_s) and speed > reached * (1.0 + ROUNDING):  # others only return
+        if (is_before_hold or speed == cycle.speed_m_s) and speed > reached * (1.0 + ROUNDING):  # others only return
             ramps = millimetres(2.0 * allowed.axis.ramp_distance_m(speed))
             limit = f"at most {_mm_s(reached)}, because starting and stopping take {ramps}"
             yield (
@@ -254,12 +250,12 @@ def _refusal(plan: Plan, broken: list[tuple[list[Cycle], list[Violation]]]) -> P
     )
 
 
-def _moves(cycle: Cycle) -> Iterator[tuple[float, Move]]:
-    """Yield every move with its length, m."""
+def _moves(cycle: Cycle) -> Iterator[tuple[float, Move, bool]]:
+    """Yield every move with its length, m, and whether a hold follows."""
     at = cycle.start_m if cycle.start_m is not None else math.nan
-    for step in cycle.steps:
+    for step, after in zip_longest(cycle.steps, cycle.steps[1:]):
         if isinstance(step, Move):
-            yield abs(step.to_m - at), step
+            yield abs(step.to_m - at), step, isinstance(after, Hold)
             at = step.to_m
 
 

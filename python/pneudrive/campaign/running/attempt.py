@@ -25,11 +25,11 @@ from pneudrive.rig.job_thread import JobThread
 from pneudrive.signals.recording import clipped, equal_runs, stuck_position, stuck_runs
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Callable
 
-    from pneudrive.arrays import Array, Bools, Interval, Ints, Plain
+    from pneudrive.arrays import Array, Bools, Interval, Ints, Pair, Plain
     from pneudrive.campaign.planning.protocol import Protocol
-    from pneudrive.rig.interface import Envelope, Identity, Rig, RigState, Samples, Sampling
+    from pneudrive.rig.interface import Envelope, Identity, Rig, RigState, Sampling
 
 
 #: Longest time for a rig to come to rest before the campaign ends without it, s.
@@ -55,7 +55,7 @@ AT_START_M = 1e-4
 TO_START_M_S = 0.05
 
 
-class GivenUpError(Exception):
+class GiveUpError(Exception):
     """Error: the cycle was abandoned, with the reason in the message."""
 
 
@@ -80,8 +80,8 @@ class Attempts:
         self._last: Future[Any] = self._thread.start(lambda: None)
         self._begun: dict[str, int] = {}
         self._memory: Plain = {}  # snapshot after the last finished cycle, or before the first one
-        self._pressures_after: tuple[float, float] | None = None  # after the last finished cycle
-        self._pressures: tuple[float, float] | None = None  # in the chambers now, if known
+        self._pressures_after: Pair | None = None  # after the last finished cycle
+        self._pressures: Pair | None = None  # in the chambers now, if known
         self.homed = self._whole = False  # whether the axis is homed; whether the last cycle was completed
 
     def start(self, job: Callable[[Rig], Any], *, moves: bool = True) -> Future[Any]:
@@ -134,7 +134,7 @@ class Attempts:
 
         Raises
         ------
-        GivenUpError
+        GiveUpError
             If samples or the state of the rig are out of bounds, or the axis was stopped.
         """
         self._whole, started = False, now()
@@ -181,14 +181,14 @@ class Attempts:
                 parts.append(Samples.of(given))
                 self._go_on()
                 if wrong := self._watch(parts[-1], rig):
-                    raise GivenUpError(wrong)
+                    raise GiveUpError(wrong)
                 self._show(parts[-1])
             self._go_on()  # the rig may have ended early on a request
         return Samples.join(parts)
 
     def _go_on(self) -> None:
         if self._interrupted.is_set():
-            raise GivenUpError("the axis was stopped")
+            raise GiveUpError("the axis was stopped")
 
     def finished(self, head: Head) -> None:
         """Note that a cycle is finished, now or in an earlier run: the next cycle starts from its end state."""
@@ -212,7 +212,7 @@ def as_plain(memory: Plain) -> Plain:
         ) from None
 
 
-def as_own_error(error: BaseException) -> PneudriveError:
+def rig_error(error: BaseException) -> PneudriveError:
     """Return an error of pneudrive unchanged; wrap an error of a laboratory's code in a RigError."""
     if isinstance(error, PneudriveError):
         return error
@@ -250,6 +250,8 @@ class MeasuringBounds:
     supply_pressure_pa: float
     temperature_k: Interval
     force_n: float
+
+    failures = (FAULT, NO_ANSWER)  # beginnings of the reasons that are no condition, but a failure of the rig
 
     @classmethod
     def of(cls, protocol: Protocol, envelope: Envelope, ambient_pa: float) -> MeasuringBounds:
@@ -301,13 +303,12 @@ class MeasuringBounds:
             return self.broken_by(state)
         return self.broken_by_samples(samples)
 
-
-def look(rig: Rig, bounds: MeasuringBounds) -> str:
-    """Query the state of the rig. Return the reason why measuring cannot continue, empty if it can."""
-    try:
-        return bounds.broken_by(rig.state())
-    except Exception as error:  # a laboratory's code may raise anything if the connection is lost
-        return f"{NO_ANSWER}: {str(error).splitlines()[0] if str(error) else type(error).__name__}"
+    def look(self, rig: Rig) -> str:
+        """Query the state of the rig. Return the reason why measuring cannot continue, empty if it can."""
+        try:
+            return self.broken_by(rig.state())
+        except Exception as error:  # a laboratory's code may raise anything if the connection is lost
+            return f"{NO_ANSWER}: {str(error).splitlines()[0] if str(error) else type(error).__name__}"
 
 
 def _celsius(kelvin: float) -> str:
@@ -461,8 +462,3 @@ def _steps(samples: Samples, cycle: Cycle) -> dict[str, int]:
             continue
         counts["steps_missing"] += not members.size
     return counts
-
-
-def serious(flags: Sequence[str] | dict[str, int]) -> list[str]:
-    """Return the serious flags among the given ones."""
-    return [name for name in flags if name in SERIOUS]

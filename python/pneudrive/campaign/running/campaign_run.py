@@ -12,20 +12,10 @@ import sys
 import time
 import uuid
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 from pneudrive.campaign.cycle import WORDS, Cycle, Head
-from pneudrive.campaign.running.attempt import (
-    FAULT,
-    NO_ANSWER,
-    Attempts,
-    GivenUpError,
-    MeasuringBounds,
-    arrival_flags,
-    as_own_error,
-    look,
-    serious,
-)
+from pneudrive.campaign.running.attempt import SERIOUS, Attempts, GiveUpError, MeasuringBounds, arrival_flags, rig_error
 from pneudrive.campaign.running.live import Display, LiveFiles, guarded
 from pneudrive.campaign.storage import control
 from pneudrive.campaign.storage.folder import CYCLES, LOG, Campaign, tidy, write_cycle
@@ -40,6 +30,9 @@ if TYPE_CHECKING:
     from pneudrive.campaign.planning.planned import Plan
     from pneudrive.progress import Flag
     from pneudrive.rig.interface import Rig, Samples
+
+    #: Each is called with the name and the content of a document.
+    Subscribers: TypeAlias = Sequence[Callable[[str, dict], None]]
 
 
 class Terminal:
@@ -91,7 +84,7 @@ class Documents:
         Metadata of the start document.
     """
 
-    def __init__(self, subscribers: Sequence[Callable[[str, dict], None]], source: str, metadata: Plain) -> None:
+    def __init__(self, subscribers: Subscribers, source: str, metadata: Plain) -> None:
         self._subscribers, self._source = tuple(subscribers), source
         self._descriptor, self._events = "", 0
         self._run = self._publish("start", {**metadata, "scan_id": 1})
@@ -198,7 +191,7 @@ class CampaignRun:
         *,
         display: Display | None,
         prompt: Terminal | None,
-        subscribers: Sequence[Callable[[str, dict], None]],
+        subscribers: Subscribers,
         cancel: Flag | None,
     ) -> None:
         self.campaign, self.plan, self.options = campaign, plan, options
@@ -446,13 +439,13 @@ class CampaignRun:
         PneudriveError
             Error of the rig, or the message that no attempts are left.
         """
-        of_rig = None if isinstance(error, GivenUpError) else as_own_error(error)
+        of_rig = None if isinstance(error, GiveUpError) else rig_error(error)
         reason = str(of_rig or error).splitlines()[0].strip()
         self._rest()
         self._tell(f"{cycle.key} was given up: {reason}")
         failures = self._failures[cycle.key] = self._failures.get(cycle.key, 0) + 1
         lost = of_rig is None or isinstance(of_rig, ConnectionLostError) or _lost(of_rig)
-        if not lost and not self._trouble().startswith((FAULT, NO_ANSWER)):
+        if not lost and not self._trouble().startswith(self._bounds.failures):
             raise of_rig  # type: ignore[misc] - not None if the connection is not lost
         if failures >= self.options.attempts:
             counts = {"key": cycle.key, "times": failures, "most": self.options.attempts}
@@ -460,7 +453,7 @@ class CampaignRun:
 
     def _trouble(self) -> str:
         """Return the reason why measuring cannot continue. Empty if it can."""
-        return self._on_rig(lambda rig: look(rig, self._bounds), moves=False).result()
+        return self._on_rig(self._bounds.look, moves=False).result()
 
     def _rest(self) -> None:
         trouble = self._attempts.rest()
@@ -481,7 +474,7 @@ class CampaignRun:
             if wrong and _without_numbers(wrong) != _without_numbers(last_wrong):
                 self._tell(f"waiting before {cycle.key}: {wrong}")
                 self._lock.tell(state="waiting", text=wrong)
-            if wrong.startswith((FAULT, NO_ANSWER)):
+            if wrong.startswith(self._bounds.failures):
                 self._attempts.homed = False
             if wrong and not last_wrong:
                 self._rest()
@@ -533,7 +526,7 @@ class CampaignRun:
 
     def _stop_where_all_is_bad(self) -> None:
         flags = next(reversed(self.finished.values()))
-        self._bad = self._bad + 1 if serious(flags) else 0
+        self._bad = self._bad + 1 if SERIOUS & flags.keys() else 0
         if self._bad >= self.options.bad_in_a_row:
             raise CampaignError.of("campaign.bad-cycles", where=str(self._path), value=_counted(flags), count=self._bad)
 

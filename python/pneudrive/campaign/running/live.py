@@ -163,13 +163,9 @@ class TerminalDisplay(Display):
 
     def suspend(self) -> None:
         """Release the terminal for a prompt."""
-        self._stop(keep=False)
-
-    def _stop(self, *, keep: bool) -> None:
         if self._live is not None:
-            live, self._live = self._live, None
-            live.transient = not keep
-            live.stop()
+            self._live.transient = True
+        self.ended()
 
     def go_on(self) -> None:
         """Use the terminal again after a prompt."""
@@ -183,7 +179,9 @@ class TerminalDisplay(Display):
 
     def ended(self) -> None:
         """End the display; its last state stays visible."""
-        self._stop(keep=True)
+        if self._live is not None:
+            live, self._live = self._live, None
+            live.stop()
 
     def _table(self) -> Any:  # noqa: ANN401 - of rich
         from rich.progress_bar import ProgressBar

@@ -81,13 +81,13 @@ def steps_from_motion(time_s: Array, position_m: Array, speed_m_s: float | None 
     ndarray of int64, shape (n,)
         0 for the first move or hold, plus 1 at each start, stop and reversal. All 0 without motion.
     """
-    numbers = np.zeros(time_s.size, dtype=np.int64)
+    starts = np.zeros(time_s.size, dtype=np.int64)  # 1 where a move or hold begins
     usable = np.isfinite(time_s) & np.isfinite(position_m)
     usable[usable] = time_s[usable] >= np.maximum.accumulate(time_s[usable])
     time, position = time_s[usable], position_m[usable]
     noise = noise_level(position)
     if time.size < LEAST_SAMPLES or not time[-1] > time[0] or np.ptp(position) <= 20 * noise:
-        return numbers
+        return starts
     if not speed_m_s:
         moving = np.abs(speed_of(time, position, float(np.ptp(position)) / float(np.ptp(time))))
         speed_m_s = middle(moving[moving > 0]) if (moving > 0).any() else 0.0
@@ -99,20 +99,14 @@ def steps_from_motion(time_s: Array, position_m: Array, speed_m_s: float | None 
         resting[begin:end] = time[end] - time[begin] > window_s
     # A slow move reverses within less than a sample: the sign changes without a rest.
     turns = (np.sign(speed[1:]) * np.sign(speed[:-1]) < 0) & ~resting[1:] & ~resting[:-1]
-    numbers[usable] = np.r_[0, np.cumsum(turns | np.diff(resting))]
-    return _spread(numbers, usable)
+    starts[usable] = np.r_[0, turns | np.diff(resting)]
+    return np.cumsum(starts)
 
 
 def _runs(mask: Bools, value: bool) -> list[tuple[int, int]]:
     """Return the runs of consecutive samples with a value, without the first and the last run."""
     edges = (np.flatnonzero(np.diff(mask)) + 1).tolist()
     return [(begin, end) for begin, end in pairwise(edges) if mask[begin] == value]
-
-
-def _spread(numbers: Ints, usable: Bools) -> Ints:
-    """Give unusable samples the step number of the usable sample before them."""
-    last = np.maximum.accumulate(np.where(usable, np.arange(numbers.size), -1))
-    return np.where(last >= 0, numbers[np.maximum(last, 0)], 0)
 
 
 HEAD = "pneudrive"
@@ -194,12 +188,10 @@ def read_samples(
     """
     columns = read_columns([file.path for file in files], COLUMNS, CampaignError)
     for file, found in zip(files, columns, strict=True):
-        samples: Samples | CampaignError
         try:
-            samples = _samples(file, found, steps_of is None or file.head.cycle.kind in steps_of)
-        except CampaignError as error:
-            samples = error
-        yield samples
+            yield _samples(file, found, steps_of is None or file.head.cycle.kind in steps_of)
+        except CampaignError as error:  # noqa: PERF203 - each file has its own error
+            yield error
 
 
 def _samples(file: CycleFile, columns: dict[str, NDArray[Any]] | PneudriveError, derive: bool) -> Samples:
@@ -224,8 +216,8 @@ def _samples(file: CycleFile, columns: dict[str, NDArray[Any]] | PneudriveError,
     usual = {"pressure_a_pa": cycle.pressure_a_pa, "pressure_b_pa": cycle.pressure_b_pa, "temperature_k": np.nan}
     channels = {name: np.full(count, value) for name, value in usual.items()} | channels
     if step is None:
-        derived = steps_from_motion(channels["time_s"], channels["position_m"], cycle.speed_m_s) if derive else None
-        step = np.full(count, -1) if derived is None else derived
+        motion = (channels["time_s"], channels["position_m"], cycle.speed_m_s)
+        step = steps_from_motion(*motion) if derive else np.full(count, -1)
     return Samples(**channels, step=step)
 
 
@@ -288,9 +280,7 @@ def _forwards(samples: Samples) -> tuple[Bools, int]:
     known = np.flatnonzero(finite)
     pieces = np.split(known, np.flatnonzero(np.diff(time[known]) < 0) + 1)
     longest = max(pieces, key=len)
-    mask = np.zeros(time.size, dtype=bool)
-    mask[longest] = True
-    return mask, int(finite.sum()) - longest.size
+    return np.isin(np.arange(time.size), longest), known.size - longest.size
 
 
 def steps_of(recording: Recording, samples: Samples) -> Ints:
@@ -471,16 +461,12 @@ class Campaign(Shown):
                 problems += [Problem(f"{CYCLES}/{path.name}", note, lost=False) for note in notes]
                 found.append(file)
         found.sort(key=lambda file: file.head.index)  # equal indices stay in the order of their names
-        unique: list[CycleFile] = []
-        keys: dict[str, str] = {}
+        unique: dict[str, CycleFile] = {}
         for file in found:
             key = file.head.cycle.key
-            if key in keys:
-                problems.append(Problem(f"{CYCLES}/{file.path.name}", f"cycle {key!r} is in {keys[key]} already"))
-            else:
-                keys[key] = file.path.name
-                unique.append(file)
-        return unique, problems
+            if (first := unique.setdefault(key, file)) is not file:
+                problems.append(Problem(f"{CYCLES}/{file.path.name}", f"cycle {key!r} is in {first.path.name} already"))
+        return list(unique.values()), problems
 
     def cycles(self) -> Iterator[CycleFile]:
         """Return the usable finished cycles in running order; `scan` lists the others."""
