@@ -9,7 +9,7 @@ import hashlib
 import json
 import math
 from dataclasses import dataclass, field, fields
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 from pydantic import ConfigDict, TypeAdapter
@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from pneudrive.arrays import Array, Pair, Plain
+    from pneudrive.simulation.bench_circuit import MotionResult
 
     Numbers = float | Array
 
@@ -287,6 +288,22 @@ def friction_in_force(d: RigDescription, past: Past, seed: int) -> Plain:
 
 #: Tolerance of the core: force errors are far below the noise of any force sensor.
 RTOL = 1e-6
+
+
+def drag(rig: Dragged, motion: Motion, times: Array, begin: float | list[float], **options: Any) -> MotionResult:  # noqa: ANN401
+    """Run a rig along a motion from a position or a state; see `pneudrive.simulation.bench_circuit.Dragged.run`.
+
+    Raises
+    ------
+    SimulationError
+        The core rejects the rig or cannot continue.
+    """
+    try:
+        return rig.run(motion.durations_s, motion.jerks_m_s3, times, begin, RTOL, **options)
+    except (ValueError, RuntimeError) as error:
+        raise SimulationError("the simulated rig cannot run", value=str(error)) from error
+
+
 #: Shortest move, m.
 SHORTEST_M = 1e-9
 #: Fraction of the set pressure within which chambers count as settled; longest settling time, s; interval of checks, s.
@@ -347,13 +364,9 @@ class Machine:
         if hold.released:
             self._stays(friction)
         begin = past.commanded_m if past.state is None else past.state
-        plan = (motion.durations_s, motion.jerks_m_s3, times)
         on_look = None if look is None else lambda _: look()
-        try:
-            rig = core_rig(d, (past.pressure_a_pa, past.pressure_b_pa), friction, float(past.room_k(d)))
-            result = rig.run(*plan, begin, RTOL, released=hold.released, shut=hold.shut, look=on_look)
-        except (ValueError, RuntimeError) as error:
-            raise SimulationError("the simulated rig cannot run", value=str(error)) from error
+        rig = core_rig(d, (past.pressure_a_pa, past.pressure_b_pa), friction, float(past.room_k(d)))
+        result = drag(rig, motion, times, begin, released=hold.released, shut=hold.shut, look=on_look)
         columns, _, past.state, past.commanded_m = result
         past.shown = {name: float(column[-1]) for name, column in columns.items()} if times.size else past.shown
         power = 0.0

@@ -11,27 +11,18 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pneudrive.errors import CommandError, RigError, SimulationError, nearest
+from pneudrive.errors import CommandError, RigError, nearest
 from pneudrive.repr_tables import Shown
 from pneudrive.rig.description import DEFAULT, RIGID, AnalogSensor, RigDescription, read_description
 from pneudrive.rig.interface import CHANNELS, SHARED, WORDS, Envelope, Hold, Identity, Move, RigState, Samples, Step
-from pneudrive.rig.machine import (
-    CREEP_M_S,
-    RTOL,
-    Machine,
-    Past,
-    core_friction,
-    core_rig,
-    steady_friction_n,
-    stream,
-)
+from pneudrive.rig.machine import CREEP_M_S, Machine, Past, core_friction, core_rig, drag, steady_friction_n, stream
 from pneudrive.rig.motion import Motion, cycles, step_times
 from pneudrive.signals.recording import Recording
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Sequence
 
-    from pneudrive.arrays import Array, Plain
+    from pneudrive.arrays import Array, NamedNumbers, Plain
     from pneudrive.rig.interface import Sampling
 
     Gauges = float | tuple[float, float]  # pressures of both chambers, or of a and b
@@ -155,11 +146,7 @@ class SimulatedRig:
         motion = cycles(margin, d.stroke_m - margin, speed_m_s, d.limits, count=count)
         pressures = self._absolute(gauge_pa)
         times = np.linspace(0.0, motion.duration_s, count * int(d.tables.sampling.samples_per_cycle))
-        try:
-            rig = core_rig(d, pressures)
-            result = rig.run(motion.durations_s, motion.jerks_m_s3, times, motion.start_m, RTOL)
-        except (ValueError, RuntimeError) as error:
-            raise SimulationError("the simulated rig cannot run", value=str(error)) from error
+        result = drag(core_rig(d, pressures), motion, times, motion.start_m)
         return Trace(result.columns, motion, speed_m_s, *pressures, result.statistics)
 
     def record(self, trace: Trace, seed: int | Sequence[int] = 0, *, name: str | None = None) -> Recording:
@@ -449,7 +436,7 @@ class RigSession:
             seen: Plain = self._at_rest(began) if run is None or run.seen is None else run.seen
             return RigState(**seen, supply_pressure_pa=supply, time_s=clock, moving=run is not None)
 
-    def _at_rest(self, past: Past) -> dict[str, float]:
+    def _at_rest(self, past: Past) -> NamedNumbers:
         true = {"carriage_position_m": past.commanded_m, "sensor_force_n": 0.0}
         for side, pressure in (("a", past.pressure_a_pa), ("b", past.pressure_b_pa)):
             true |= {f"pressure_{side}_pa": pressure, f"supply_pressure_{side}_pa": pressure}
