@@ -41,26 +41,12 @@ SEED = 0
 AT_SPEED = 1e-3
 
 
-@dataclass(frozen=True)
-class Experiment:
-    """A finished campaign of the study.
-
-    Attributes
-    ----------
-    campaign : Campaign
-    envelope : Envelope
-        Limits of the rig.
-    """
-
-    campaign: Campaign
-    envelope: Envelope
-
-    def true_strokes(self) -> list[list[tuple[float, float | None]]]:
-        """Return speed and true friction of the strokes of each cycle in running order, see `run_experiment`."""
-        return list(read_json(self.campaign.path / TRUE_STROKES, CampaignError).values())
+def true_strokes(run: Campaign) -> list[list[tuple[float, float | None]]]:
+    """Return speed and true friction of the strokes of each cycle in running order, see `run_experiment`."""
+    return list(read_json(run.path / TRUE_STROKES, CampaignError).values())
 
 
-def run_experiments(into: str | Path) -> dict[str, Experiment]:
+def run_experiments(into: str | Path) -> dict[str, Campaign]:
     """Run the campaigns, each in its own process.
 
     Parameters
@@ -70,8 +56,8 @@ def run_experiments(into: str | Path) -> dict[str, Experiment]:
 
     Returns
     -------
-    dict of Experiment
-        Results by name, in the order of `EXPERIMENTS`.
+    dict of Campaign
+        Finished campaigns by name, in the order of `EXPERIMENTS`.
 
     Raises
     ------
@@ -84,7 +70,7 @@ def run_experiments(into: str | Path) -> dict[str, Experiment]:
     return dict(zip(EXPERIMENTS, in_processes(run_experiment, jobs), strict=True))
 
 
-def run_experiment(protocol: str, rig: str, into: str, seed: int) -> Experiment:
+def run_experiment(protocol: str, rig: str, into: str, seed: int) -> Campaign:
     """Run one campaign; store speed and mean true friction at constant speed, N, of every stroke."""
     from pneudrive.campaign.run import Options, run_campaign
     from pneudrive.rig import load_rig
@@ -102,8 +88,7 @@ def run_experiment(protocol: str, rig: str, into: str, seed: int) -> Experiment:
             write_whole(path, json.dumps(strokes).encode(), flush=False)
 
     bench.observe = observe  # type: ignore[attr-defined] - of a simulated rig
-    done = run_campaign(protocol, bench, into, options=Options(yes=True), subscribers=(store,))
-    return Experiment(done.campaign, bench.limits())
+    return run_campaign(protocol, bench, into, options=Options(yes=True), subscribers=(store,)).campaign
 
 
 def _friction_n(step: Move, motion: Motion, true: dict[str, np.ndarray]) -> float | None:
@@ -114,8 +99,7 @@ def _friction_n(step: Move, motion: Motion, true: dict[str, np.ndarray]) -> floa
     if np.count_nonzero(steady) < 2:
         return None
     time, friction = true["time_s"][steady], true["friction_force_n"][steady]
-    total = np.sum(0.5 * (friction[1:] + friction[:-1]) * np.diff(time))
-    return direction * float(total / (time[-1] - time[0]))
+    return direction * float(np.trapezoid(friction, time) / (time[-1] - time[0]))
 
 
 #: The paper's sentences and our results, with placeholders for numbers.

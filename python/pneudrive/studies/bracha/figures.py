@@ -7,19 +7,20 @@ from typing import Any
 
 import numpy as np
 
+from pneudrive.campaign.storage.folder import Campaign
 from pneudrive.figures import THIN, Axis, Band, Figure, Line, Look, Markers, Panel, Rule, ramp
 from pneudrive.report.layout_figure import rig_diagram
-from pneudrive.studies.bracha.figure import Experiment, PaperFigure
+from pneudrive.studies.bracha.figure import PaperFigure
 from pneudrive.studies.bracha.friction_curves import figure_5, figure_6, figure_8
 from pneudrive.studies.bracha.stick_slip import figure_1, figure_2, figure_3, figure_4, figure_7, figure_9
 
 
-def paper_figures(runs: Mapping[str, Experiment]) -> dict[int, PaperFigure]:
+def paper_figures(runs: Mapping[str, Campaign]) -> dict[int, PaperFigure]:
     """Return all figures of the paper.
 
     Parameters
     ----------
-    runs : mapping of Experiment
+    runs : mapping of Campaign
         Result of `run_experiments`.
 
     Returns

@@ -10,13 +10,13 @@ from pneudrive.campaign.storage.folder import recording_of
 from pneudrive.characterise import SourcePaper, characterise_recordings
 from pneudrive.characteristics import BOTH, campaign_friction
 from pneudrive.friction.strokes import moving_average
-from pneudrive.studies.bracha.figure import PaperFigure, judge
+from pneudrive.studies.bracha.figure import PaperFigure, judge, true_strokes
 
 if TYPE_CHECKING:
     from pneudrive.arrays import Array
+    from pneudrive.campaign.storage.folder import Campaign
     from pneudrive.characteristics import CampaignCharacteristics
     from pneudrive.friction.campaign.result import AirShare
-    from pneudrive.studies.bracha.figure import Experiment
 
 #: Travel after the turn within which the peak must lie, as a fraction of the stroke.
 PEAK_WITHIN = 0.02
@@ -33,13 +33,13 @@ ORDERED_IN_PART = 0.8
 HIGH_M_S = 20e-3
 
 
-def figure_5(run: Experiment) -> PaperFigure:
+def figure_5(run: Campaign) -> PaperFigure:
     """Return friction over time through one cycle at 2 mm/s: largest right after the turn.
 
     Parameters
     ----------
-    run : Experiment
-        Experiment with one cycle, out and back.
+    run : Campaign
+        Campaign with one cycle, out and back.
 
     Returns
     -------
@@ -47,8 +47,8 @@ def figure_5(run: Experiment) -> PaperFigure:
         Columns of the stroke after the turn: time since the turn, position, friction as read and with the moving
         average of five samples, and mean friction of the rest.
     """
-    file = next(run.campaign.cycles())
-    recording = recording_of(file, run.campaign.identity, file.samples())[0]
+    file = next(run.cycles())
+    recording = recording_of(file, run.identity, file.samples())[0]
     result = characterise_recordings([recording]).results[0]
     stroke = next(s for s in result.strokes if s.index > 0)
     time_s = result.recording.time_s
@@ -86,13 +86,13 @@ def figure_5(run: Experiment) -> PaperFigure:
     )
 
 
-def figure_6(run: Experiment) -> PaperFigure:
+def figure_6(run: Campaign) -> PaperFigure:
     """Return mean friction over speed by the paper's protocol: largest at the lowest speeds.
 
     Parameters
     ----------
-    run : Experiment
-        Experiment with several speeds, without pressure.
+    run : Campaign
+        Campaign with several speeds, without pressure.
 
     Returns
     -------
@@ -100,8 +100,8 @@ def figure_6(run: Experiment) -> PaperFigure:
         Columns over speed: the sensor's force by the paper's protocol, the seal's friction with its 95 % band, the
         truth of each cycle, and the force of the air.
     """
-    (paper,) = _shares(campaign_friction(run.campaign, SourcePaper()))
-    settled = campaign_friction(run.campaign)
+    (paper,) = _shares(campaign_friction(run, SourcePaper()))
+    settled = campaign_friction(run)
     (share,) = _shares(settled)
     curve = next(c for c in settled.curves if c.direction == BOTH)
     low_n, high_n = (values[curve.measured] for values in (curve.low_n, curve.high_n))
@@ -112,7 +112,7 @@ def figure_6(run: Experiment) -> PaperFigure:
     biggest = speed[np.argmax(by_paper)]
     error = by_paper - (truth + air)
     worst = int(np.argmax(np.abs(error)))
-    (whole,) = _shares(campaign_friction(run.campaign, SourcePaper(dropped_share=0.0)))
+    (whole,) = _shares(campaign_friction(run, SourcePaper(dropped_share=0.0)))
     undropped = np.max(np.abs(whole["total_n"] - (truth + air)))
     lowest = int(np.argmin(by_paper))
     scatter = np.max(high_n - low_n)
@@ -156,13 +156,13 @@ def figure_6(run: Experiment) -> PaperFigure:
     )
 
 
-def figure_8(run: Experiment) -> PaperFigure:
+def figure_8(run: Campaign) -> PaperFigure:
     """Return unfiltered friction over speed at 0.1 to 1.5 bar gauge in both chambers.
 
     Parameters
     ----------
-    run : Experiment
-        Experiment with the same speeds at each pressure.
+    run : Campaign
+        Campaign with the same speeds at each pressure.
 
     Returns
     -------
@@ -170,12 +170,12 @@ def figure_8(run: Experiment) -> PaperFigure:
         Columns: speeds (m,) and gauge pressures (k,). The sensor's force, its parts from air and seal, and the seal's
         truth have shape (k, m). The depth of the dip of the sensor's force has shape (k,).
     """
-    found = campaign_friction(run.campaign, SourcePaper(average_samples=1))
+    found = campaign_friction(run, SourcePaper(average_samples=1))
     shares = _shares(found)
     gauge = np.array([share.condition.pressure_a_pa for share in _by_pressure(found)])
-    gauge -= run.campaign.identity.ambient_pressure_pa
+    gauge -= run.identity.ambient_pressure_pa
     mean_speed = shares[0]["speed_m_s"]
-    speed = np.array([max(v for v, _ in strokes) for strokes in run.true_strokes()])[: mean_speed.size]
+    speed = np.array([max(v for v, _ in strokes) for strokes in true_strokes(run)])[: mean_speed.size]
     total, air, seal = (np.array([share[name] for share in shares]) for name in ("total_n", "air_n", "seal_n"))
     truth = _truths(run).reshape(total.shape)
     rises = np.diff(total, axis=0)
@@ -238,7 +238,7 @@ def _shares(found: CampaignCharacteristics) -> list[dict[str, Array]]:
     return [{name: getattr(s, name)[measured[s.condition]] for name in names} for s in _by_pressure(found)]
 
 
-def _truths(run: Experiment) -> Array:
+def _truths(run: Campaign) -> Array:
     """Return the true friction of each cycle, mean of both directions, N."""
-    each = [[friction for _, friction in strokes if friction is not None] for strokes in run.true_strokes()]
+    each = [[friction for _, friction in strokes if friction is not None] for strokes in true_strokes(run)]
     return np.asarray(each, dtype=float).mean(axis=1)

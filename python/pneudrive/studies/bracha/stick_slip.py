@@ -11,7 +11,8 @@ import pneudrive as pn
 from pneudrive.errors import CampaignError
 from pneudrive.estimate.estimates import mean_estimate
 from pneudrive.friction.stick_slip import STUCK_SHARE, StickSlip, measure_stick_slip, slip_onsets
-from pneudrive.rig import AnalogSensor, Encoder
+from pneudrive.rig import AnalogSensor, Encoder, Envelope, Identity
+from pneudrive.rig.interface import envelope_of
 from pneudrive.signals.motion import local_slope
 from pneudrive.studies.bracha.figure import PaperFigure, judge
 
@@ -19,7 +20,7 @@ if TYPE_CHECKING:
     import xarray as xr
 
     from pneudrive.arrays import Array, Row
-    from pneudrive.studies.bracha.figure import Experiment
+    from pneudrive.campaign.storage.folder import Campaign
 
 
 SLOW_DRIVE = Path(__file__).with_name("slow_drive.toml")
@@ -182,12 +183,12 @@ CHANGE, HIGH = 0.05, 0.2
 LASTING_M = 20e-3
 
 
-def figure_9(run: Experiment) -> PaperFigure:
+def figure_9(run: Campaign) -> PaperFigure:
     """Return friction around stops of 15 s and in strokes without a stop.
 
     Parameters
     ----------
-    run : Experiment
+    run : Campaign
         Stops of 15 s, and strokes without a stop for uninterrupted sliding.
 
     Returns
@@ -201,9 +202,9 @@ def figure_9(run: Experiment) -> PaperFigure:
     CampaignError
         If a stop cannot be read.
     """
-    found = pn.campaign_friction(run.campaign)
+    found = pn.campaign_friction(run)
     if found.skipped:
-        raise CampaignError("a stop could not be evaluated", where=str(run.campaign.path), value=str(found.skipped[0]))
+        raise CampaignError("a stop could not be evaluated", where=str(run.path), value=str(found.skipped[0]))
     stops = found.stops
     speeds = np.array(sorted(set(stops["speed_m_s"])))
     rested = [stops.filter(speed_m_s=v) for v in speeds]
@@ -253,7 +254,7 @@ GAUGES_PA = (0.1e5, 1.5e5)
 REACHED = 0.01
 
 
-def figure_4(run: Experiment) -> PaperFigure:
+def figure_4(run: Campaign) -> PaperFigure:
     """Return the rig of the first campaign: a servo drags the drive through a force sensor from 1 to 450 mm/s."""
     speeds, _, samples = _ran(run)
     near = np.all(np.abs(samples / SAMPLES - 1.0) <= SAMPLES_TOLERANCE)
@@ -263,7 +264,7 @@ def figure_4(run: Experiment) -> PaperFigure:
         {"speeds": judge(rising, part=False), "samples": judge(near, part=False)},
         {"slowest_m_s": speeds.min(), "fastest_m_s": speeds.max(), "samples": samples.min()},
         {"speed_m_s": speeds, "samples": samples},
-        (run.campaign.identity, run.envelope),
+        _rig_of(run),
         cycles=speeds.size,
         first_m_s=speeds[0],
         last_m_s=speeds[-1],
@@ -271,7 +272,7 @@ def figure_4(run: Experiment) -> PaperFigure:
     )
 
 
-def figure_7(run: Experiment) -> PaperFigure:
+def figure_7(run: Campaign) -> PaperFigure:
     """Return the rig of the second campaign: the same rig under 0.1 to 1.5 bar in both chambers, 1 to 500 mm/s."""
     speeds, gauges, samples = _ran(run)
     spans = _spans(speeds, SPEEDS_UNDER_PRESSURE_M_S) and _spans(gauges, GAUGES_PA, REACHED * GAUGES_PA[1])
@@ -280,18 +281,23 @@ def figure_7(run: Experiment) -> PaperFigure:
         {"ranges": judge(spans, part=False)},
         {"lowest_gauge_pa": gauges.min(), "highest_gauge_pa": gauges.max()},
         {"speed_m_s": speeds, "gauge_pa": gauges, "samples": samples},
-        (run.campaign.identity, run.envelope),
+        _rig_of(run),
         cycles=speeds.size,
         slowest_m_s=speeds.min(),
         fastest_m_s=speeds.max(),
     )
 
 
-def _ran(run: Experiment) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _rig_of(run: Campaign) -> tuple[Identity, Envelope]:
+    """Return the rig of a campaign."""
+    return run.identity, envelope_of(run.about["envelope"], str(run.path))
+
+
+def _ran(run: Campaign) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return measured speed and pressure, and number of evenly spaced samples, of each cycle."""
     rows = []
-    ambient = run.campaign.identity.ambient_pressure_pa
-    for file in run.campaign.cycles():
+    ambient = run.identity.ambient_pressure_pa
+    for file in run.cycles():
         samples = file.samples()
         inner = slice(len(samples) // 5, 2 * len(samples) // 5)  # within the outward stroke, between its ramps
         speed = abs(np.polyfit(samples.time_s[inner], samples.position_m[inner], 1)[0])
