@@ -20,13 +20,11 @@ from pneudrive.fmu.description import IDENTIFIER, build_description, compiled_fi
 from pneudrive.fmu.variables import RTOL, FmuPlan, FmuVariable, plan_of
 from pneudrive.repr_tables import Shown
 from pneudrive.simulation.simulate import require
-from pneudrive.simulation.start import check_tolerance
+from pneudrive.simulation.start import DriveOrCircuit, StartState, check_tolerance
 from pneudrive.simulation.trajectory import check_target, whole
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
-
-    from pneudrive.describe import Circuit, Drive, Initial
+    pass
 
 
 # --- The library inside every FMU and every C program of a drive.
@@ -221,8 +219,8 @@ class FmuFile(Shown):
 
 
 def complete_plan(
-    drive: Drive | Circuit,
-    initial: Initial | Mapping[str, object] | str | None,
+    drive: DriveOrCircuit,
+    initial: StartState,
     rtol: float,
     *,
     actuator: bool = False,
@@ -244,12 +242,12 @@ def complete_plan(
 
 
 def export_fmu(
-    drive: Drive | Circuit,
+    drive: DriveOrCircuit,
     path: str | Path,
     *,
     version: str = "2.0",
     actuator: bool = False,
-    initial: Initial | Mapping[str, object] | str | None = None,
+    initial: StartState = None,
     rtol: float = RTOL,
 ) -> FmuFile:
     """Write a drive or a circuit as a Functional Mock-up Unit for co-simulation and model exchange.
@@ -323,10 +321,10 @@ HEADER, EXAMPLE, PLAN = "pneudrive.h", "example.c", "drive.json"
 
 
 def export_c(
-    drive: Drive | Circuit,
+    drive: DriveOrCircuit,
     folder: str | Path,
     *,
-    initial: Initial | Mapping[str, object] | str | None = None,
+    initial: StartState = None,
     rtol: float = RTOL,
 ) -> tuple[Path, ...]:
     """Write a drive or a circuit for C programs: pneudrive.h, the library, drive.json and example.c.

@@ -17,11 +17,11 @@ from pneudrive.free.parameters import component_numbers, side_of
 from pneudrive.simulation.trajectory import meaning
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
+    from collections.abc import Iterator
 
     from pneudrive._core import Session as CoreSession
-    from pneudrive.arrays import Plain
-    from pneudrive.describe import Circuit, Initial
+    from pneudrive.arrays import NamedNumbers, Plain
+    from pneudrive.simulation.start import DriveOrCircuit, StartState
 
 #: Parameters of a valve that are fixed in an FMU, because they change the number of states or delay the command.
 _HISTORY = ("frequency", "delay", "hysteresis", "overlap", "leakage")
@@ -44,11 +44,9 @@ class FmuVariable:
     causality : str
         ``independent``, ``parameter``, ``input``, ``output`` or ``local``.
     role : dict
-        Role of the variable in the library.
+        Role of the variable in the library. ``discrete``: whether an input changes only at events.
     start : float or None
         Start value of a parameter or an input.
-    is_discrete : bool
-        Whether the variable changes only at events.
     rate_of : str
         Name of the state whose rate this variable is.
     nominal : float or None
@@ -61,7 +59,6 @@ class FmuVariable:
     causality: str
     role: Plain
     start: float | None = None
-    is_discrete: bool = False
     rate_of: str = ""
     nominal: float | None = None
 
@@ -151,8 +148,8 @@ class FmuPlan:
 
 
 def plan_of(
-    described: Drive | Circuit,
-    initial: Initial | Mapping[str, object] | str | None = None,
+    described: DriveOrCircuit,
+    initial: StartState = None,
     *,
     rtol: float = RTOL,
     actuator: bool = False,
@@ -201,7 +198,7 @@ def plan_of(
     return FmuPlan(described.name, form, start, rtol, tuple(variables), actuator, notes)
 
 
-def _as_actuator(described: Drive | Circuit) -> Drive:
+def _as_actuator(described: DriveOrCircuit) -> Drive:
     """Check that a description is a drive, and remove force and spring of the load, which the other tool models."""
     if not isinstance(described, Drive):
         raise DescriptionError("an actuator is made of a drive", remedy="Export a drive file.")
@@ -235,7 +232,6 @@ def _inputs(session: CoreSession, form: Plain, is_short: bool, actuator: bool) -
             "input",
             {"role": "input", "of": core, "discrete": discrete},
             value if value == value else 0.0,
-            is_discrete=discrete,
         )
     if actuator:
         for column in ("position_m", "velocity_m_s"):
@@ -243,7 +239,7 @@ def _inputs(session: CoreSession, form: Plain, is_short: bool, actuator: bool) -
             yield FmuVariable(name, unit, what, "input", {"role": name}, session.read(f"cylinder.{column}"))
 
 
-def _parameters(described: Drive | Circuit, form: Plain) -> Iterator[FmuVariable]:
+def _parameters(described: DriveOrCircuit, form: Plain) -> Iterator[FmuVariable]:
     """Yield the numbers of the circuit, by their keys in the drive file."""
     places = {one["name"]: i for i, one in enumerate(form["components"])}
     if described.system.names is None:
@@ -288,7 +284,7 @@ def _friction(entry: Plain, own: Plain, prefix: str, path: str) -> Iterator[FmuV
         yield FmuVariable(f"{prefix}.{key}", unit, row["meaning"], "parameter", role, float(value))
 
 
-def _starts(start: dict[str, float], is_short: bool, actuator: bool) -> Iterator[FmuVariable]:
+def _starts(start: NamedNumbers, is_short: bool, actuator: bool) -> Iterator[FmuVariable]:
     """Yield the numbers of the start. Gas in a drive's tubes starts at the pressure of their chamber."""
     followers: dict[str, list[str]] = {}
     for core in start:
@@ -304,7 +300,7 @@ def _starts(start: dict[str, float], is_short: bool, actuator: bool) -> Iterator
         yield FmuVariable(f"start.{name}", unit, f"At the start: {what}", "parameter", role, value)
 
 
-def _results(session: CoreSession, described: Drive | Circuit, actuator: bool) -> Iterator[FmuVariable]:
+def _results(session: CoreSession, described: DriveOrCircuit, actuator: bool) -> Iterator[FmuVariable]:
     is_short = described.system.names is not None
     hides = bool(described.system.names and described.system.names[2])
     moved = (_PISTON, "cylinder.velocity_m_s") if actuator else ()

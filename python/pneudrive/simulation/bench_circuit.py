@@ -19,7 +19,7 @@ from pneudrive.describe.system import short_name
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
 
-    from pneudrive.arrays import Array, Keyed, Plain
+    from pneudrive.arrays import Array, Keyed, NamedNumbers, Plain
     from pneudrive.describe.tables.parts import Gas
 
 SETTLED_S = 5.0  # after that the flow through a line is steady
@@ -120,7 +120,7 @@ class Dragged:
         self.components: list[Plain] = []
         self.joints: dict[str, list[str]] = {name: [] for name in ("a", "b", "rod")}
         self.joints[AMBIENT] = [AMBIENT]
-        self.start: dict[str, float] = {}
+        self.start: NamedNumbers = {}
         self.sources: dict[str, str] = {}  # chamber -> joint of its supply
         self.shutters: list[str] = []  # flow paths that close when the supply is shut off
         release = {"release_stiffness": sensor["stiffness"], **(carriage or {})}
@@ -219,7 +219,7 @@ class Dragged:
         return MotionResult(columns, result["statistics"], state, commanded)
 
 
-def _at_rest(state: dict[str, float], released: bool) -> tuple[list[float], float]:
+def _at_rest(state: NamedNumbers, released: bool) -> tuple[list[float], float]:
     """Return the state in which the next motion begins, and its commanded position.
 
     Rounding errors at the end of a command are removed. For a released carriage, the actual position becomes the

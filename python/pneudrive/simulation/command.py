@@ -230,20 +230,17 @@ def _from_file(path: Path, signal: CommandInput) -> Steps:
 def _checked(pairs: Sequence[tuple[float, float]], signal: CommandInput, places: Sequence[str] | None = None) -> Steps:
     if not pairs:
         raise CommandError("the command is empty", rule="the first entry is at 0 s")
-
-    def place(i: int) -> str | None:
-        return places[i] if places else None
-
     before = -math.inf
     for i, (time, value) in enumerate(pairs):
+        where = places[i] if places else None
         if i == 0 and time != 0.0:
-            raise CommandError(f"the command begins at {time:g} s", where=place(i), rule="the first entry is at 0 s")
+            raise CommandError(f"the command begins at {time:g} s", where=where, rule="the first entry is at 0 s")
         if not time > before:
-            raise CommandError(f"{time:g} s follows {before:g} s in the command", where=place(i), rule="times rise")
+            raise CommandError(f"{time:g} s follows {before:g} s in the command", where=where, rule="times rise")
         if not abs(value) <= 1.0:
-            raise CommandError.of("simulation.command-out-of-range", where=place(i), given=value, time=time)
+            raise CommandError.of("simulation.command-out-of-range", where=where, given=value, time=time)
         if isinstance(signal, Positions):
-            signal.check(value, f"command = {value:g} at {time:g} s", place(i))
+            signal.check(value, f"command = {value:g} at {time:g} s", where)
         before = time
     times, values = zip(*pairs, strict=True)
     return times, values

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     import numpy as np
 
     from pneudrive.arrays import Array, Keyed
-    from pneudrive.describe import Circuit, Drive
+    from pneudrive.simulation.start import DriveOrCircuit
 
 #: Largest absolute pressure of the model, Pa: flow functions and cylinders are specified up to less (assumed).
 HIGHEST_PA = 20e5
@@ -42,7 +42,7 @@ class GasVolume(NamedTuple):
     temperature_k: Any
 
 
-def warnings(described: Drive | Circuit, columns: Keyed) -> list[str]:
+def warnings(described: DriveOrCircuit, columns: Keyed) -> list[str]:
     """Return one warning for each limit that a run exceeds, with time, place and limit.
 
     Parameters
@@ -80,7 +80,7 @@ def _pressures(places: list[GasVolume], time_s: Any) -> Iterator[str]:  # noqa: 
         )
 
 
-def _hot(described: Drive | Circuit, places: list[GasVolume], time_s: Any) -> Iterator[str]:  # noqa: ANN401 - array or column
+def _hot(described: DriveOrCircuit, places: list[GasVolume], time_s: Any) -> Iterator[str]:  # noqa: ANN401 - array or column
     """Yield a note if the heat capacity of the hottest gas differs much from the constant value of the model."""
     import numpy as np
 
@@ -96,7 +96,7 @@ def _hot(described: Drive | Circuit, places: list[GasVolume], time_s: Any) -> It
         )
 
 
-def _gas_name(described: Drive | Circuit) -> str:
+def _gas_name(described: DriveOrCircuit) -> str:
     """Return the name of the gas: air by its gas constant, empty for an unknown gas."""
     gas = described.gas
     is_air = gas.name in (None, "air") and gas.gas_constant_j_kg_k == AIR_GAS_CONSTANT_J_KG_K
@@ -107,7 +107,7 @@ def _celsius(temperature_k: float, digits: int = 1) -> str:
     return f"{temperature_k - ZERO_CELSIUS_K:.{digits}f} degC"
 
 
-def _gas(described: Drive | Circuit, places: list[GasVolume], time_s: Any) -> Iterator[str]:  # noqa: ANN401 - array or column
+def _gas(described: DriveOrCircuit, places: list[GasVolume], time_s: Any) -> Iterator[str]:  # noqa: ANN401 - array or column
     """Yield a warning if the contribution of the second virial coefficient is too large for the gas law in use."""
     gas, name = described.gas, _gas_name(described)
     coefficients = VIRIAL.get("nitrogen" if name == "air" else name)  # air is taken as nitrogen
@@ -141,7 +141,7 @@ def _second_share(coefficients: list[float], pressure_pa: float, temperature_k: 
     return second * pressure_pa / (MOLAR_GAS_CONSTANT_J_MOL_K * temperature_k)
 
 
-def _pistons(described: Drive | Circuit, columns: Keyed) -> Iterator[str]:
+def _pistons(described: DriveOrCircuit, columns: Keyed) -> Iterator[str]:
     """Yield a warning for each piston without end stops that leaves its stroke."""
     for name, component in getattr(described, "components", {}).items():
         position = columns.get(f"{name}.position_m")
@@ -160,7 +160,7 @@ def _pistons(described: Drive | Circuit, columns: Keyed) -> Iterator[str]:
             )
 
 
-def _singular_poses(described: Drive | Circuit, columns: Keyed) -> Iterator[str]:
+def _singular_poses(described: DriveOrCircuit, columns: Keyed) -> Iterator[str]:
     """Yield a warning for each platform that passes a singular pose (the determinant of its Jacobian changes sign)."""
     kinds = {name: one.kind for name, one in getattr(described, "components", {}).items()}
     if not any(kind.startswith("platform/") and kind != "platform/driven" for kind in kinds.values()):
@@ -224,7 +224,7 @@ def dew_point(vapour_pressure_pa: float) -> float:
     return ZERO_CELSIUS_K + c * log / (b - log)
 
 
-def water_warnings(described: Drive | Circuit, columns: Keyed) -> Iterator[str]:
+def water_warnings(described: DriveOrCircuit, columns: Keyed) -> Iterator[str]:
     """Yield warnings on condensation in a run: for each volume, at most one for the wall and one for the gas.
 
     Without a stated dew point, no warnings are given. All gas is assumed to come from the supply.
@@ -257,13 +257,13 @@ def water_warnings(described: Drive | Circuit, columns: Keyed) -> Iterator[str]:
             )
 
 
-def water_share(drive: Drive | Circuit) -> float | None:
+def water_share(drive: DriveOrCircuit) -> float | None:
     """Return the molar fraction of water vapour in the gas. None without a dew point."""
     pressure, dew = drive.dew_point_pressure_pa, drive.gas.dew_point_k
     return None if pressure is None or dew is None else float(saturation_pressure(dew)) / pressure
 
 
-def _wall_k(described: Drive | Circuit, columns: Keyed, place: GasVolume) -> Any:  # noqa: ANN401
+def _wall_k(described: DriveOrCircuit, columns: Keyed, place: GasVolume) -> Any:  # noqa: ANN401
     """Return the wall temperature of a volume, K: a column for a wall that stores heat, otherwise a number."""
     own = place.column.partition(".")[0] if "." in place.column else "cylinder"
     wall = columns.get(f"{own}.wall_temperature_k") if "." in place.column else None
@@ -342,7 +342,7 @@ def exhaust_air(columns: Keyed, ambient_pa: float) -> ExhaustAir | None:
     return ExhaustAir(float(heat / mass), float(coldest), exhausts) if mass > 0.0 else None
 
 
-def _ice(described: Drive | Circuit, columns: Keyed) -> Iterator[str]:
+def _ice(described: DriveOrCircuit, columns: Keyed) -> Iterator[str]:
     """Yield a note if ice can form in the silencer: mean temperature below 0 degC, and supply not dry enough."""
     if all(float(columns[name].min()) >= ZERO_CELSIUS_K for name in columns if "temperature" in name):
         return

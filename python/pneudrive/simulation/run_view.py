@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
     from pneudrive.arrays import Keyed
-    from pneudrive.describe import Circuit, Drive
+    from pneudrive.simulation.start import DriveOrCircuit
 
 #: Columns of the flow into a chamber, of a drive and of a circuit.
 _CHAMBER_FLOW = re.compile(r"(mass_flow_[ab]|.+\.[ab]\.mass_flow)_kg_s")
@@ -23,7 +23,7 @@ MOST_APART = 0.03  # difference of the gas from every sample and from every seco
 MOST_STROKES = 2  # stroke times among the leading values
 
 
-def run_view(columns: Keyed, provenance: Keyed, described: Drive | Circuit | None = None) -> View:
+def run_view(columns: Keyed, provenance: Keyed, described: DriveOrCircuit | None = None) -> View:
     """Return the view of a run without its figures.
 
     Parameters

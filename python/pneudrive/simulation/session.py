@@ -5,6 +5,7 @@ from __future__ import annotations
 import ctypes
 import math
 from _ctypes import CFuncPtr
+from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple, NoReturn
 
@@ -14,7 +15,7 @@ from pneudrive.repr_tables import Shown
 from pneudrive.simulation.trajectory import MOST_SAMPLES, meaning
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Sequence
+    from collections.abc import Callable, Iterable, Iterator, Sequence
 
     import numpy as np
 
@@ -167,10 +168,8 @@ class Session:
             times, values = zip(*entries, strict=True)
         except (TypeError, ValueError):
             raise CommandError.of("simulation.schedule", name=name) from None
-        try:
+        with self._refusing([name], values):
             self._core.schedule(name, times, values)
-        except (TypeError, ValueError, RuntimeError) as error:
-            self._refuse(error, [name], values)
 
     def advance(
         self,
@@ -273,11 +272,9 @@ class Session:
         watch = Watch(progress, cancel)
         watch.look()
         told = None if progress is None and cancel is None else lambda t: watch.tell(t, until, "seconds simulated")
-        inner = self._core.control
-        try:
-            rows, raised = inner(controller, address, period, round(periods), list(reads), command, told)
-        except (TypeError, ValueError, RuntimeError) as error:
-            self._refuse(error, [*reads, command], until, readable=True)
+        plan = (address, period, round(periods), list(reads), command)
+        with self._refusing([*reads, command], until, readable=True):
+            rows, raised = self._core.control(controller, *plan, told)
         if raised is not None:
             raise raised
         times = begin + period * np.arange(len(rows))
@@ -310,10 +307,8 @@ class Session:
         SimulationError
             The session cannot continue.
         """
-        try:
+        with self._refusing([], None):
             return self._core.save()
-        except (ValueError, RuntimeError) as error:
-            self._refuse(error, [], None)
 
     def restore(self, saved: bytes) -> None:
         """Return to the state at `save`. The session then continues with exactly the same results.
@@ -331,10 +326,8 @@ class Session:
         """
         if not isinstance(saved, bytes):
             raise CommandError(f"a {type(saved).__name__} is not a saved session", rule="bytes, as `save` returns them")
-        try:
+        with self._refusing([], saved):
             self._core.restore(saved)
-        except (TypeError, ValueError, RuntimeError) as error:
-            self._refuse(error, [], saved)
 
     def linearise(self, inputs: Sequence[str] | None = None) -> Linear:
         """Return the exact derivatives of the drive's rates and outputs at the present state.
@@ -357,16 +350,22 @@ class Session:
         known = [name for name, *_ in self._core.inputs]
         of_circuit = tuple(name for name in known if "." in name and not name.endswith(".command"))
         names = tuple(inputs) if inputs is not None else of_circuit or _DRIVE_INPUTS
-        try:
+        with self._refusing(names, inputs):
             found = self._core.linearise(names)
-        except (TypeError, ValueError, RuntimeError) as error:
-            self._refuse(error, names, inputs)
         states, columns = tuple(name for name, _ in self._core.states), self._core.columns
         return Linear(
             *(found["a"], found["b"], found["c"], found["d"]),
             *(states, names, tuple(columns[place] for place in found["columns"])),
             *(found["state"], found["rates"], found["outputs"]),
         )
+
+    @contextmanager
+    def _refusing(self, names: Sequence[object], value: object, *, readable: bool = False) -> Iterator[None]:
+        """Raise the errors of the core in a block as `_refuse` does."""
+        try:
+            yield
+        except (TypeError, ValueError, RuntimeError) as error:
+            self._refuse(error, names, value, readable=readable)
 
     def _refuse(self, error: Exception, names: Sequence[object], value: object, *, readable: bool = False) -> NoReturn:
         """Raise an error of the core, with the names that users know.

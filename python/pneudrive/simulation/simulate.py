@@ -18,7 +18,7 @@ from pneudrive.repr_tables import Shown
 from pneudrive.simulation import command as commands
 from pneudrive.simulation import run_limits
 from pneudrive.simulation.session import core_error
-from pneudrive.simulation.start import check_tolerance, ready
+from pneudrive.simulation.start import DriveOrCircuit, StartState, check_tolerance, ready
 from pneudrive.simulation.trajectory import MOST_SAMPLES, meaning
 
 if TYPE_CHECKING:
@@ -26,7 +26,6 @@ if TYPE_CHECKING:
 
     from pneudrive._core import SimulationResult
     from pneudrive.arrays import Array, Plain
-    from pneudrive.describe import Circuit, Drive, Initial
     from pneudrive.free.parameters import Sensitivities
 
 MOST_BUDGET = 10**15
@@ -97,11 +96,11 @@ def _dataset(variables: dict[str, xr.Variable], attrs: Plain) -> xr.Dataset:
 
 
 def simulate(
-    drive: Drive | Circuit,
+    drive: DriveOrCircuit,
     command: commands.Commands,
     duration: str | float,
     *,
-    initial: Initial | Mapping[str, object] | str | None = None,
+    initial: StartState = None,
     sample_rate: str | float = "1 kHz",
     rtol: float = 1e-6,
     ledger: bool = False,
@@ -191,11 +190,11 @@ def simulate(
 
 
 def run(
-    drive: Drive | Circuit,
+    drive: DriveOrCircuit,
     command: commands.Commands,
     duration: str | float,
     *,
-    initial: Initial | Mapping[str, object] | str | None = None,
+    initial: StartState = None,
     sample_rate: str | float = "1 kHz",
     rtol: float = 1e-6,
     ledger: bool = False,
@@ -270,7 +269,7 @@ def _open_ledger(ledger: Plain | None, rtol: float) -> list[str]:
     ]
 
 
-def _provenance(drive: Drive | Circuit, result: SimulationResult, rtol: float) -> Plain:
+def _provenance(drive: DriveOrCircuit, result: SimulationResult, rtol: float) -> Plain:
     ledger = {} if result["ledger"] is None else {"ledger": result["ledger"]}
     water = () if drive.gas.dew_point_k is None else run_limits.SOURCES
     return made_from(drive, rtol) | {
@@ -286,7 +285,7 @@ def _provenance(drive: Drive | Circuit, result: SimulationResult, rtol: float) -
     }
 
 
-def made_from(described: Drive | Circuit, rtol: float) -> Plain:
+def made_from(described: DriveOrCircuit, rtol: float) -> Plain:
     """Return the description and the solver of a run."""
     names = {"title": described.name, "description_hash": described.description_hash}
     return names | {"version": __version__, "solver": SOLVER, "rtol": rtol}

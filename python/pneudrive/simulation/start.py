@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, TypeAlias
 
 from pneudrive.errors import CommandError
 from pneudrive.simulation.session import Session
@@ -11,21 +11,23 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from pneudrive._core import Circuit as CoreCircuit
+    from pneudrive.arrays import NamedNumbers
     from pneudrive.describe import Circuit, Drive, Initial
 
+#: What a simulation takes, and the start states that it reads.
+DriveOrCircuit: TypeAlias = "Drive | Circuit"
+StartState: TypeAlias = "Initial | Mapping[str, object] | str | None"
 RTOL_BOUNDS = (1e-13, 1e-1)
 
 
-def start(
-    described: Drive | Circuit, initial: Initial | Mapping[str, object] | str | None = None, rtol: float = 1e-6
-) -> Session:
+def start(described: DriveOrCircuit, initial: StartState = None, rtol: float = 1e-6) -> Session:
     """Start a session of a drive or a circuit; see `Drive.start` and `Circuit.start`."""
     check_tolerance(rtol)
     core, state = ready(described, initial)
     return Session(core.start(state, rtol))
 
 
-def ready(described: Drive | Circuit, initial: Any) -> tuple[CoreCircuit, dict[str, float]]:  # noqa: ANN401
+def ready(described: DriveOrCircuit, initial: StartState) -> tuple[CoreCircuit, NamedNumbers]:
     """Return the core's circuit of a drive or a circuit, and the start state in SI.
 
     Raises
