@@ -42,7 +42,7 @@ if TYPE_CHECKING:
 
     from pneudrive.arrays import Interval, Keyed, Plain
     from pneudrive.control.motion import Reference
-    from pneudrive.describe import Circuit, Drive
+    from pneudrive.simulation.start import DriveOrCircuit
 
     References = str | Path | Reference | Sequence[str | Path | Reference] | Mapping[str, str | Path | Reference]
 
@@ -475,7 +475,7 @@ MEMBERS = 200  # members of a spread by default
 SPREAD_SEED, MOST_TRUTHS = 0, 64  # seed of a spread's samples; members that are held at a time
 
 
-def standard(drive: Drive | Circuit) -> dict[str, Reference]:
+def standard(drive: DriveOrCircuit) -> dict[str, Reference]:
     """Return the standard references for a drive, slowed if they exceed 85 % of its speeds at full opening.
 
     R1 and R2 are sines, R3 stairs, R4 ramps, R5 a step and a long rest. R6 is a long fast move.
@@ -496,7 +496,7 @@ def standard(drive: Drive | Circuit) -> dict[str, Reference]:
 
 
 def benchmark(
-    drive: Drive | Circuit,
+    drive: DriveOrCircuit,
     laws: str | object | Sequence[str | Path | Tuning | object] = "all",
     references: References = "standard",
     *,
@@ -657,7 +657,7 @@ def _on_threads(
 
 
 def _tunings(
-    drive: Drive | Circuit, asked: str | object | Sequence[str | Path | Tuning | object], options: Plain
+    drive: DriveOrCircuit, asked: str | object | Sequence[str | Path | Tuning | object], options: Plain
 ) -> dict[str, Tuning]:
     each = laws() if asked == "all" else list(asked) if isinstance(asked, list | tuple) else [asked]
     out: dict[str, Tuning] = {}
@@ -679,7 +679,7 @@ def _tunings(
     return out
 
 
-def _references(drive: Drive | Circuit, asked: References) -> dict[str, Reference]:
+def _references(drive: DriveOrCircuit, asked: References) -> dict[str, Reference]:
     if not asked:
         raise CommandError("no reference is given", remedy='Give for instance "standard".')
     if isinstance(asked, Mapping):

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from pneudrive.control.setup import Setup
-    from pneudrive.describe import Circuit, Drive
+    from pneudrive.simulation.start import DriveOrCircuit
 
 #: Fraction of each limit up to which a reference counts as feasible (assumed).
 SHARE = 0.85
@@ -212,7 +212,7 @@ FIND_SHAPE = "pneudrive identify DRIVE RECORDING --free valve.overlap,valve.leak
 CYCLE = "limit-cycle"
 
 
-def suitability(drive: Drive | Circuit, setup: Setup | str | Path = "real") -> View:
+def suitability(drive: DriveOrCircuit, setup: Setup | str | Path = "real") -> View:
     """Try each controller on a drive along R3, with the described mass and with half of it.
 
     Parameters
@@ -249,7 +249,7 @@ def suitability(drive: Drive | Circuit, setup: Setup | str | Path = "real") -> V
 
 
 def _trial(
-    drive: Drive | Circuit,
+    drive: DriveOrCircuit,
     controller: Tuning | str,
     setup: Setup | str | Path,
     deviations: Mapping[str, float | str],
@@ -273,7 +273,7 @@ def _trial(
     return error_m, f"misses by {1e3 * error_m:.3g} mm" if misses else ""
 
 
-def view_of_lag(drive: Drive | Circuit, tuning: Tuning, setup: Setup | str | Path) -> View | None:
+def view_of_lag(drive: DriveOrCircuit, tuning: Tuning, setup: Setup | str | Path) -> View | None:
     """Return the additional dead time that the controller tolerates, and the possible effect of zero valve parameters.
 
     Parameters

@@ -30,10 +30,11 @@ if TYPE_CHECKING:
 
     import xarray as xr
 
-    from pneudrive.arrays import Array, Plain
+    from pneudrive.arrays import Array, NamedNumbers, Plain
     from pneudrive.control.motion import Reference
     from pneudrive.control.own_law import RunningLaw
-    from pneudrive.describe import Circuit, Drive, Initial
+    from pneudrive.describe import Circuit
+    from pneudrive.simulation.start import DriveOrCircuit, StartState
 
 MOST_SAMPLES = 20_000_000
 MOST_SEED = 2**63 - 1
@@ -73,7 +74,7 @@ class Prepared(NamedTuple):
 
 
 def run(
-    drive: Drive | Circuit,
+    drive: DriveOrCircuit,
     law: str | object | None = None,
     *,
     reference: Reference | str | Path,
@@ -81,9 +82,9 @@ def run(
     duration: str | float | None = None,
     seed: int = 1,
     controller: Controller | Tuning | str | Path | None = None,
-    believes: Drive | Circuit | None = None,
+    believes: DriveOrCircuit | None = None,
     mismatch: Mismatch | str | Path | None = None,
-    initial: Initial | Mapping[str, object] | str | None = None,
+    initial: StartState = None,
     allow_code: str | None = None,
     progress: Progress | None = None,
     cancel: Flag | None = None,
@@ -160,16 +161,16 @@ def run(
 
 
 def prepare(
-    drive: Drive | Circuit,
+    drive: DriveOrCircuit,
     law: str | object | None,
     along: Reference | str | Path,
     *,
     setup: Setup | str | Path = "real",
     duration: str | float | None = None,
     controller: Controller | Tuning | str | Path | None = None,
-    believes: Drive | Circuit | None = None,
+    believes: DriveOrCircuit | None = None,
     mismatch: Mismatch | str | Path | None = None,
-    initial: Initial | Mapping[str, object] | str | None = None,
+    initial: StartState = None,
     allow_code: str | None = None,
 ) -> Prepared:
     """Read and check all inputs that determine a run, except its seed, and warn.
@@ -373,7 +374,7 @@ def provenance_of(circuit: Circuit, tuning: Tuning, setup: tuple[Setup, str], re
     }
 
 
-def _start(drive: Drive | Circuit, plant: Plant, position_m: float, initial: Any) -> dict[str, float]:  # noqa: ANN401
+def _start(drive: DriveOrCircuit, plant: Plant, position_m: float, initial: Any) -> NamedNumbers:  # noqa: ANN401
     """Return the start state in the core's form; by default at the reference, with the piston in balance."""
     circuit, cylinder = drive.circuit, plant.cylinder
     pressure_a, pressure_b = (f"{pressure!r} Pa abs" for pressure in plant.rest_pressures_pa)

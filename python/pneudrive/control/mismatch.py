@@ -22,7 +22,7 @@ from pneudrive.errors import CommandError, WrongValueError, invalid
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from pneudrive.arrays import Keyed, Plain
+    from pneudrive.arrays import Keyed, NamedNumbers, Plain
     from pneudrive.control.tuning import Plant
 
 READY = Path(__file__).with_name("mismatches")
@@ -135,7 +135,7 @@ class Mismatch(Described):
         """Whether any deviation is a range, so that members differ."""
         return any(low < high for low, high in self.ranges.values())
 
-    def drawn(self, seed: int, member: int) -> dict[str, float]:
+    def drawn(self, seed: int, member: int) -> NamedNumbers:
         """Return the values of a member. A value depends only on seed, member and name.
 
         Parameters
@@ -253,7 +253,7 @@ def _valves(valves: list[Plain], drawn: Mapping[str, float]) -> None:
             numbers[key] *= drawn.get("conductance", 1.0)
 
 
-def _scale(numbers: dict[str, float], keys: tuple[str, ...], name: str, factor: float) -> None:
+def _scale(numbers: NamedNumbers, keys: tuple[str, ...], name: str, factor: float) -> None:
     has = [key for key in keys if key in numbers]
     if not has:
         raise invalid(name, "control.no_effect", name=name, keys=" and no ".join(keys))
@@ -281,7 +281,7 @@ def _other_law(word: str, friction: Keyed) -> Plain:
     return kept | {"law": word, "parameters": parameters}
 
 
-def _supply(form: Plain, drawn: Mapping[str, float], conductance: float) -> dict[str, float]:
+def _supply(form: Plain, drawn: Mapping[str, float], conductance: float) -> NamedNumbers:
     """Change the supply in place; return the start state of the volume downstream of it."""
     reservoirs = [one for one in form["components"] if one["kind"].startswith("reservoir")]
     for one in reservoirs:
@@ -358,7 +358,7 @@ def read_mismatch(given: Mismatch | str | Path) -> tuple[Mismatch, str]:
     return read_ready(Mismatch, given, ready_mismatches(), "For instance: schema = 1, then moving_mass = 1.3.")
 
 
-def one_value(mismatch: Mismatch, name: str) -> dict[str, float]:
+def one_value(mismatch: Mismatch, name: str) -> NamedNumbers:
     """Return the values of a mismatch without spreads.
 
     Raises

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
     import xarray as xr
 
-    from pneudrive.arrays import Array, Keyed, Plain
+    from pneudrive.arrays import Array, Keyed, NamedNumbers, Plain
 
 #: Initial time that is scored separately, and final time of a sine that is scored, s.
 FIRST_S, LAST_S = 4.0, 4.0
@@ -265,7 +265,7 @@ def air_of(
     supply: tuple[float, float],
     ambient: tuple[float, float],
     gas: tuple[float, float],
-) -> dict[str, float]:
+) -> NamedNumbers:
     """Return volume and exergy of the air, or other gas, drawn from a reservoir.
 
     Flow exergy of an ideal gas, e = cp (T - T0) - T0 (cp ln(T/T0) - R ln(p/p0)).

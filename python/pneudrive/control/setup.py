@@ -11,7 +11,7 @@ from typing import Annotated, Any, ClassVar, Literal, TypeVar
 from pydantic import Field, model_validator
 
 from pneudrive import _core, units
-from pneudrive.arrays import Interval, Plain
+from pneudrive.arrays import Interval, NamedNumbers, Plain
 from pneudrive.describe import marks
 from pneudrive.describe.base import Described
 from pneudrive.describe.files import toml
@@ -53,7 +53,7 @@ class PositionSensor(Described):
     )
     jitter_s: Seconds = Field(default=0.0, description="standard deviation of the time of a sample")
 
-    def core(self) -> dict[str, float]:
+    def core(self) -> NamedNumbers:
         """Return the position sensor in the core's form, in SI."""
         return {"resolution_m": self.resolution_m or 0.0, "noise_m": self.noise_m}
 

@@ -32,8 +32,9 @@ from pneudrive.views import VALUE, ShownValue, View, Viewed
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from pneudrive.arrays import Pair, Plain
-    from pneudrive.describe import Circuit, Drive
+    from pneudrive.arrays import NamedNumbers, Pair, Plain
+    from pneudrive.describe import Circuit
+    from pneudrive.simulation.start import DriveOrCircuit
 
 
 #: Defaults of a controller file: sampling period, s, hold band, m, and delay before holding, s (assumed).
@@ -468,12 +469,12 @@ def laws() -> list[str]:
 
 
 def tune(
-    drive: Drive | Circuit,
+    drive: DriveOrCircuit,
     law: str | object | None = None,
     *,
     setup: instrumentation.Setup | str | Path = "real",
     controller: Controller | str | Path | None = None,
-    believes: Drive | Circuit | None = None,
+    believes: DriveOrCircuit | None = None,
     allow_code: str | None = None,
 ) -> Tuning:
     """Return a law with gains that follow from the description of a drive.
@@ -564,7 +565,7 @@ def _beside(law: str, folder: Path) -> str:
     return f"{os.path.normpath(folder / module)}:{name}" if is_code_file(module) else law
 
 
-def _tuned(table: Controller, word: str, drive: Drive | Circuit, folder: Path, *, is_told: bool) -> Tuning:
+def _tuned(table: Controller, word: str, drive: DriveOrCircuit, folder: Path, *, is_told: bool) -> Tuning:
     """Read the gains of a controller and derive the others from the law's model."""
     source = ""
     if table.drive is not None and not is_told:
@@ -597,11 +598,11 @@ def _tuned(table: Controller, word: str, drive: Drive | Circuit, folder: Path, *
 
 
 def _numbers_of(
-    table: str, whose: str, values: Plain, ruled: list[_Ruled], check: Callable[[dict[str, float]], object]
+    table: str, whose: str, values: Plain, ruled: list[_Ruled], check: Callable[[NamedNumbers], object]
 ) -> tuple[TunedGain, ...]:
     """Read the numbers of a table of a controller file; missing ones keep the core's default."""
     known = {key: gain_quantity(unit) for key, unit, *_ in ruled}
-    given: dict[str, float] = {}
+    given: NamedNumbers = {}
     for key, value in values.items():
         if key not in known:
             remedy = nearest(key, known) if known else "It has no gains: leave the table out."
@@ -617,7 +618,7 @@ def _numbers_of(
     )
 
 
-def believed_by(controller: str | None) -> Drive | Circuit:
+def believed_by(controller: str | None) -> DriveOrCircuit:
     """Load the drive that a controller file names.
 
     Raises
@@ -634,7 +635,7 @@ def believed_by(controller: str | None) -> Drive | Circuit:
         return _believed(table.drive, folder)[0]
 
 
-def _believed(source: str, folder: Path) -> tuple[Drive | Circuit, str]:
+def _believed(source: str, folder: Path) -> tuple[DriveOrCircuit, str]:
     """Load the drive that a controller file names relative to its folder. Return it with its path from here."""
     from pneudrive.describe.files.load import load_described
 

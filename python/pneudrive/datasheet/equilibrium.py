@@ -19,8 +19,8 @@ if TYPE_CHECKING:
     from control import StateSpace
 
     from pneudrive.arrays import Array, Pair
-    from pneudrive.describe import Circuit, Drive
     from pneudrive.simulation.session import Linear, Session
+    from pneudrive.simulation.start import DriveOrCircuit
 
 
 # --- Steady states of a drive: constant gas states, with the piston pinned or at a constant velocity.
@@ -80,7 +80,7 @@ class Equilibrium(Viewed):
 
 
 def equilibrium(
-    drive: Drive | Circuit,
+    drive: DriveOrCircuit,
     command: float,
     *,
     load: str | float | None = None,
@@ -162,7 +162,7 @@ _SPEEDS: dict[str, Pair] = {}
 MOST_KEPT = 64
 
 
-def full_speeds(drive: Drive | Circuit, otherwise: float) -> Pair:
+def full_speeds(drive: DriveOrCircuit, otherwise: float) -> Pair:
     """Return the speeds of steady motion in +x and in -x at full opening and mid-stroke, m/s.
 
     The search begins in motion, so static friction has no effect. `otherwise` replaces speeds that are not found.
@@ -283,7 +283,7 @@ FAST, STEP = 10.0, 1e-3  # m/s: where only viscous friction depends on velocity;
 
 
 def linearise(
-    drive: Drive | Circuit,
+    drive: DriveOrCircuit,
     *,
     position: str | float | None = None,
     pressures: tuple[str | float, str | float] | str | float | None = None,

@@ -22,7 +22,7 @@ from pneudrive.simulation.session import Linear, Session
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from pneudrive.arrays import Array, Keyed, Pair, Plain
+    from pneudrive.arrays import Array, Keyed, NamedNumbers, Pair, Plain
     from pneudrive.describe.circuit import Circuit
 
 
@@ -60,7 +60,7 @@ class Actuation:
     has_shares: bool = True
     held: Mapping[str, Mapping[float, float]] = field(default_factory=dict)
 
-    def commands(self, u: float) -> dict[str, float]:
+    def commands(self, u: float) -> NamedNumbers:
         """Return the command of each valve; an empty dict leaves switching valves at rest.
 
         Raises
@@ -79,7 +79,7 @@ class Actuation:
     def of_held(self) -> Actuation:
         """Commands of the drive whose switching valves are replaced by proportional ones."""
 
-        def seen(commands: dict[str, float]) -> dict[str, float]:
+        def seen(commands: NamedNumbers) -> NamedNumbers:
             return {name: self.held[name][value] if name in self.held else value for name, value in commands.items()}
 
         return Actuation(seen(self.out), seen(self.back), has_shares=self.has_shares)
@@ -407,7 +407,7 @@ class HeldDrive:
         return tuple(self.lags) if len(self.slides) > 1 else self.slides
 
     @cached_property
-    def lags(self) -> dict[str, float]:
+    def lags(self) -> NamedNumbers:
         """Coupled component -> its lag behind the piston in slow motion in +x, m.
 
         A coupling transmits weight and friction of its slide only at the end of its play.
@@ -499,7 +499,7 @@ class HeldDrive:
         return sum(self.masses[name] for name in self.moved)
 
     @cached_property
-    def masses(self) -> dict[str, float]:
+    def masses(self) -> NamedNumbers:
         """Mass that moves with each of `slides`, kg, from the core's acceleration per unit of load."""
         pressure, temperature = self.ambient
         gas = np.tile([pressure, temperature], (len(self.nodes), 1))
@@ -570,7 +570,7 @@ def _search(circuit: Circuit) -> Actuation:
     positions = {name: positions_of(kind, circuit.components[name].plain()) for name, kind in kinds.items()}
     held = {name: positions[name] for name, kind in kinds.items() if kind in HELD}
     copy = type(circuit).model_validate(held_tables(circuit)) if held else circuit
-    forces: list[tuple[float, dict[str, float]]] = []
+    forces: list[tuple[float, NamedNumbers]] = []
     for choice in product(*(positions[name].items() for name in kinds)):
         commands = {name: command for name, (command, _) in zip(kinds, choice, strict=True)}
         seen = {name: command for name, (_, command) in zip(kinds, choice, strict=True)}

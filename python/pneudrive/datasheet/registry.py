@@ -23,7 +23,8 @@ if TYPE_CHECKING:
     import xarray as xr
 
     from pneudrive.arrays import Array, Plain
-    from pneudrive.describe import Circuit, Drive
+    from pneudrive.describe import Drive
+    from pneudrive.simulation.start import DriveOrCircuit
 
 
 # --- Intervals of identified values of a drive, propagated to results that are computed from it.
@@ -88,7 +89,7 @@ class UncertainDrive:
     drive : Drive or Circuit
     """
 
-    def __init__(self, drive: Drive | Circuit) -> None:
+    def __init__(self, drive: DriveOrCircuit) -> None:
         self.drive = drive
         self._plants: dict[int, HeldDrive] = {}
 
@@ -124,7 +125,7 @@ class UncertainDrive:
         variants = ((one.low, one.high) for one in watch.each(ends, "values"))
         return with_intervals(plain, ends, [[self._compute(d, kind, settings) for d in pair] for pair in variants])
 
-    def _compute(self, drive: Drive | Circuit, kind: Characteristic, settings: Plain) -> xr.Dataset:
+    def _compute(self, drive: DriveOrCircuit, kind: Characteristic, settings: Plain) -> xr.Dataset:
         """Return a characteristic of one variant, without intervals."""
         plant = self._plants[id(drive)] = self._plants.get(id(drive)) or HeldDrive(drive)
         if plant.actuation.is_switched and kind.needs_shares:
@@ -208,7 +209,7 @@ def characteristics() -> dict[str, Characteristic]:
 
 
 def drive_characteristic(
-    drive: Drive | Circuit,
+    drive: DriveOrCircuit,
     name: str,
     *,
     intervals: bool = True,

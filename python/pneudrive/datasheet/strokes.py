@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
     import xarray as xr
 
-    from pneudrive.arrays import Array, Keyed
+    from pneudrive.arrays import Array, Keyed, NamedNumbers
     from pneudrive.describe.drive import Drive
 
 #: Fractions of the travel: end of the dead time, begin and end of the rise time, and `time_99` (conventions).
@@ -70,7 +70,7 @@ class StrokeNumbers(Viewed):
     peak_pressure_b: float
     begin_within: float = 0.0
 
-    def to_dict(self) -> dict[str, float]:
+    def to_dict(self) -> NamedNumbers:
         """Return the numbers by name, without the direction and `begin_within`."""
         return {name: value for name, value in asdict(self).items() if name in STROKE_MEANING}
 

@@ -27,7 +27,7 @@ from pneudrive.describe.tables.valve_flow import FLOW_KEYS
 from pneudrive.errors import CommandError, FitError, SimulationError, nearest
 from pneudrive.progress import UNWATCHED, Watch
 from pneudrive.simulation import command as commands
-from pneudrive.simulation.start import ready
+from pneudrive.simulation.start import DriveOrCircuit, StartState, ready
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -37,7 +37,7 @@ if TYPE_CHECKING:
     from pneudrive._core import Circuit as CoreCircuit
     from pneudrive._core import Shooting, Shot
     from pneudrive.arrays import Array, ArrayPair, Keyed, NamedNumbers, Pair, Plain
-    from pneudrive.describe import Circuit, Drive, Initial
+    from pneudrive.describe import Circuit, Drive
     from pneudrive.describe.system import ShortNames
 
 
@@ -195,7 +195,7 @@ def mark_unit(mark: Quantity | StatedPressure) -> str:
     return "Pa" if isinstance(mark, StatedPressure) else mark.si_unit or "1"
 
 
-def numbers_of(described: Drive | Circuit) -> dict[str, Parameter]:
+def numbers_of(described: DriveOrCircuit) -> dict[str, Parameter]:
     """Return every number of a drive or a circuit that can be free, by its name in the file."""
     if described.system.names is None:
         return {name: p for name, p in circuit_numbers(described.circuit).items() if not math.isnan(p.value)}
@@ -217,7 +217,7 @@ def with_shape(drive: Drive, names: Iterable[str]) -> Drive:
     return drive.replace({name: VALVE_SHAPE[name] for name in lacking}) if lacking else drive
 
 
-def find(described: Drive | Circuit, names: Sequence[str], *, shifts: bool = False) -> list[Parameter]:
+def find(described: DriveOrCircuit, names: Sequence[str], *, shifts: bool = False) -> list[Parameter]:
     """Find numbers of a drive or a circuit by their names in the file.
 
     With `shifts`, the numbers of `COMMAND_STEPS` can be free.
@@ -247,7 +247,7 @@ def find(described: Drive | Circuit, names: Sequence[str], *, shifts: bool = Fal
     return [known[name] for name in names]
 
 
-def _of_circuits(described: Drive | Circuit) -> set[str]:
+def _of_circuits(described: DriveOrCircuit) -> set[str]:
     """Return the parameters of a drive's valve that only a circuit file has: the lag of the valve."""
     if described.system.names is None:
         return set()
@@ -256,7 +256,7 @@ def _of_circuits(described: Drive | Circuit) -> set[str]:
     return {f"valve.{key}" for key in keys.difference(valve.keys())}
 
 
-def chosen(drive: Drive | Circuit, free: Sequence[str]) -> list[Parameter]:
+def chosen(drive: DriveOrCircuit, free: Sequence[str]) -> list[Parameter]:
     """Find the free parameters of a search by their names.
 
     Raises
@@ -457,7 +457,7 @@ class DriveFamily:
 
 
 def family_of(
-    described: Drive | Circuit, parameters: Sequence[Parameter], axis: ShortNames | None = None
+    described: DriveOrCircuit, parameters: Sequence[Parameter], axis: ShortNames | None = None
 ) -> DriveFamily:
     """Return the family of a drive or a circuit for some free parameters; `axis` are short names for a circuit."""
     free, (form, names) = [p.core for p in parameters], described.system
@@ -550,10 +550,10 @@ class Differentiator:
 
     def __init__(
         self,
-        drive: Drive | Circuit,
+        drive: DriveOrCircuit,
         names: Sequence[str],
         command: commands.Commands,
-        initial: Initial | Mapping[str, object] | str | None = None,
+        initial: StartState = None,
         rtol: float = 1e-6,
     ) -> None:
         if callable(command):

@@ -34,7 +34,7 @@ from pneudrive.signals.recording import PRESSURES_PA, SLOWEST_M_S, SPEEDS_M_S, R
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
-    from pneudrive.arrays import Array, Bools, Interval, Row
+    from pneudrive.arrays import Array, Bools, Interval, NamedNumbers, Row
     from pneudrive.signals.load import LongFile
 
     Part = tuple[RecordedMotion, tuple[Stroke, ...]]
@@ -248,7 +248,7 @@ class Level(Shown):
         return max((float(np.std(v, ddof=1)) / float(np.sqrt(len(v))) for v in speeds if len(v) > 1), default=0.0)
 
     @property
-    def gauge_pa(self) -> dict[str, float]:
+    def gauge_pa(self) -> NamedNumbers:
         """Mean gauge pressure of the directions in chambers ``a`` and ``b``."""
         means = {side: np.mean([getattr(s, f"pressure_{side}_pa") for s in self.sides.values()]) for side in "ab"}
         return {side: float(mean) - self.ambient_pressure_pa for side, mean in means.items()}

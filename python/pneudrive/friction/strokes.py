@@ -23,7 +23,7 @@ from pneudrive.signals.recording import Recording, refuse_impossible
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterator, Mapping, Sequence
 
-    from pneudrive.arrays import Array, Bools, Interval
+    from pneudrive.arrays import Array, Bools, Interval, NamedNumbers
     from pneudrive.signals.pressure_delay import PressureDelay
 
 
@@ -213,7 +213,7 @@ class Side:
     late_n: float = 0.0
 
 
-def _means(motion: RecordedMotion, stroke: Stroke, window: Interval) -> dict[str, float]:
+def _means(motion: RecordedMotion, stroke: Stroke, window: Interval) -> NamedNumbers:
     """Average the settled samples of a stroke between two positions. Return an empty dict without settled samples."""
     recording, part = motion.recording, stroke.samples
     settled, position = motion.settled[part], motion.position_m[part]

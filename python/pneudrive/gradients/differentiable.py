@@ -12,15 +12,14 @@ from pneudrive.ensemble.outputs import Output, Reduction, SignalNames, reduction
 from pneudrive.errors import CommandError, SimulationError
 from pneudrive.free.parameters import Differentiator, Sensitivities
 from pneudrive.simulation.simulate import positive
-from pneudrive.simulation.start import start
+from pneudrive.simulation.start import DriveOrCircuit, StartState, start
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Sequence
 
     from numpy.typing import ArrayLike
 
     from pneudrive.arrays import Array, ArrayPair
-    from pneudrive.describe import Circuit, Drive, Initial
     from pneudrive.simulation.command import Commands
 
 WORDS = ("final", "max", "min", "mean", "integral", "time_when", "samples")
@@ -72,13 +71,13 @@ class Differentiable:
 
     def __init__(
         self,
-        drive: Drive | Circuit,
+        drive: DriveOrCircuit,
         command: Commands,
         duration: str | float,
         *,
         vary: Sequence[str],
         outputs: Sequence[str | Output],
-        initial: Initial | Mapping[str, object] | str | None = None,
+        initial: StartState = None,
         sample_rate: str | float = "1 kHz",
         rtol: float = 1e-6,
     ) -> None:

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
     from pathlib import Path
 
-    from pneudrive.arrays import Array, Keyed, Plain
+    from pneudrive.arrays import Array, Keyed, NamedNumbers, Plain
     from pneudrive.describe import Circuit, Drive
 
     Described = Drive | Circuit
@@ -424,7 +424,7 @@ class Actuators:
         axis = self._axis(name)
         return axis.session.read(axis.column(variable) if variable in SIGNALS else variable)
 
-    def sense(self, name: str) -> dict[str, float]:
+    def sense(self, name: str) -> NamedNumbers:
         """Return the present sensor readings of a drive: position_m, and pressures if measured.
 
         Call it once at each sample of a controller, because lag and noise advance with each call.

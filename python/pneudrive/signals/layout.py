@@ -40,7 +40,7 @@ from pneudrive.signals.times import DATE_TIME, ISO
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
-    from pneudrive.arrays import Array, Plain
+    from pneudrive.arrays import Array, NamedNumbers, Plain
 
 
 #: Kind of recording -> SI units of its channels, required channels, and requirements in words.
@@ -365,7 +365,7 @@ class FileLayout(Described):
                 key = table if table in self.model_fields_set else "columns"
                 yield wrong(key, f"the layout {says} the pressure in chamber {side}", rule=rule)
 
-    def chamber_pressures(self) -> dict[str, float]:
+    def chamber_pressures(self) -> NamedNumbers:
         """Return the absolute pressures of chambers that are stated, not measured."""
         out = {}
         for side, chamber in (("a", self.chamber_a), ("b", self.chamber_b)):
@@ -388,7 +388,7 @@ class FileLayout(Described):
         is_pressure = UNITS[name] == "Pa"
         return column.model_copy(update={"range": absolute(column.range, self.ambient_pa)}) if is_pressure else column
 
-    def geometry_accuracy(self) -> dict[str, float]:
+    def geometry_accuracy(self) -> NamedNumbers:
         """Return the standard uncertainties of the geometry stated in the layout."""
         g = self.geometry
         said = {"area": g.area_accuracy} if g.bore_m is None else {"bore_m": g.bore_accuracy}

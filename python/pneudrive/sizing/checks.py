@@ -23,7 +23,7 @@ from pneudrive.views import Finding
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
 
-    from pneudrive.arrays import Array, Bools, Interval, Plain
+    from pneudrive.arrays import Array, Bools, Interval, NamedNumbers, Plain
     from pneudrive.sizing.task import SizingTask
 
 
@@ -154,7 +154,7 @@ def probability_bound(met: int, draws: int) -> float:
     return float(beta.ppf(1.0 - CONFIDENCE, met, draws - met + 1)) if met else 0.0
 
 
-def explained(draws: Array, margins: Array) -> dict[str, float]:
+def explained(draws: Array, margins: Array) -> NamedNumbers:
     """Return, for each sampled number, the fraction of the variance of the ranked margins that it explains.
 
     Parameters

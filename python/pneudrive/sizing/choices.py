@@ -19,7 +19,7 @@ from pneudrive.errors import wrong
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from pneudrive.arrays import Keyed, Plain
+    from pneudrive.arrays import Keyed, NamedNumbers, Plain
     from pneudrive.sizing.task import SizingTask
 
 CYLINDERS = ("cylinder/rodless", "cylinder/single-rod", "cylinder/through-rod")
@@ -140,7 +140,7 @@ class DriveChoice:
         return self.cylinder.numbers["bore"], self.valve.numbers["conductance"], needle, self.tube.numbers["diameter"]
 
     @property
-    def valve_paths(self) -> dict[str, dict[str, float]]:
+    def valve_paths(self) -> dict[str, NamedNumbers]:
         """Paths from the supply and to the exhaust that the valve opens for a stroke: name -> numbers, SI."""
         valve = self.valve.numbers
         alike = {key: valve[key] for key in ("subsonic_index", "linear_above")}

@@ -29,7 +29,7 @@ from pneudrive.sizing.tune import tune_all
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping, Sequence
 
-    from pneudrive.arrays import Array, Keyed
+    from pneudrive.arrays import Array, Keyed, NamedNumbers
 
 #: Number of samples of each leading choice, and of choices that may be the best.
 DRAWS, DRAWS_BEST = 256, 1024
@@ -154,7 +154,7 @@ class Search:
         self.pruning = Pruning(self.task)
         self.unseen = list(self.pruning.pairs)
         self.candidates: list[SizingCandidate] = []
-        self.of_cylinder: dict[str, float] = {}
+        self.of_cylinder: NamedNumbers = {}
         self.dropped = list(self.pruning.dropped)
         self.tuned = 0
         self.provisional: tuple[Provisional, ...] = ()

@@ -28,7 +28,7 @@ from pneudrive.sizing.choices import PROPORTIONAL, SLOTS, DriveChoice, PartChoic
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
 
-    from pneudrive.arrays import Array, Keyed, Plain
+    from pneudrive.arrays import Array, Keyed, NamedNumbers, Plain
     from pneudrive.sizing.task import SizingTask
 
 #: Sampled quantities, in the order of the columns of a sample.
@@ -166,7 +166,7 @@ class DriveStrokes:
         parts = (self.choice.cylinder, self.choice.tube, self.choice.flow_control)
         return outward, self.task.template_key, *(part.form for part in parts)
 
-    def template(self, outward: bool) -> tuple[System, dict[str, float]]:
+    def template(self, outward: bool) -> tuple[System, NamedNumbers]:
         """Return the circuit of a stroke in the core's form, and its start. Equal keys differ only in numbers."""
         key = self.template_key(outward)
         if key not in _TEMPLATES:
@@ -195,7 +195,7 @@ class DriveStrokes:
         return valve.numbers[key] * factors[f"valve.{key}"] * (1.0 + 0.25 * valve.numbers["travel_share"])
 
     @cached_property
-    def _numbers(self) -> dict[str, float]:
+    def _numbers(self) -> NamedNumbers:
         """Numbers of all components by their paths in the core's form, SI."""
         choice = self.choice
         found = {f"{path}.{key}": value for path, of in choice.valve_paths.items() for key, value in of.items()}

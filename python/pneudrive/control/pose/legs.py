@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 
     import xarray as xr
 
-    from pneudrive.arrays import Array, Interval, Plain
+    from pneudrive.arrays import Array, Interval, NamedNumbers, Plain
     from pneudrive.platforms import LegDynamics, Platform
 
 
@@ -102,7 +102,7 @@ def demands(platform: Platform, path: PosePath, duration_s: float) -> Demands:
 
 def check_path(
     platform: Platform, tunings: list[Tuning], needs: Demands, least: float = LEAST_SINGULAR_VALUE
-) -> dict[str, float]:
+) -> NamedNumbers:
     """Return the smallest margins of a path, and reject a path that a leg cannot follow.
 
     Returns
@@ -391,7 +391,7 @@ class _Legs:
         core_json = json.dumps(loaded, sort_keys=True)
         ambient_pa = self.circuit.ambient.pressure_pa
         axes = []
-        start: dict[str, float] = {}
+        start: NamedNumbers = {}
         for i, tuning in enumerate(self.tunings):
             setup = self.setup
             if mismatch is not None:
@@ -466,7 +466,7 @@ class _Legs:
     def _coordinates(self) -> list[tuple[str, str]]:
         return list(zip(self.platform.coordinates, self.platform.units, strict=True))
 
-    def _start(self) -> dict[str, float]:
+    def _start(self) -> NamedNumbers:
         """Return the start at rest on the path, each piston in balance."""
         given: dict[str, str] = {}
         for leg, tuning, x in zip(self.platform.legs, self.tunings, self.needs.legs.positions_m[0], strict=True):

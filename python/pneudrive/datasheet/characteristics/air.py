@@ -22,9 +22,11 @@ from pneudrive.views import ShownValue, View, Viewed
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
+    from pneudrive.arrays import NamedNumbers
     from pneudrive.datasheet.plant import HeldDrive
-    from pneudrive.describe import Circuit, Drive, Initial
+    from pneudrive.describe import Circuit
     from pneudrive.simulation.command import Commands
+    from pneudrive.simulation.start import DriveOrCircuit, StartState
 
 
 FULL_S = 20.0  # half a cycle: chambers fill and empty, and take the temperature of the wall
@@ -46,7 +48,7 @@ def full_half_s(plant: HeldDrive) -> float:
     return max(FULL_S, SLOW * strokes.half_s)
 
 
-def accounts_of(plant: HeldDrive, half_s: float) -> dict[str, float]:
+def accounts_of(plant: HeldDrive, half_s: float) -> NamedNumbers:
     """Return the energy accounts of one cycle by name, as the difference between REPEATS + 1 and REPEATS cycles."""
     many, few = (
         cycle(plant, half_s, repeats=count, ledger=True, rtol=RTOL).attrs["ledger"]["accounts"]
@@ -112,13 +114,13 @@ def _entering(plant: HeldDrive, pressure: float, temperature: float) -> tuple[fl
     return enthalpy / mass, entropy / mass
 
 
-def _sum(accounts: dict[str, float], ending: str) -> float:
+def _sum(accounts: NamedNumbers, ending: str) -> float:
     return sum(value for name, value in accounts.items() if name.endswith(ending))
 
 
-def losses(accounts: dict[str, float], ambient_k: float) -> dict[str, float]:
+def losses(accounts: NamedNumbers, ambient_k: float) -> NamedNumbers:
     """Return the exergy lost in each component, J: ambient temperature times entropy produced."""
-    out: dict[str, float] = {}
+    out: NamedNumbers = {}
     for name, value in accounts.items():
         component, _, what = name.partition(": ")
         if what.endswith("[J/K]") and not what.startswith(("entropy over", "wall heat over")):
@@ -249,7 +251,7 @@ class EnergyBalance(Viewed):
     anr_density_kg_m3: float
 
     @property
-    def air_litres_anr(self) -> dict[str, float]:
+    def air_litres_anr(self) -> NamedNumbers:
         """Reservoir -> litres at the standard reference atmosphere (ISO 8778)."""
         return {name: litres_anr(mass, self.anr_density_kg_m3) for name, mass in self.air_kg.items()}
 
@@ -268,11 +270,11 @@ class EnergyBalance(Viewed):
 
 
 def energy_balance(
-    drive: Drive | Circuit,
+    drive: DriveOrCircuit,
     command: Commands,
     duration: str | float,
     *,
-    initial: Initial | Mapping[str, object] | str | None = None,
+    initial: StartState = None,
     rtol: float = 1e-6,
     cancel: Flag | None = None,
 ) -> EnergyBalance:

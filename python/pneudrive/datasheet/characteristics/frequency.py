@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
     import xarray as xr
 
-    from pneudrive.arrays import Array, Plain
+    from pneudrive.arrays import Array, NamedNumbers, Plain
     from pneudrive.describe.drive import Drive
     from pneudrive.simulation.session import Linear
 
@@ -268,7 +268,7 @@ def moved(drive: Drive, name: str, factor: float) -> Drive:
     return drive.replace({name: units.UnitFloat(value, unit, given.mark.written) if unit else value})  # type: ignore[union-attr]
 
 
-def _of(plant: HeldDrive) -> dict[str, float]:
+def _of(plant: HeldDrive) -> NamedNumbers:
     """Return the results of one drive."""
     x = 0.5 * plant.stroke_m
     spring = adiabatic_stiffness(plant.static, x, "3 bar abs")
@@ -383,7 +383,7 @@ def lines(
         remedy = "Describe it as a drive file: [supply], [valve], [cylinder], [friction]."
         raise DescriptionError(f"the table of tubes needs a drive, but got a {type(drive).__name__}", remedy=remedy)
     long, wide = _metres(lengths, "length"), _metres(diameters, "diameter")
-    rows: list[dict[str, float]] = []
+    rows: list[NamedNumbers] = []
     for diameter, length in Watch(progress, cancel).each([(d, n) for d in wide for n in long], "tubes"):
         tube = {"length": units.UnitFloat(length, "m", "m"), "diameter": units.UnitFloat(diameter, "m", "mm")}
         rows.append(_row(_with_tubes(drive, {"a": tube, "b": tube})))
@@ -413,7 +413,7 @@ def _with_tubes(drive: Drive, tubing: Plain) -> Drive:
     return type(drive).model_validate(tables | {"tubing": tubing, "friction": drive.friction})
 
 
-def _row(drive: Drive) -> dict[str, float]:
+def _row(drive: Drive) -> NamedNumbers:
     """Return the results of one drive by variable, in the order of the table."""
     plant = HeldDrive(drive, actuation=Actuation({"valve": 1.0}, {"valve": -1.0}, drive.valve.is_switching))
     pressure = plant.supply_pa

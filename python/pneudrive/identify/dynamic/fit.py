@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
     from pathlib import Path
 
-    from pneudrive.arrays import Array, Interval, NamedNumbers, Pair
+    from pneudrive.arrays import Array, Interval, Keyed, NamedNumbers, Pair
     from pneudrive.describe import Drive
     from pneudrive.identify.dynamic.sensors import SensorParameter
     from pneudrive.signals.drive_recording import DriveRecording, VolumeRecording
@@ -104,7 +104,7 @@ def identify(
     free: Sequence[str],
     *,
     follow: None = None,
-    sensors: Mapping[str, sensing.Sensor | Mapping[str, Any]] | None = None,
+    sensors: Mapping[str, sensing.Sensor | Keyed] | None = None,
     channels: Sequence[str] | None = None,
     layout: str | Path | None = None,
     progress: Callable[[search.Progress], None] | None = None,
@@ -127,7 +127,7 @@ def identify(
     free: Sequence[str] = ("volumes", "heat"),
     *,
     follow: str | None = None,
-    sensors: Mapping[str, sensing.Sensor | Mapping[str, Any]] | None = None,
+    sensors: Mapping[str, sensing.Sensor | Keyed] | None = None,
     channels: Sequence[str] | None = None,
     layout: str | Path | None = None,
     progress: Any = None,
@@ -457,7 +457,7 @@ class Presliding(Fit, kind="presliding"):
 
 def identify_presliding(
     drive: Drive,
-    loops: Recording | Mapping[str, Any] | Sequence[Recording | Mapping[str, Any]],
+    loops: Recording | Keyed | Sequence[Recording | Keyed],
 ) -> Presliding:
     """Identify the bristle stiffness from force-displacement loops, and the damping if the encoder resolves it.
 
