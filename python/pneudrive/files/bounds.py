@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-from dataclasses import dataclass
 from functools import lru_cache
 
 from pneudrive.errors import CommandError, ErrorKind, nearest, package_table
@@ -11,29 +10,9 @@ from pneudrive.errors import CommandError, ErrorKind, nearest, package_table
 VARIABLE = "PNEUDRIVE_BOUNDS"
 
 
-@dataclass(frozen=True)
-class Bound:
-    """Largest allowed amount of one kind of input.
-
-    Attributes
-    ----------
-    value : float
-    unit : str
-        Unit of the amount.
-    reason : str
-        Reason of the value: ordinary use stays below the bound.
-    raised : bool
-        Whether the user may raise the bound.
-    """
-
-    value: float
-    unit: str
-    reason: str
-    raised: bool = True
-
-
-_TABLE = package_table(__file__, "bounds.toml")
-BOUNDS = {name: Bound(**about) for name, about in _TABLE.items()}
+#: Largest allowed amount of each kind of input: value, unit and reason (ordinary use stays below it), and whether the
+#: user may raise it (by default yes).
+BOUNDS = package_table(__file__, "bounds.toml")
 
 
 def bound(name: str) -> float:
@@ -49,7 +28,8 @@ def bound(name: str) -> float:
     >>> bound("nesting")
     64
     """
-    return _raised(os.environ.get(VARIABLE, "")).get(name, BOUNDS[name].value)
+    raised = _raised(os.environ.get(VARIABLE, ""))
+    return raised[name] if name in raised else BOUNDS[name]["value"]
 
 
 @lru_cache(maxsize=8)
@@ -57,7 +37,7 @@ def _raised(text: str) -> dict[str, float]:
     out = {}
     for entry in filter(None, map(str.strip, text.split(","))):
         name, _, value = (part.strip() for part in entry.partition("="))
-        names = [n for n, b in BOUNDS.items() if b.raised]
+        names = [n for n, b in BOUNDS.items() if b.get("raised", True)]
         if name not in names:
             raise CommandError(
                 f"{VARIABLE}: bound '{name}' is unknown or cannot be raised", value=text, remedy=nearest(name, names)
@@ -101,8 +81,8 @@ def beyond(name: str, value: float) -> tuple[str, str | None] | None:
     if value <= most:
         return None
     raised = f'{VARIABLE}="{name}={_more(value, most):.3g}"'
-    remedy = f"If the value is right, raise the bound: {raised}." if entry.raised else None
-    return f"at most {most:,.15g} {entry.unit} ({name}: {entry.reason})".replace("  ", " "), remedy
+    remedy = f"If the value is right, raise the bound: {raised}." if entry.get("raised", True) else None
+    return f"at most {most:,.15g} {entry['unit']} ({name}: {entry['reason']})".replace("  ", " "), remedy
 
 
 def _more(value: float, most: float) -> float:

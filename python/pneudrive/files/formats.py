@@ -23,6 +23,8 @@ if TYPE_CHECKING:
     import polars as pl
     from numpy.typing import NDArray
 
+    from pneudrive.arrays import Array, Plain
+
     Columns = dict[str, NDArray[Any]]
 
 resource: Any = None
@@ -150,9 +152,7 @@ def open_netcdf(path: Path) -> Opened:
     sizes = {v.shape[0] for v in data.variables.values() if v.ndim == 1}
 
     def get(wanted: list[str], dates: frozenset[str], rows: Rows | None) -> Columns:
-        found = {name: data[name] for name in wanted}
-        if rows is not None:
-            found = {name: v[slice(*rows)] if v.ndim else v for name, v in found.items()}
+        found = _rows_of({name: data[name] for name in wanted}, rows)
         for name in dates & found.keys():
             if " since " in str(found[name].attrs.get("units", "")):
                 found[name] = xr.decode_cf(found[name].to_dataset(name="t"), decode_timedelta=False)["t"]
@@ -179,7 +179,6 @@ def open_tdms(path: Path) -> Opened:
     timed = bool(clocked) and not any(name.rpartition("/")[2] == "time" for name in channels)
 
     def get(wanted: list[str], _: frozenset[str], rows: Rows | None) -> Columns:
-        part = slice(*(rows or (None,)))
         found = {name: np.asarray(channels[name][:]) for name in wanted if name in channels}
         times = _waveform_times({name: channels[name] for name in found if name in clocked}) if timed else {}
         if timed and "time" in wanted and not times:
@@ -187,7 +186,7 @@ def open_tdms(path: Path) -> Opened:
         if times:
             base, found = _on_one_clock(times, found)
             found |= {"time": base} if "time" in wanted else {}
-        return {name: column[part] for name, column in found.items()}
+        return _rows_of(found, rows)
 
     said = {name: str(channel.properties.get("unit_string", "")).strip() for name, channel in channels.items()}
     units = {UNIT_OF + name: unit for name, unit in said.items() if unit}
@@ -215,8 +214,7 @@ def open_mf4(path: Path) -> Opened:
         signals = {n: data.get(places[n][0], group=places[n][1], index=places[n][2]) for n in chosen}
         times = {name: signal.timestamps for name, signal in signals.items()}
         base, values = _on_one_clock(times, {name: np.asarray(signal.samples) for name, signal in signals.items()})
-        part = slice(*(rows or (None,)))
-        return {name: column[part] for name, column in {**values, "time": base}.items()}
+        return _rows_of({**values, "time": base}, rows)
 
     return Opened(lambda: ["time", *sorted(places)], get, _no_tables, {})
 
@@ -257,8 +255,7 @@ def open_mat(path: Path) -> Opened:
     collect("", {key: value for key, value in content.items() if not key.startswith("__")})
 
     def get(wanted: list[str], _: frozenset[str], rows: Rows | None) -> Columns:
-        part = slice(*(rows or (None,)))
-        return {name: flat[name][part] if flat[name].ndim else flat[name] for name in wanted}
+        return _rows_of({name: flat[name] for name in wanted}, rows)
 
     return Opened(lambda: list(flat), get, _no_tables, {})
 
@@ -310,11 +307,17 @@ def _check_hdf5(path: Path) -> None:
     check_unpacked(sum(sizes), path.stat().st_size, RecordingError)
 
 
+def _rows_of(columns: Plain, rows: Rows | None) -> Plain:
+    """Return some rows of columns; single values are unchanged."""
+    part = slice(*(rows or (None,)))
+    return {name: column[part] if column.ndim else column for name, column in columns.items()}
+
+
 def _no_tables() -> None:
     """Return None, because channels of these formats may differ in length."""
 
 
-def _waveform_times(channels: dict[str, Any]) -> dict[str, NDArray[np.float64]]:
+def _waveform_times(channels: Plain) -> dict[str, Array]:
     """Return the times of the samples of TDMS waveforms, s from the first start.
 
     Raises
@@ -336,7 +339,7 @@ def _waveform_times(channels: dict[str, Any]) -> dict[str, NDArray[np.float64]]:
     return out
 
 
-def _on_one_clock(times: dict[str, NDArray[np.float64]], values: Columns) -> tuple[NDArray[np.float64], Columns]:
+def _on_one_clock(times: dict[str, Array], values: Columns) -> tuple[Array, Columns]:
     """Return the times of the fastest channel that covers half of the time span, and all channels at these times.
 
     Channels are NaN before their first and after their last sample. Text channels are unchanged.

@@ -23,7 +23,6 @@ from pneudrive.errors import ErrorKind, PneudriveError, RecordingError
 from pneudrive.files import child, formats, seal
 from pneudrive.files.bounds import VARIABLE, bound
 from pneudrive.files.content import check_file, unreadable
-from pneudrive.files.formats import LONGEST_REASON, Opened, Rows
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -50,7 +49,7 @@ class Table:
     Attributes
     ----------
     path : Path
-    opened : Opened
+    opened : formats.Opened
         The file, opened here or in the reader process.
     is_sealed : bool
         Whether it is a Parquet file with a valid checksum.
@@ -59,7 +58,7 @@ class Table:
     """
 
     path: Path
-    opened: Opened
+    opened: formats.Opened
     is_sealed: bool
     kind: ErrorKind
 
@@ -74,7 +73,12 @@ class Table:
         with clear_errors(self.path, self.kind):
             return self.opened.names()
 
-    def get(self, wanted: Iterable[str], rows: Rows | None = None, dates: frozenset[str] = frozenset()) -> Columns:
+    def get(
+        self,
+        wanted: Iterable[str],
+        rows: formats.Rows | None = None,
+        dates: frozenset[str] = frozenset(),
+    ) -> Columns:
         """Read columns.
 
         Parameters
@@ -125,7 +129,7 @@ def clear_errors(path: Path, kind: ErrorKind) -> Iterator[None]:
     except (pl.exceptions.PolarsError, pl.exceptions.PanicException, ValueError) as error:
         reason = (str(error).strip() or type(error).__name__).splitlines()[0]
         what = "the file cannot be read as Parquet; it is damaged, or was changed after it was opened"
-        raise kind(what, where=str(path), value=reason[:LONGEST_REASON]) from None
+        raise kind(what, where=str(path), value=reason[: formats.LONGEST_REASON]) from None
 
 
 def _of_kind(error: PneudriveError, path: Path, kind: ErrorKind) -> PneudriveError:
@@ -158,11 +162,11 @@ def open_table(path: Path, form: str, kind: ErrorKind = RecordingError) -> Table
     ask = partial(_reader.ask, path, kind)
     names, metadata = ask({"ask": "names", "form": form})
 
-    def get(wanted: list[str], dates: frozenset[str], rows: Rows | None) -> Columns:
+    def get(wanted: list[str], dates: frozenset[str], rows: formats.Rows | None) -> Columns:
         columns = ask({"ask": "columns", "form": form, "wanted": wanted, "rows": rows, "dates": dates})
         return {name: columns[name] for name in wanted if name in columns}
 
-    opened = Opened(lambda: names, get, lambda: ask({"ask": "count", "form": form}), metadata)
+    opened = formats.Opened(lambda: names, get, lambda: ask({"ask": "count", "form": form}), metadata)
     return Table(path, opened, False, kind)
 
 
