@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import math
-from typing import TYPE_CHECKING, Annotated, Literal, NamedTuple
+from typing import TYPE_CHECKING, Annotated, Literal
 
 from pneudrive import units
 from pneudrive.describe.base import Described
@@ -12,14 +12,13 @@ from pneudrive.describe.marks import POSITIVE, MaybeLength, Quantity
 from pneudrive.errors import invalid
 
 if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
+    from pneudrive.arrays import Array, ArrayPair, Pair, Plain
 
 KINDS = ("rodless", "through-rod", "single-rod")
 MaybeArea = Annotated[float | None, Quantity("m^2", "cm2", POSITIVE)]
 
 
-def piston_areas(kind: str, bore_m: float, rod_diameter_m: float) -> tuple[float, float]:
+def piston_areas(kind: str, bore_m: float, rod_diameter_m: float) -> Pair:
     """Return the areas in m2 on which the pressures in chambers a and b act.
 
     Parameters
@@ -39,46 +38,25 @@ def piston_areas(kind: str, bore_m: float, rod_diameter_m: float) -> tuple[float
     return (ring if kind == "through-rod" else full), (full if kind == "rodless" else ring)
 
 
-class ChamberSizes(NamedTuple):
-    """Sizes of the chambers of a double-acting cylinder.
+def double_acting(core_json: str) -> dict[str, Plain]:
+    """Return each double-acting cylinder of a circuit in the core's form, by its name."""
+    kinds = {f"cylinder/{kind}" for kind in KINDS}
+    return {one["name"]: one for one in json.loads(core_json)["components"] if one["kind"] in kinds}
 
-    Attributes
+
+def chamber_volumes(cylinder: Plain, position_m: Array) -> ArrayPair:
+    """Return the volumes of chambers a and b, m3: dead volume and the free volume of the stroke.
+
+    Parameters
     ----------
-    area_a_m2, area_b_m2 : float
-        Areas on which the pressures act.
-    dead_volume_a_m3, dead_volume_b_m3 : float
-        Dead volume of chamber a at x = 0, and of chamber b at the end of the stroke.
-    stroke_m : float
+    cylinder : dict
+        Cylinder in the core's form.
+    position_m : ndarray
+        Position of the piston, m. Chamber a grows with it.
     """
-
-    area_a_m2: float
-    area_b_m2: float
-    dead_volume_a_m3: float
-    dead_volume_b_m3: float
-    stroke_m: float
-
-    def volumes_m3(self, position_m: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Return the volumes of chambers a and b, m3: dead volume and the free volume of the stroke.
-
-        Parameters
-        ----------
-        position_m : ndarray
-            Position of the piston, m. Chamber a grows with it.
-        """
-        a = self.dead_volume_a_m3 + self.area_a_m2 * position_m
-        return a, self.dead_volume_b_m3 + self.area_b_m2 * (self.stroke_m - position_m)
-
-
-def chamber_sizes(core_json: str) -> dict[str, ChamberSizes]:
-    """Return the sizes of each double-acting cylinder of a circuit in the core's form, by its name."""
-    out = {}
-    for one in json.loads(core_json)["components"]:
-        family, _, kind = one["kind"].partition("/")
-        if family == "cylinder" and kind in KINDS:
-            of = one["numbers"]
-            areas = piston_areas(kind, of["bore"], of["rod_diameter"])
-            out[one["name"]] = ChamberSizes(*areas, of["dead_volume_a"], of["dead_volume_b"], of["stroke"])
-    return out
+    of = cylinder["numbers"]
+    a, b = piston_areas(cylinder["kind"].partition("/")[2], of["bore"], of["rod_diameter"])
+    return of["dead_volume_a"] + a * position_m, of["dead_volume_b"] + b * (of["stroke"] - position_m)
 
 
 def check_rod(table: str, kind: str, bore_m: float, rod_diameter_m: float | None) -> None:
@@ -108,7 +86,7 @@ class PistonTable(Described):
     area_a_m2: MaybeArea = None
     area_b_m2: MaybeArea = None
 
-    def areas(self) -> tuple[float, float]:
+    def areas(self) -> Pair:
         """Return the areas in m2 on which the pressures in chambers a and b act.
 
         Raises

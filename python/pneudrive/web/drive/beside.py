@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any, cast
 import numpy as np
 from pydantic import Field, StrictStr, field_validator
 
-from pneudrive.describe.tables.geometry import chamber_sizes
+from pneudrive.describe.tables.geometry import chamber_volumes, double_acting
 from pneudrive.errors import CommandError, PneudriveError
 from pneudrive.figures import plain_data
 from pneudrive.platforms import Platform, platforms
@@ -288,22 +288,23 @@ def _differences(run: Columns, other: Columns) -> dict[str, dict[str, float]]:
 
 def _cylinders(described: Described, columns: Columns) -> Iterator[Plain]:
     """Yield name, stroke and columns of each double-acting cylinder."""
-    for name, sizes in chamber_sizes(described.circuit.core_json()).items():
+    for name, cylinder in double_acting(described.circuit.core_json()).items():
         for place in _PLACES:
             position, *pressures = (one.format(name) for one in place)
             if all(one in columns for one in (position, *pressures)):
-                yield {"name": name, "stroke_m": sizes.stroke_m, "position": position, "pressures": pressures}
+                stroke = cylinder["numbers"]["stroke"]
+                yield {"name": name, "stroke_m": stroke, "position": position, "pressures": pressures}
                 break
 
 
 def _loops(described: Described, columns: Columns, pixels: int) -> dict[str, dict[str, Array]]:
     """Return volume and pressure of each chamber. Long runs are thinned."""
-    each = chamber_sizes(described.circuit.core_json())
+    each = double_acting(described.circuit.core_json())
     count = len(columns["time_s"])
     part = slice(None) if count <= 2 * pixels + 1 else np.linspace(0, count - 1, 2 * pixels).astype(int)
     out = {}
     for one in _cylinders(described, columns):
-        volumes = each[one["name"]].volumes_m3(np.asarray(columns[one["position"]])[part])
+        volumes = chamber_volumes(each[one["name"]], np.asarray(columns[one["position"]])[part])
         for end, volume, pressure in zip("ab", volumes, one["pressures"], strict=True):
             out[f"{one['name']}.{end}"] = {"volume_m3": volume, "pressure_pa": np.asarray(columns[pressure])[part]}
     return out
