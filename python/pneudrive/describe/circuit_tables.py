@@ -95,13 +95,13 @@ def copied(given: object, problems: Problems) -> tuple[dict[str, Any], dict[str,
                 templates[name] = list(copies)
         for number, own in enumerate(copies):
             here = f"{key}.copies.{number}" if len(copies) > 1 or own != name else key
-            if own in tables or (own != name and own in given):
-                rule = "each component has a different name"
-                problems.add(invalid(here, "describe.name-taken", rule=rule, own=own))
+            is_taken = own in tables or (own != name and own in given)
+            if is_taken:
+                problems.add(invalid(here, "describe.name-taken", own=own))
             elif own == AMBIENT or not _NAME.fullmatch(str(own)):
                 rule = 'letters, digits, "_" and "-", a letter first; not ambient'
                 problems.add(wrong(here, f'"{own}" is not valid as the name of a component', rule=rule))
-            if own not in tables and (own == name or own not in given):
+            if not is_taken:
                 tables[own], keys[own] = table, here
     return tables, keys, templates
 

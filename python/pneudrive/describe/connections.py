@@ -33,7 +33,7 @@ class Port(NamedTuple):
 
     component: str
     name: str
-    kind: str  # "gas", "axis", or "pilot": senses a pressure without flow
+    kind: str  # "gas", "axis", "pilot" (senses a pressure without flow), or "ambient" of the ambient air
     #: Role of the port. "volume": gas with its own state; "pressure": constant pressure; "set": regulated pressure;
     #: "motion": an axis with commanded motion; "": a restriction, or any other axis
     holds: str
@@ -43,7 +43,7 @@ class Port(NamedTuple):
     @property
     def id(self) -> str:
         """Port as users write it: component and name."""
-        return f"{self.component}.{self.name}"
+        return f"{self.component}.{self.name}".rstrip(".")
 
     @property
     def is_single(self) -> bool:
@@ -57,6 +57,10 @@ class Port(NamedTuple):
     def is_pilot(self) -> bool:
         """Whether only a pilot line may be connected to the port."""
         return self.kind == "pilot"
+
+
+#: The ambient air, as an end of a connection.
+AIR = Port(AMBIENT, "", AMBIENT, "", exhaust=False, optional=False)
 
 
 @dataclass(eq=False)
@@ -166,30 +170,28 @@ class Wiring:
         with self.problems.caught():
             if not isinstance(chain, str):
                 raise wrong(key, f"connection {chain!r} is not a text", remedy='Write "supply -> valve.1".')
-            words = [word.strip() for word in chain.split(ARROW)]
-            if len(words) > 1 and PILOT_LINE in chain:
-                raise invalid(key, "describe.chain-and-pilot-line", chain=chain, arrow=ARROW, pilot_line=PILOT_LINE)
             is_line = PILOT_LINE in chain
-            if is_line:
-                words = [word.strip() for word in chain.split(PILOT_LINE)]
+            if is_line and ARROW in chain:
+                raise invalid(key, "describe.chain-and-pilot-line", chain=chain, arrow=ARROW, pilot_line=PILOT_LINE)
+            words = [word.strip() for word in chain.split(PILOT_LINE if is_line else ARROW)]
             if len(words) < 2:
                 raise invalid(key, "describe.joins-nothing", chain=chain)
-            ends: list[tuple[Port | str | None, Port | str | None]] = []
+            ends: list[tuple[Port | None, Port | None]] = []
             for place, word in enumerate(words):
                 with self.problems.caught():
                     ends.append((None, None))
                     ends[-1] = self.element(word, key, first=place == 0, last=place == len(words) - 1)
-            self.meant |= {port for both in ends for port in both if isinstance(port, Port)}
+            self.meant |= {port for both in ends for port in both if port}
             for (_, one), (other, _) in pairwise(ends):
-                if one is not None and other is not None:
+                if one and other:
                     with self.problems.caught():
                         self._pilots(one, other, key, is_line=is_line)
                         self._join(one, other, chain, key)
 
-    def element(self, word: str, key: str, *, first: bool, last: bool) -> tuple[Port | str | None, Port | str | None]:
+    def element(self, word: str, key: str, *, first: bool, last: bool) -> tuple[Port | None, Port | None]:
         """Return the ports at which a chain enters and leaves a component, each None if unknown."""
         if word == AMBIENT:
-            return AMBIENT, AMBIENT
+            return AIR, AIR
         name, dot, port = word.partition(".")
         self._known(name, word, key)
         ports = self.ports(name)
@@ -226,39 +228,30 @@ class Wiring:
         raise invalid(key, "describe.no-such-port", component=component, name=name, kind=kind, known=known)
 
     @staticmethod
-    def _pilots(one: Port | str, other: Port | str, key: str, *, is_line: bool) -> None:
+    def _pilots(one: Port, other: Port, key: str, *, is_line: bool) -> None:
         """Report gas flow through a pilot port, and a pilot line without a pilot port."""
-        pilots = [port.id for port in (one, other) if isinstance(port, Port) and port.is_pilot]
-        ends = [port if isinstance(port, str) else port.id for port in (one, other)]
+        pilots = [port.id for port in (one, other) if port.is_pilot]
+        ends = [one.id, other.id]
         if pilots and not is_line:
             raise invalid(key, "describe.pilot-port", pilots=pilots, ends=ends, pilot_line=PILOT_LINE)
         if is_line and not pilots:
             raise invalid(key, "describe.no-pilot-port", ends=ends, arrow=ARROW)
 
-    def _join(self, one: Port | str, other: Port | str, chain: str, key: str) -> None:
-        ports = [port for port in (one, other) if isinstance(port, Port)]
-        kinds = {"gas" if port.is_pilot else port.kind for port in ports}
-        kinds |= {"gas"} if AMBIENT in (one, other) else set()
-        if len(kinds) > 1:
-            said = ", ".join(
-                f"{port if isinstance(port, str) else port.id} is {_a(port if isinstance(port, str) else port.kind)}"
-                for port in (one, other)
-            )
+    def _join(self, one: Port, other: Port, chain: str, key: str) -> None:
+        ports = (one, other)
+        if (one.kind == "axis") != (other.kind == "axis"):
+            said = ", ".join(f"{port.id} is {_a(port.kind)}" for port in ports)
             raise wrong(key, said, rule="a gas port joins a gas port, an axis joins an axis")
         is_line = any(port.is_pilot for port in ports)
         for port in ports:
             if (port.is_pilot if is_line else port.is_single) and port in self.named:
-                what = f'{port.id} is joined twice: by "{self.named[port]}" and by "{chain}"'
-                remedy = "Branch at a component with a volume: a tank, a chamber or a reservoir."
-                if is_line:
-                    remedy = "A pilot port senses one pressure: keep one of the lines."
-                raise wrong(key, what, rule="a port takes one connection", remedy=remedy)
-        for port in ports:
-            if port.is_pilot or not is_line:
-                self.named[port] = chain
+                before = self.named[port]
+                remedy = "A pilot port senses one pressure: keep one of the lines." if is_line else None
+                raise invalid(key, "describe.joined-twice", port=port.id, before=before, chain=chain, remedy=remedy)
+        self.named |= {port: chain for port in ports if port.is_pilot or not is_line}
         self._merge(one, other, key)
 
-    def _merge(self, one: Port | str, other: Port | str, key: str) -> None:
+    def _merge(self, one: Port, other: Port, key: str) -> None:
         joints = [self._joint(port, key) for port in (one, other)]
         if joints[0] is not joints[1]:
             kept, other_joint = sorted(joints, key=self.joints.index)
@@ -272,29 +265,25 @@ class Wiring:
         """Report, once, a connection that gives a joint two pressures or two volumes."""
         held = [port.component for port in joint.holders] + [AMBIENT] * joint.ambient
         full = [port.component if len(self.ports(port.component)) == 1 else port.id for port in joint.volumes]
-        what = ""
-        if len(held) > 1 and AMBIENT in held:
-            what = f"{held[0]} {ARROW} {AMBIENT} without any restriction"
-        elif len(held) > 1:
-            rest = ", ".join(port.id for port in joint.ports if port not in joint.holders)
-            at = " and ".join(filter(None, (self.parts[name].pressure for name in held)))
-            what = f"{' and '.join(held)} fix the pressure of the same joint{rest and f' ({rest})'}{at and f' at {at}'}"
-        elif held and full:
-            what = f"{held[0]} fixes the pressure in {full[0]}: no component lies between them"
-        elif len(full) > 1:
-            what = f"{' and '.join(full)} are one joint but have a volume each"
-        if not what or joint.is_refused:
+        if joint.is_refused or len(held) + len(full) < 2:
             return
         joint.is_refused = True
-        remedy = "Put a component between them: a fitting, a valve, a flow control."
-        rule = "a joint has at most one fixed pressure or one volume"
-        raise wrong(key, what, rule=rule, remedy=remedy)
+        if len(held) > 1 and AMBIENT in held:
+            raise invalid(key, "describe.reservoir-at-ambient", name=held[0], ambient=AMBIENT)
+        if len(held) > 1:
+            rest = ", ".join(port.id for port in joint.ports if port not in joint.holders)
+            at = " and ".join(filter(None, (self.parts[name].pressure for name in held)))
+            rest = f"{rest and f' ({rest})'}{at and f' at {at}'}"
+            raise invalid(key, "describe.two-pressures", names=" and ".join(held), rest=rest)
+        if held:
+            raise invalid(key, "describe.pressure-in-volume", name=held[0], full=full[0])
+        raise invalid(key, "describe.two-volumes", names=" and ".join(full))
 
-    def _joint(self, port: Port | str, key: str) -> Joint:
+    def _joint(self, port: Port, key: str) -> Joint:
         """Return the joint of a port, or a new joint; each connection to ambient air is a new joint."""
-        found = self.at.get(port) if isinstance(port, Port) else None
+        found = self.at.get(port)
         if found is None:
-            found = Joint([port] if isinstance(port, Port) else [], ambient=port == AMBIENT, key=key)
+            found = Joint([] if port is AIR else [port], ambient=port is AIR, key=key)
             self.joints.append(found)
             self.at |= dict.fromkeys(found.ports, found)
         return found
@@ -323,21 +312,18 @@ class Wiring:
         for port in left:
             key = self.parts[port.component].key
             if port.exhaust:
-                self._merge(port, AMBIENT, key)
+                self._merge(port, AIR, key)
             elif not port.optional:
                 others = [one for one in nowhere if one.component != port.component and one.kind == port.kind]
-                joined = f'Join it, for instance "{port.id} {ARROW} {others[0].id}"' if others else "Join it"
-                rule = "each port is joined or plugged"
-                remedy = f'{joined}, or write plugged = ["{port.id}"].'
-                if is_platform(self.parts[port.component].entry):
-                    rods = [f"{one.id} {ARROW} {port.id}" for one in left if one.kind == "axis" and one.optional]
-                    rule, remedy = (
-                        "a cylinder moves each leg",
-                        f'Write "{rods[0] if rods else f"leg.rod {ARROW} {port.id}"}".',
-                    )
+                rods = [one for one in left if one.kind == "axis" and one.optional]
                 if port.is_pilot:
-                    rule, remedy = "a pilot port senses a pressure", f'Write "valve.4 {PILOT_LINE} {port.id}".'
-                self.problems.add(wrong(key, f"port {port.id} is not connected", rule=rule, remedy=remedy))
+                    problem = invalid(key, "describe.loose-pilot", id=port.id)
+                elif is_platform(self.parts[port.component].entry):
+                    problem = invalid(key, "describe.loose-leg", id=port.id, rod=rods[0].id if rods else "leg.rod")
+                else:
+                    joined = f'Join it, for instance "{port.id} {ARROW} {others[0].id}"' if others else "Join it"
+                    problem = invalid(key, "describe.loose-port", id=port.id, joined=joined)
+                self.problems.add(problem)
 
     def _check(self) -> None:
         for name in self.parts:
@@ -347,13 +333,10 @@ class Wiring:
                 continue  # a piston separates its ports: equal pressures on both sides are a state like any other
             if len(ports) == len(places) == 2 and (places[0] is places[1] or all(place.ambient for place in places)):
                 where = AMBIENT if places[0].ambient else f"{{{places[0]}}}"
-                what = f"{name} connects joint {where} with itself"
-                self.problems.add(wrong(places[0].key, what, rule="a restriction lies between two joints"))
+                self.problems.add(invalid(places[0].key, "describe.short-circuit", name=name, joint=where))
         for joint in self.joints:
             if not joint.ambient and all(port.is_pilot for port in joint.ports):
-                what = f"no gas reaches the pilot port {joint}"
-                remedy = f'Write "valve.4 {PILOT_LINE} {joint.ports[0].id}", or join it to ambient.'
-                self.problems.add(wrong(joint.key, what, rule="a pilot port senses the pressure of gas", remedy=remedy))
+                self.problems.add(invalid(joint.key, "describe.pilot-without-gas", joint=joint))
         if not self.problems.found:
             self._islands()
 
@@ -373,13 +356,7 @@ class Wiring:
                     f"{listed} {'is' if one else 'are'} not connected to any reservoir: {gas} cannot enter or leave"
                 )
             else:
-                what = f"joint {{{group[0]}}} has no path to a volume or a reservoir"
-                remedy = "Join a tank, a chamber, a reservoir or ambient to it."
-                self.problems.add(
-                    wrong(
-                        group[0].key, what, rule="each joint gets its gas from a volume or a reservoir", remedy=remedy
-                    )
-                )
+                self.problems.add(invalid(group[0].key, "describe.no-gas", joint=group[0]))
 
     def _groups(self) -> Iterator[list[Joint]]:
         """Yield groups of joints without flow between the groups."""
