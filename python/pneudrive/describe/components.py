@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from functools import cached_property, lru_cache
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, cast, get_args
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, cast
 
 from pydantic import BeforeValidator, ConfigDict, Field, create_model, model_validator
 
@@ -19,12 +19,12 @@ from pneudrive.describe.tables import valve_flow
 from pneudrive.describe.tables.friction import Friction
 from pneudrive.describe.tables.parts import FlowCoefficient
 from pneudrive.errors import DescriptionError, invalid, nearest, package_table, within, wrong
-from pneudrive.units import Pressure, UnitFloat, suffix
+from pneudrive.units import Pressure, UnitFloat, column_name
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
 
-    from pneudrive.arrays import Keyed, Plain
+    from pneudrive.arrays import Interval, Keyed, NamedNumbers, Plain
 
 #: Key of a size -> lowest and highest usual value, SI (assumed).
 USUAL = {"bore": (2e-3, 0.4), "stroke": (1e-3, 12.0), "moving_mass": (1e-3, 1e4), "conductance": (1e-12, 1e-6)}
@@ -164,7 +164,7 @@ class Component(Described):
     def _values(self, keys: Sequence[str]) -> list[Any]:
         return [getattr(self, self.fields[key]) for key in keys]
 
-    def numbers(self, ambient_pa: float) -> dict[str, float]:
+    def numbers(self, ambient_pa: float) -> NamedNumbers:
         """Return the known parameters by their keys, in SI, pressures absolute."""
         out = {}
         acting = (p for p, has_effect in self._acting() if has_effect or not p["only"].startswith("no "))
@@ -220,12 +220,6 @@ class Component(Described):
         """Write the table with its values only."""
         return super().to_dict()
 
-    def sources(self) -> Iterator[tuple[str, str]]:
-        """Yield ``key = value`` and the source of each value that has one."""
-        for key, value in self.origins.items():
-            if value.source is not None:
-                yield f"{key} = {inline(value.value)}", value.source
-
     @property
     def has_heat_law(self) -> bool:
         """Whether the heat transfer follows from a law, because no coefficient is stated."""
@@ -266,9 +260,7 @@ class Component(Described):
         return component, (self.to_dict(),)
 
 
-def unusual_sizes(
-    description: Described, usual: Mapping[str, tuple[float, float]]
-) -> Iterator[tuple[str, UnitFloat, float, str]]:
+def unusual_sizes(description: Described, usual: Mapping[str, Interval]) -> Iterator[tuple[str, UnitFloat, float, str]]:
     """Yield each size outside its usual range: key, size, the end of the range that it exceeds (SI), and the rule."""
     for key, (low, high) in usual.items():
         size = getattr(description, key, None)
@@ -395,24 +387,22 @@ def _class_with(formula: ComponentFormula) -> type[Component]:
 
 
 def _class_of(entry: Keyed) -> type[Component]:
-    kind = entry["kind"]
+    kind, points = entry["kind"], entry["points"]
     fields: Plain = {"kind": (Literal[kind], ...)}  # type: ignore[valid-type]
     names: dict[str, str] = {}
     for parameter in entry["parameters"]:
-        key = parameter["key"]
-        mark = _mark(parameter)
-        sizes = flow_keys(entry, key)
-        kind_of = float if isinstance(mark, Quantity) else Pressure
-        if is_needed(parameter) and len(sizes) == 1:
-            _add(fields, names, key, Annotated[kind_of, mark], ..., parameter["meaning"])
-        else:
-            default = parameter["default"]
-            if default is not None and kind_of is Pressure:
-                default = Pressure(default, gauge=False)
-            _add(fields, names, key, Annotated[kind_of | None, mark], default, parameter["meaning"])
-        for size in sizes[1:]:
-            mark = _SIZES[_last(size)]
-            _add(fields, names, size, Annotated[float | None, mark], None, f"Alternative to {key}")
+        key, mark, default = parameter["key"], _mark(parameter), parameter["default"]
+        sizes = flow_keys(entry, key)[1:]
+        if default is not None and isinstance(mark, StatedPressure):
+            default = Pressure(default, gauge=False)
+        if is_needed(parameter) and not sizes:
+            default = ...
+        others = ((size, _SIZES[_last(size)], None, f"Alternative to {key}") for size in sizes)
+        for name, form, usual, meaning in ((key, mark, default, parameter["meaning"]), *others):
+            number = float if isinstance(form, Quantity) else Pressure
+            names[name] = column_name(name, getattr(form, "si_unit", ""))
+            about = Field(default=usual, alias=name, description=meaning)
+            fields[names[name]] = (Annotated[number if usual is ... else number | None, form], about)
     for choice in entry["choices"]:
         options = Literal[tuple(choice["options"])]  # type: ignore[valid-type]
         if set(choice["options"]) == {"yes", "no"}:
@@ -422,17 +412,13 @@ def _class_of(entry: Keyed) -> type[Component]:
         fields["friction"] = (Friction | None, None)
     if entry["formula"]:
         fields["formula"] = (ComponentFormula, ...)
-    if entry["points"]:
-        columns = tuple((column["key"], parameter_quantity(column)) for column in entry["points"]["columns"])
-        defaults = tuple(column["default"] for column in entry["points"]["columns"])
-        mark = marks.PointRows("", columns=columns, defaults=defaults, most=entry["points"]["most"])
+    if points:
+        columns = tuple((column["key"], parameter_quantity(column), column["default"]) for column in points["columns"])
+        mark = marks.PointRows("", columns=columns, most=points["most"])
         what = columns[1][0] if len(columns) == 2 else "flow"
-        meaning = f"{what[0].upper()}{what[1:]} over the {columns[0][0]}"
-        rows_of, key = tuple[tuple[float, ...], ...], entry["points"]["key"]
-        if entry["points"]["optional"]:
-            fields[key] = (Annotated[rows_of | None, mark], Field(default=None, description=meaning))
-        else:
-            fields[key] = (Annotated[rows_of, mark], Field(description=meaning))
+        meaning, rows_of = f"{what.capitalize()} over the {columns[0][0]}", tuple[tuple[float, ...], ...]
+        form, usual = (rows_of | None, None) if points["optional"] else (rows_of, ...)
+        fields[points["key"]] = (Annotated[form, mark], Field(default=usual, description=meaning))
     if any(one["name"] == COMMAND for one in entry["inputs"]):
         meaning = "Range of the electrical input, for commands in V or mA"
         fields[COMMAND] = (Annotated[Signal | None, marks.SIGNAL_RANGE], Field(default=None, description=meaning))
@@ -468,22 +454,3 @@ _SIZES: dict[str, Quantity] = {
 def _yes_or_no(given: object) -> object:
     """Convert true and false of TOML to yes and no."""
     return {True: "yes", False: "no"}[given] if isinstance(given, bool) else given
-
-
-def _add(fields: Plain, names: dict[str, str], key: str, kind: Any, default: object, meaning: str) -> None:  # noqa: ANN401 - an annotation
-    """Add the field of a number, under a name with its unit."""
-    mark = next(mark for mark in get_args(kind) if isinstance(mark, Quantity | StatedPressure))
-    names[key] = _field_name(key, mark)
-    fields[names[key]] = (kind, Field(default=default, alias=key, description=meaning))
-
-
-def _field_name(key: str, mark: Quantity | StatedPressure) -> str:
-    """Return the field name of a number: its key and its unit.
-
-    Examples
-    --------
-    >>> _field_name("leakage", Quantity("m^3/(s Pa)"))
-    'leakage_m3_s_pa'
-    """
-    unit = suffix(mark.si_unit) if isinstance(mark, Quantity) else ""
-    return f"{key}_{unit}" if unit else key

@@ -437,31 +437,29 @@ class PointRows(Quantity):
     Parameters
     ----------
     columns : tuple
-        Key and annotation of each column. Values of the first column must increase.
-    defaults : tuple
-        Default of each column; None for a required column.
+        Key, annotation and default of each column; no default (None) for a required column. Values of the first column
+        must increase.
     most : int
         Largest number of points.
     """
 
-    columns: tuple[tuple[str, Quantity], ...] = ()
-    defaults: tuple[float | None, ...] = ()
+    columns: tuple[tuple[str, Quantity, float | None], ...] = ()
     most: int = 0
 
     @property
     def needed(self) -> list[str]:
         """Columns that each point must have."""
-        return [key for (key, _), default in zip(self.columns, self.defaults, strict=True) if default is None]
+        return [key for key, _, default in self.columns if default is None]
 
     def read(self, given: object) -> tuple[tuple[float, ...], ...]:  # type: ignore[override]
         """Convert and check all points."""
-        example = "{ " + ", ".join(f"{key} = ..." for key, _ in self.columns) + " }"
+        example = "{ " + ", ".join(f"{key} = ..." for key, *_ in self.columns) + " }"
         if not isinstance(given, list | tuple) or not all(isinstance(one, dict) for one in given):
             raise WrongValueError(f"{given!r} is not a list of points", remedy=f"Write [{example}, {example}].")
         if not 2 <= len(given) <= self.most:
             raise WrongValueError(f"{len(given)} points", rule=f"2 to {self.most} points")
         rows = tuple(self._row(dict(one), number, example) for number, one in enumerate(given, start=1))
-        key, first = self.columns[0]
+        key, first, _ = self.columns[0]
         for before, after in pairwise(rows):
             if after[0] <= before[0]:
                 what = f"{key} = {first.show(after[0])} follows {first.show(before[0])}"
@@ -469,25 +467,24 @@ class PointRows(Quantity):
         return rows
 
     def _row(self, table: Plain, number: int, example: str) -> tuple[float, ...]:
-        if not set(self.needed) <= set(table) <= {key for key, _ in self.columns}:
+        if not set(self.needed) <= set(table) <= {key for key, *_ in self.columns}:
             rest = f"; only {' and '.join(self.needed)} must be given" if len(self.needed) < len(self.columns) else ""
             raise WrongValueError(f"point {number} = {table!r}", rule=f"a point is {example}{rest}")
         return tuple(
             default if default is not None and key not in table else _read(mark, table[key], f"{key} of point {number}")
-            for (key, mark), default in zip(self.columns, self.defaults, strict=True)
+            for key, mark, default in self.columns
         )
 
     def show(self, value: Sequence[Sequence[float]]) -> list[dict[str, str | float]]:  # type: ignore[override]
         """Write the points as users would."""
-        columns = list(zip(self.columns, self.defaults, strict=True))
         return [
-            {key: mark.show(one) for ((key, mark), default), one in zip(columns, row, strict=True) if one != default}
+            {key: mark.show(one) for (key, mark, default), one in zip(self.columns, row, strict=True) if one != default}
             for row in value
         ]
 
     def schema(self) -> Plain:
         """Return the JSON schema of the list."""
-        columns = {key: mark.schema() for key, mark in self.columns}
+        columns = {key: mark.schema() for key, mark, _ in self.columns}
         return {"type": "array", "items": table_schema(columns, self.needed), "minItems": 2, "maxItems": self.most}
 
 
