@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from pneudrive.describe.base import inline
-from pneudrive.describe.files.toml import leaves
+from pneudrive.describe.files.toml import above, leaves
 
 if TYPE_CHECKING:
     from pneudrive.describe.circuit import Circuit
@@ -54,19 +54,19 @@ def values_of(described: Drive | Circuit) -> list[DescribedValue]:
     origins = described.origin_of
     identified = getattr(described, "provenance", None) or {}
     # With the tables above each one. A custom law is a table where the defaults have its name.
-    given = {key.rsplit(".", depth)[0] for key, _ in leaves(described.to_dict()) for depth in range(key.count(".") + 1)}
+    given = {one for key, _ in leaves(described.to_dict()) for one in above(key)}
     out = []
     for key, value in leaves(described.with_defaults()):
         if key.partition(".")[0] in _BESIDE:
             continue
-        above = [key.rsplit(".", depth)[0] for depth in range(key.count(".") + 1)]
-        origin = next((origins[one] for one in above if one in origins), None)
+        source = next((origins[one] for one in above(key) if one in origins), None)
         if key in identified:
-            out.append(DescribedValue(key, value, f"identified: {inline(identified[key].to_dict())}", "identified"))
-        elif origin is not None:
-            out.append(DescribedValue(key, value, origin.said, "assumed" if origin.source is None else "source"))
+            origin, kind = f"identified: {inline(identified[key].to_dict())}", "identified"
+        elif source is not None:
+            origin, kind = source.said, "assumed" if source.source is None else "source"
         elif key in assumed:
-            out.append(DescribedValue(key, value, assumed[key], "assumed"))
+            origin, kind = assumed[key], "assumed"
         else:
-            out.append(DescribedValue(key, value, "", "given" if key in given else "default"))
+            origin, kind = "", "given" if key in given else "default"
+        out.append(DescribedValue(key, value, origin, kind))
     return out

@@ -5,10 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+from pneudrive.describe.files import toml
 from pneudrive.errors import invalid
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
+    from collections.abc import Mapping
 
     from typing_extensions import TypeIs
 
@@ -90,16 +91,8 @@ def parted(table: Keyed) -> tuple[Plain, dict[str, Value]]:
     >>> plain, origins["friction.coulomb"].assumed
     ({'friction': {'coulomb': '9 N'}, 'bore': '25 mm'}, 'a guess')
     """
-    found = {value.key: value for value in _walk(table, "")}
-    return _plain(table), found
-
-
-def _walk(table: Keyed, before: str) -> Iterator[Value]:
-    for key, given in table.items():
-        if has_origin(given):
-            yield read(f"{before}{key}", given)
-        elif isinstance(given, dict):
-            yield from _walk(given, f"{before}{key}.")
+    leaves = toml.leaves(table, is_inner=lambda one: isinstance(one, dict) and not has_origin(one))
+    return _plain(table), {key: read(key, given) for key, given in leaves if has_origin(given)}
 
 
 def _plain(given: Any) -> Any:  # noqa: ANN401 - any kind of value

@@ -131,6 +131,11 @@ def leaves(
             yield f"{before}{key}", value
 
 
+def above(key: str) -> list[str]:
+    """Return a dotted key and the keys of the tables above it, from the inside out."""
+    return [key.rsplit(".", depth)[0] for depth in range(key.count(".") + 1)]
+
+
 def put(tables: Plain, key: str, value: object) -> None:
     """Set the value of a dotted key; missing tables are created."""
     *path, last = key.split(".")
@@ -151,16 +156,6 @@ def nested(values: Iterable[tuple[str, Any]]) -> Plain:
     for key, value in values:
         put(tables, key, value)
     return tables
-
-
-def has(source: str | Path, key: str) -> bool:
-    """Return whether a file has a top-level key; False for an unreadable file, whose reader will report it."""
-    if not exists(Path(source)):
-        return False
-    try:
-        return key in read(source)[0]
-    except DescriptionError:
-        return False
 
 
 @contextmanager

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from functools import cached_property, lru_cache
 from types import MappingProxyType
-from typing import Annotated, Any, ClassVar, Literal, get_args
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, get_args
 
-from pydantic import ModelWrapValidatorHandler, field_serializer, model_validator
+from pydantic import ModelWrapValidatorHandler, model_validator
 
 from pneudrive import units
 from pneudrive.describe import marks
@@ -17,23 +16,16 @@ from pneudrive.describe.base import Described, as_tables
 from pneudrive.describe.formulas.law import FrictionLaw, law_of
 from pneudrive.describe.formulas.written import FILE_PREFIX
 from pneudrive.describe.marks import Quantity, StatedPressure, Stiffness, parameter_quantities, parameter_quantity
-from pneudrive.describe.tables.dependences import (
-    DEPENDENCES,
-    Acting,
-    DirectionDependence,
-    Dwell,
-    PositionDependence,
-    Relaxation,
-    SealPressure,
-    SideLoad,
-    TemperatureDependence,
-    Wear,
-)
+from pneudrive.describe.tables import dependences
+from pneudrive.describe.tables.dependences import DEPENDENCES, Acting
 from pneudrive.errors import DescriptionError, invalid, nearest, warn, wrong
+
+if TYPE_CHECKING:
+    from pneudrive.arrays import Keyed, NamedNumbers, Plain
 
 
 @lru_cache(maxsize=1)
-def friction_laws() -> MappingProxyType[str, dict[str, Any]]:
+def friction_laws() -> MappingProxyType[str, Plain]:
     """Return the core's friction laws by name.
 
     Each is a dict with title, source, states and parameters (key, unit, bounds, default, meaning).
@@ -66,10 +58,10 @@ MOST_ELEMENTS = 10
 SHARES_WITHIN = 1e-3
 
 #: Options of a law, in addition to its parameters and modifiers.
-CHOICES = ("stribeck_shape", "elements", "evolution")
+CHOICES = ("stribeck_shape", "evolution", "elements")
 
 
-def _keys(law: str, entry: Mapping[str, Any]) -> list[str]:
+def _keys(law: str, entry: Keyed) -> list[str]:
     """Return the valid keys of a friction table with this law."""
     parameters = [p["key"] for p in entry["parameters"]]
     has = {
@@ -119,7 +111,7 @@ def _as_assumed(value: float) -> float:
     return float(f"{value:.{ASSUMED_DIGITS}g}")
 
 
-def _following(known: Mapping[str, float]) -> dict[str, float]:
+def _following(known: Mapping[str, float]) -> NamedNumbers:
     """Add derived values to the known ones."""
     out = dict(known)
     for key, (sources, value) in _FOLLOWS.items():
@@ -147,7 +139,7 @@ def assumed_from(friction: Friction) -> dict[str, tuple[tuple[str, ...], Callabl
     return out
 
 
-def assumed_with(friction: Friction, changed: Mapping[str, float]) -> dict[str, float]:
+def assumed_with(friction: Friction, changed: Mapping[str, float]) -> NamedNumbers:
     """Return the new values of assumed parameters after a change of other parameters."""
     rules = assumed_from(friction)
     if not rules:  # includes laws with other parameters
@@ -156,7 +148,7 @@ def assumed_with(friction: Friction, changed: Mapping[str, float]) -> dict[str, 
     return {key: _as_assumed(value) for key, value in _following(given).items() if key in rules and key not in changed}
 
 
-def by_default(data: dict[str, Any]) -> tuple[dict[str, Any], dict[str, Any]]:
+def by_default(data: Plain) -> tuple[Plain, Plain]:
     """Complete a friction table without a law by `DEFAULT_LAW` and assumed parameters.
 
     Parameters
@@ -176,7 +168,7 @@ def by_default(data: dict[str, Any]) -> tuple[dict[str, Any], dict[str, Any]]:
         Lists the assumed values.
     """
     quantities = parameter_quantities(friction_laws()[DEFAULT_LAW])
-    law: dict[str, Any] = {"law": DEFAULT_LAW}
+    law: Plain = {"law": DEFAULT_LAW}
     out = law | data
     if any(data.get(key) is None for key in ("coulomb", "breakaway")):
         return out, law  # missing keys are reported as for any law
@@ -193,25 +185,6 @@ def by_default(data: dict[str, Any]) -> tuple[dict[str, Any], dict[str, Any]]:
     return out | shown, law | shown
 
 
-@dataclass(frozen=True)
-class Parameters(Mapping[str, float]):
-    """Name -> SI value, frozen like its description."""
-
-    pairs: tuple[tuple[str, float], ...] = ()
-
-    def __getitem__(self, key: str) -> float:
-        for name, value in self.pairs:
-            if name == key:
-                return value
-        raise KeyError(key)
-
-    def __iter__(self) -> Iterator[str]:
-        return (name for name, _ in self.pairs)
-
-    def __len__(self) -> int:
-        return len(self.pairs)
-
-
 class Friction(Described):
     """Friction law with its parameters and modifiers.
 
@@ -225,23 +198,24 @@ class Friction(Described):
     table_name: ClassVar[str] = "friction"
     law: str
     formula: FrictionLaw | None = None
-    parameters: Parameters = Parameters()
+    values: tuple[tuple[str, float], ...] = ()
     given: frozenset[str] = frozenset()
     stribeck_shape: StribeckShape | None = None
     elements: tuple[SlipElement, ...] = ()
     evolution: Evolution | None = None
-    pressure: SealPressure | None = None
-    dwell: Dwell | None = None
-    relaxation: Relaxation | None = None
-    position: PositionDependence | None = None
-    direction: DirectionDependence | None = None
-    side_load: SideLoad | None = None
-    temperature: TemperatureDependence | None = None
-    wear: Wear | None = None
+    pressure: dependences.SealPressure | None = None
+    dwell: dependences.Dwell | None = None
+    relaxation: dependences.Relaxation | None = None
+    position: dependences.PositionDependence | None = None
+    direction: dependences.DirectionDependence | None = None
+    side_load: dependences.SideLoad | None = None
+    temperature: dependences.TemperatureDependence | None = None
+    wear: dependences.Wear | None = None
 
-    @field_serializer("parameters")
-    def _plain(self, parameters: Parameters) -> dict[str, float]:
-        return dict(parameters)
+    @property
+    def parameters(self) -> Mapping[str, float]:
+        """Parameters of the law in SI by their keys, including its defaults."""
+        return MappingProxyType(dict(self.values))
 
     @model_validator(mode="before")
     @classmethod
@@ -259,7 +233,7 @@ class Friction(Described):
         entry = laws[name] if own is None else own.entry
         parameters = {p["key"]: p for p in entry["parameters"]}
         rest = {key: value for key, value in data.items() if key not in ("law", *CHOICES, *DEPENDENCES)}
-        values: dict[str, float] = {}
+        values: NamedNumbers = {}
         for key, given in rest.items():
             full = f"friction.{key}"
             if key not in parameters:
@@ -281,7 +255,12 @@ class Friction(Described):
                 )
                 raise wrong(f"friction.{key}", f'friction.{key} is missing; law "{name}" needs it', remedy=remedy)
             values[key] = default
-        out = {"law": name, "formula": own, "parameters": Parameters(tuple(values.items())), "given": frozenset(rest)}
+        out = {
+            "law": name,
+            "formula": own,
+            "values": tuple(values.items()),
+            "given": frozenset(rest),
+        }
         return out | {key: data[key] for key in (*CHOICES, *DEPENDENCES) if data.get(key) is not None}
 
     @model_validator(mode="wrap")
@@ -341,7 +320,7 @@ class Friction(Described):
 
     def __getattr__(self, name: str) -> units.UnitFloat | float:
         """Return a parameter of the law by its key, as a quantity that shows its unit."""
-        parameters = self.__dict__.get("parameters", {})
+        parameters = dict(self.__dict__.get("values", ()))
         if name in parameters:
             return parameter_quantities(self.entry)[name].named(parameters[name])
         if name.startswith("_") or not parameters:
@@ -353,27 +332,23 @@ class Friction(Described):
         return [*super().__dir__(), *self.parameters]
 
     @property
-    def entry(self) -> dict[str, Any]:
+    def entry(self) -> Plain:
         """Entry of the law in the form of `friction_laws`, also for a custom law: title, source, states, parameters."""
         return friction_laws()[self.law] if self.formula is None else self.formula.entry
 
-    def _dependences(self) -> dict[str, Any]:
-        """Return the modifiers of the law by key."""
-        return {key: value for key in DEPENDENCES if (value := getattr(self, key)) is not None}
+    def _given(self, keys: Iterable[str]) -> Plain:
+        """Return those of these choices or modifiers that are given."""
+        return {key: value for key in keys if (value := getattr(self, key)) is not None}
 
-    def core(self) -> dict[str, Any]:
+    def core(self) -> Plain:
         """Return the table in the core's form, in SI: law, parameters, pressure and other modifiers."""
-        tables = {key: value.core() for key, value in self._dependences().items()}
+        tables = {key: value.core() for key, value in self._given(DEPENDENCES).items()}
         law = {"law": self.law, "parameters": dict(self.parameters), "pressure": None}
         formula = {} if self.formula is None else {"formula": self.formula.core()}
         elements = {"elements": [element.core() for element in self.elements]} if self.elements else {}
-        return law | formula | self._words() | elements | tables
+        return law | formula | self._given(CHOICES[:2]) | elements | tables
 
-    def _words(self) -> dict[str, str]:
-        """Return the choices by key."""
-        return {key: value for key in ("stribeck_shape", "evolution") if (value := getattr(self, key)) is not None}
-
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> Plain:
         """Write the table as users would."""
         given = (entry for entry in self.entries() if entry[0] not in self.parameters or entry[0] in self.given)
         out = {key: as_tables(value) if mark is None else mark.show(value) for key, value, mark in given}
@@ -382,21 +357,21 @@ class Friction(Described):
     def entries(self) -> Iterator[tuple[str, Any, Quantity | StatedPressure | None]]:
         """Yield the law and its choices, its elements and parameters, then its modifiers."""
         yield "law", self.law, None
-        yield from ((key, value, None) for key, value in self._words().items())
+        yield from ((key, value, None) for key, value in self._given(CHOICES[:2]).items())
         if self.elements:
             yield "elements", [element.to_dict() for element in self.elements], None
         marks = parameter_quantities(self.entry)
         yield from ((key, self.parameters[key], mark) for key, mark in marks.items() if key in self.parameters)
-        yield from ((key, value, None) for key, value in self._dependences().items())
+        yield from ((key, value, None) for key, value in self._given(DEPENDENCES).items())
 
     @classmethod
-    def __get_pydantic_json_schema__(cls, schema: Any, handler: Any) -> dict[str, Any]:  # noqa: ANN401 - pydantic's own
+    def __get_pydantic_json_schema__(cls, schema: Any, handler: Any) -> Plain:  # noqa: ANN401 - pydantic's own
         """Return the JSON schema: one alternative for each law of the core."""
         tables = {key: about.model_json_schema(by_alias=True) for key, about in DEPENDENCES.items()}
         alternatives = []
         for name, law in friction_laws().items():
             own = {key: table for key, table in tables.items() if key != "relaxation" or has_bristles(name)}
-            properties: dict[str, Any] = {"law": {"const": name}, **own}
+            properties: Plain = {"law": {"const": name}, **own}
             if has_stribeck_curve(name):
                 properties["stribeck_shape"] = {"enum": list(get_args(StribeckShape))}
             if law["evolves"]:
@@ -412,7 +387,7 @@ class Friction(Described):
         return {"oneOf": [*alternatives, _default_schema(alternatives), _own_law_schema(tables)]}
 
 
-def _default_schema(alternatives: list[dict[str, Any]]) -> dict[str, Any]:
+def _default_schema(alternatives: list[Plain]) -> Plain:
     """Return the JSON schema of a table without a law."""
     (default,) = (one for one in alternatives if one["properties"]["law"]["const"] == DEFAULT_LAW)
     properties = {key: value for key, value in default["properties"].items() if key != "law"}
@@ -420,7 +395,7 @@ def _default_schema(alternatives: list[dict[str, Any]]) -> dict[str, Any]:
     return default | {"title": title, "properties": properties, "required": ["coulomb", "breakaway"]}
 
 
-def _own_law_schema(tables: dict[str, Any]) -> dict[str, Any]:
+def _own_law_schema(tables: Plain) -> Plain:
     """Return the JSON schema of a custom law, whose parameters only its file lists."""
     law = {"anyOf": [{"type": "string", "pattern": f"^{FILE_PREFIX}"}, {"type": "object", "required": ["name"]}]}
     title = "A custom law, as formulas"

@@ -6,11 +6,19 @@ from pneudrive.describe.marks import PerChamber as _PerChamber
 from pneudrive.units import Pressure as _Pressure, UnitFloat as _UnitFloat
 
 _Given: _TypeAlias = str | float | _UnitFloat | _Mapping[str, _Any]
+from pneudrive.describe.tables.dependences import DirectionDependence
+from pneudrive.describe.tables.dependences import Dwell
+from pneudrive.describe.tables.dependences import PositionDependence
+from pneudrive.describe.tables.dependences import Relaxation
+from pneudrive.describe.tables.dependences import SealPressure
+from pneudrive.describe.tables.dependences import SideLoad
+from pneudrive.describe.tables.dependences import TemperatureDependence
+from pneudrive.describe.tables.dependences import Wear
 from _typeshed import Incomplete
-from collections.abc import Callable as Callable, Iterator, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable as Callable, Iterable, Iterator, Mapping
 from functools import cached_property
 from pneudrive import units as units
+from pneudrive.arrays import Keyed as Keyed, NamedNumbers as NamedNumbers, Plain as Plain
 from pneudrive.describe import marks as marks
 from pneudrive.describe.base import Described as Described, as_tables as as_tables
 from pneudrive.describe.formulas.law import FrictionLaw as FrictionLaw, law_of as law_of
@@ -22,18 +30,8 @@ from pneudrive.describe.marks import (
     parameter_quantities as parameter_quantities,
     parameter_quantity as parameter_quantity,
 )
-from pneudrive.describe.tables.dependences import (
-    Acting as Acting,
-    DEPENDENCES as DEPENDENCES,
-    DirectionDependence as DirectionDependence,
-    Dwell as Dwell,
-    PositionDependence as PositionDependence,
-    Relaxation as Relaxation,
-    SealPressure as SealPressure,
-    SideLoad as SideLoad,
-    TemperatureDependence as TemperatureDependence,
-    Wear as Wear,
-)
+from pneudrive.describe.tables import dependences as dependences
+from pneudrive.describe.tables.dependences import Acting as Acting, DEPENDENCES as DEPENDENCES
 from pneudrive.errors import (
     DescriptionError as DescriptionError,
     invalid as invalid,
@@ -45,7 +43,7 @@ from pydantic import ModelWrapValidatorHandler
 from types import MappingProxyType
 from typing import Annotated, Any, ClassVar
 
-def friction_laws() -> MappingProxyType[str, dict[str, Any]]: ...
+def friction_laws() -> MappingProxyType[str, Plain]: ...
 def has_bristles(law: str) -> bool: ...
 
 StribeckShape: Incomplete
@@ -57,7 +55,7 @@ MOST_ELEMENTS: int
 SHARES_WITHIN: float
 CHOICES: Incomplete
 
-def _keys(law: str, entry: Mapping[str, Any]) -> list[str]: ...
+def _keys(law: str, entry: Keyed) -> list[str]: ...
 
 class SlipElement(Acting):
     table_name: ClassVar[str]
@@ -77,24 +75,16 @@ _FOLLOWS: dict[str, tuple[tuple[str, ...], Callable[..., float]]]
 ASSUMED_DIGITS: int
 
 def _as_assumed(value: float) -> float: ...
-def _following(known: Mapping[str, float]) -> dict[str, float]: ...
+def _following(known: Mapping[str, float]) -> NamedNumbers: ...
 def assumed_from(friction: Friction) -> dict[str, tuple[tuple[str, ...], Callable[..., float]]]: ...
-def assumed_with(friction: Friction, changed: Mapping[str, float]) -> dict[str, float]: ...
-def by_default(data: dict[str, Any]) -> tuple[dict[str, Any], dict[str, Any]]: ...
-
-@dataclass(frozen=True)
-class Parameters(Mapping[str, float]):
-    pairs: tuple[tuple[str, float], ...] = ...
-
-    def __getitem__(self, key: str) -> float: ...
-    def __iter__(self) -> Iterator[str]: ...
-    def __len__(self) -> int: ...
+def assumed_with(friction: Friction, changed: Mapping[str, float]) -> NamedNumbers: ...
+def by_default(data: Plain) -> tuple[Plain, Plain]: ...
 
 class Friction(Described):
     table_name: ClassVar[str]
     law: str
     formula: FrictionLaw | _Any
-    parameters: Parameters
+    values: tuple[tuple[str, float], ...]
     given: frozenset[str]
     stribeck_shape: StribeckShape | None
     elements: tuple[SlipElement, ...]
@@ -108,6 +98,8 @@ class Friction(Described):
     temperature: TemperatureDependence | _Any
     wear: Wear | _Any
 
+    @property
+    def parameters(self) -> Mapping[str, float]: ...
     @cached_property
     def assumed(self) -> tuple[tuple[str, str], ...]: ...
     @property
@@ -115,12 +107,12 @@ class Friction(Described):
     def __getattr__(self, name: str) -> units.UnitFloat | float: ...
     def __dir__(self) -> list[str]: ...
     @property
-    def entry(self) -> dict[str, Any]: ...
-    def core(self) -> dict[str, Any]: ...
-    def to_dict(self) -> dict[str, Any]: ...
+    def entry(self) -> Plain: ...
+    def core(self) -> Plain: ...
+    def to_dict(self) -> Plain: ...
     def entries(self) -> Iterator[tuple[str, Any, Quantity | StatedPressure | None]]: ...
     @classmethod
-    def __get_pydantic_json_schema__(cls, schema: Any, handler: Any) -> dict[str, Any]: ...
+    def __get_pydantic_json_schema__(cls, schema: Any, handler: Any) -> Plain: ...
     @property
     def attraction(self) -> _UnitFloat: ...
     @property
@@ -226,5 +218,5 @@ class Friction(Described):
         **keys: _Any,
     ) -> None: ...
 
-def _default_schema(alternatives: list[dict[str, Any]]) -> dict[str, Any]: ...
-def _own_law_schema(tables: dict[str, Any]) -> dict[str, Any]: ...
+def _default_schema(alternatives: list[Plain]) -> Plain: ...
+def _own_law_schema(tables: Plain) -> Plain: ...
