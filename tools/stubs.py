@@ -53,15 +53,20 @@ def stub(module: str) -> str:
         subprocess.run([BIN / "stubgen", *words], check=True, cwd=PACKAGE.parent)
         text = next(Path(folder).rglob("*.pyi")).read_text("utf-8")
     tree = _Plain().visit(ast.parse(text))
-    home = importlib.import_module(module)
+    home, inner = importlib.import_module(module), set()
     for node in tree.body:
         about = getattr(home, node.name) if isinstance(node, ast.ClassDef) else None
         if isinstance(about, type) and issubclass(about, Described):
             assert isinstance(node, ast.ClassDef)
             node.body = [*_fields(about, node.body), *ast.parse("\n".join(_keys(about))).body]
+            inner |= {kind for field in about.model_fields.values() for kind in _parts(field)[0]}
+    foreign = {
+        kind.__name__: kind.__module__ for kind in inner if isinstance(kind, type) and issubclass(kind, Described)
+    }
+    more = "".join(f"from {of} import {name}\n" for name, of in sorted(foreign.items()) if not hasattr(home, name))
     words = [str(BIN / "ruff"), "format", "--stdin-filename", f"{source}i", "-"]
     return subprocess.run(
-        words, input=HEAD.format(module=module) + ast.unparse(tree), capture_output=True, text=True, check=True
+        words, input=HEAD.format(module=module) + more + ast.unparse(tree), capture_output=True, text=True, check=True
     ).stdout
 
 
@@ -96,7 +101,7 @@ def _keys(table: type[Described]) -> Iterator[str]:
         attribute = vars(table).get(key)
         if key != name and isinstance(attribute, property) and attribute.fget.__qualname__.startswith(_by_key.__name__):
             yield f"@property\ndef {key}(self) -> {_read(field)}: ..."
-        if not (table is Friction and key in {"formula", "parameters", "given"}):
+        if not (table is Friction and key in {"formula", "values", "given"}):
             arguments.append(
                 f"{key}: {_taken(field)}{'' if field.is_required() and table is not Friction else ' = ...'}"
             )

@@ -87,9 +87,7 @@ class Pneu:
                     f'no column of this run is converted to "{unit}"',
                     rule=f"a unit of {', '.join(sorted({_si(column) for column in columns.values()}))}",
                 )
-        return self._run.assign_coords({k: v for k, v in changed.items() if k in self._run.coords}).assign(
-            {k: v for k, v in changed.items() if k not in self._run.coords}
-        )
+        return self._run.assign(changed)
 
     def plot(self, path: str | Path | None = None) -> Figure:
         """Draw the run over time, see `pneudrive.report.plot`.

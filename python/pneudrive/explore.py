@@ -12,11 +12,13 @@ from pneudrive.repr_tables import Card, html_of, text_of
 from pneudrive.simulation.simulate import run, simulate
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Sequence
 
     import xarray as xr
 
-    from pneudrive.describe import Circuit, Drive, Initial
+    from pneudrive.arrays import Keyed, Plain
+    from pneudrive.describe import Circuit, Drive
+    from pneudrive.describe.tables.starts import StartState
     from pneudrive.simulation.command import Commands
 
 #: Packages that a live notebook needs: the widget, and the server's encoder of curves.
@@ -39,13 +41,13 @@ class Explorer:
         drive: Drive | Circuit,
         command: Commands,
         duration: str | float,
-        initial: Initial | Mapping[str, object] | str | None,
+        initial: StartState,
         keys: Sequence[str],
     ) -> None:
         self._base, self._command, self._duration, self._initial = drive, command, duration, initial
         self._keys = tuple(keys)
         self._widget: Any = None
-        self.changes: dict[str, Any] = {}
+        self.changes: Plain = {}
 
     @property
     def drive(self) -> Drive | Circuit:
@@ -56,7 +58,7 @@ class Explorer:
         """Return the displayed run, as from `pneudrive.simulate`."""
         return simulate(self.drive, self._command, self._duration, initial=self._initial)
 
-    def begin(self) -> dict[str, Any]:
+    def begin(self) -> Plain:
         """Return the initial data of the widget: name and sliders.
 
         Raises
@@ -77,7 +79,7 @@ class Explorer:
         kept = ("key", "text", "number", "unit", "low", "high")
         return {"name": self._base.name, "sliders": [{name: free[key][name] for name in kept} for key in names]}
 
-    def answer(self, asked: Mapping[str, Any]) -> bytes:
+    def answer(self, asked: Keyed) -> bytes:
         """Simulate with the changes in a message, and return the encoded curves for the widget."""
         from pneudrive.web.drive.run_request import RunLimit
         from pneudrive.web.live import frame_of
@@ -129,7 +131,7 @@ class Explorer:
             begin = traitlets.Dict().tag(sync=True)
             changes = traitlets.Dict().tag(sync=True)
 
-        def follow(widget: Any, asked: Mapping[str, Any], _buffers: object) -> None:  # noqa: ANN401
+        def follow(widget: Any, asked: Keyed, _buffers: object) -> None:  # noqa: ANN401
             widget.send({}, [self.answer(asked)])
             widget.changes = self.changes  # a view that is opened later begins with them
 
@@ -148,7 +150,7 @@ def explore(
     command: Commands = "0 s: 1, 1 s: -1",
     duration: str | float = "2 s",
     *,
-    initial: Initial | Mapping[str, object] | str | None = None,
+    initial: StartState = None,
     sliders: str | Sequence[str] = (),
 ) -> Explorer:
     """Show a drive in a notebook with sliders. Each change of a slider starts a new simulation.

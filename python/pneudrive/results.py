@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 import re
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -15,12 +15,11 @@ import numpy as np
 import polars as pl
 import xarray as xr
 
-from pneudrive.arrays import Array, Plain
+from pneudrive.arrays import Array, Keyed, Plain
 from pneudrive.campaign.planning.protocol import read_protocol
 from pneudrive.control.benchmarks import read_comparison
+from pneudrive.describe import Circuit, Drive
 from pneudrive.describe.all_values import values_of
-from pneudrive.describe.circuit import Circuit
-from pneudrive.describe.drive import Drive
 from pneudrive.describe.files import toml
 from pneudrive.describe.files.load import load_described
 from pneudrive.describe.tank import Tank
@@ -80,7 +79,7 @@ class StoredResult(Viewed):
 
     kind: str
     path: Path
-    content: Mapping[str, Any]
+    content: Keyed
 
     def view(self) -> View:
         """Return the stored values, curves and sentences."""
@@ -436,9 +435,9 @@ class ResultComparison(Shown):
 
     def rows(self) -> list[tuple[str, ...]]:
         """Return key, first value, its interval, second value, its interval, and change in percent of each pair."""
-        changes = ("" if v.change is None else f"{100 * v.change:+.3g}" for v in self.values)
-        texts = ((v.key, v.before, v.interval_before, v.after, v.interval_after) for v in self.values)
-        return [(*each, change) for each, change in zip(texts, changes, strict=True)]
+        return [
+            (v.key, v.before, v.interval_before, v.after, v.interval_after, _percent(v.change)) for v in self.values
+        ]
 
     def figure(self) -> Figure:
         """Return the first curves that differ: both of them, and their difference with its band.
@@ -474,6 +473,10 @@ class ResultComparison(Shown):
         head = ("value", self.names[0], "95 %", self.names[1], "95 %", "change %")
         curves = ["  ".join(row) for row in self.curve_rows()]
         return Card(self.sentence, head if self.values else (), self.rows(), curves)
+
+
+def _percent(change: float | None) -> str:
+    return "" if change is None else f"{100 * change:+.3g}"
 
 
 def _axis(quantity: str, unit: str) -> Axis:

@@ -18,10 +18,7 @@ from pneudrive.repr_tables import Card, Shown, aligned
 from pneudrive.units import readable
 
 if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
-
-    from pneudrive.arrays import Array, Plain
+    from pneudrive.arrays import Array, Bools, Plain
 
 #: State of a result, a value or a finding, from best to worst.
 State: TypeAlias = Literal["good", "open", "bad"]
@@ -123,7 +120,7 @@ class ShownCurve:
     x_unit: str
     unit: str
     band: tuple[Array, Array] | None
-    measured: NDArray[np.bool_]
+    measured: Bools
     group: str = ""
     excluded: tuple[Array, Array] | None = None
 

@@ -39,8 +39,18 @@ def key_of(name: str) -> str:
     return _SUFFIX.sub("", name)
 
 
-#: pydantic's type error -> required form.
-_TYPES = {"string_type": "a text in quotes", "bool_type": "true or false", "int_type": "a whole number"}
+_NO_TABLE, _NO_LIST = " is not a table", " is not a list"
+#: pydantic's type error -> what is wrong with the value.
+_TYPES = {
+    "string_type": " must be a text in quotes",
+    "bool_type": " must be true or false",
+    "int_type": " must be a whole number",
+    "tuple_type": _NO_LIST,
+    "list_type": _NO_LIST,
+    "model_type": _NO_TABLE,
+    "model_attributes_type": _NO_TABLE,
+    "dict_type": _NO_TABLE,
+}
 
 
 class Described(Shown, BaseModel):
@@ -85,7 +95,8 @@ class Described(Shown, BaseModel):
 
         def __setattr__(self, name: str, value: object) -> None:
             """Refuse to change a value of the description."""
-            if name in {*type(self).keys(), *type(self).model_fields}:
+            is_derived = isinstance(getattr(type(self), name, None), property)
+            if is_derived or name in {*type(self).keys(), *type(self).model_fields}:
                 key = f"{self.table_name}.{name}" if self.table_name else name
                 raise DescriptionError.of("describe.frozen", key=key, given=value)
             super().__setattr__(name, value)
@@ -161,13 +172,9 @@ class Described(Shown, BaseModel):
         if first["type"] == "literal_error":
             known = first.get("ctx", {})["expected"].replace(" or ", ", ").replace("'", "").split(", ")
             return wrong(key, f"{key} = {first['input']!r} is not known", remedy=nearest(str(first["input"]), known))
-        if first["type"] in {"model_type", "model_attributes_type", "dict_type"}:
-            return wrong(key, f"{key} = {first['input']!r} is not a table".removeprefix(" = "))
-        if first["type"] in {"tuple_type", "list_type"}:
-            return wrong(key, f"{key} = {first['input']!r} is not a list", remedy=f"Write {key} = [...].")
-        words = _TYPES.get(first["type"])
-        what = f"{key} = {first['input']!r} must be {words}" if words else f"{key} = {first['input']!r}: {first['msg']}"
-        return wrong(key, what)
+        words = _TYPES.get(first["type"], f": {first['msg']}")
+        remedy = f"Write {key} = [...]." if words == _NO_LIST else None
+        return wrong(key, f"{key} = {first['input']!r}{words}".removeprefix(" = "), remedy=remedy)
 
     @classmethod
     def __get_pydantic_json_schema__(cls, schema: Any, handler: Any) -> Plain:  # noqa: ANN401 - pydantic's own

@@ -10,29 +10,19 @@ from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
 from pydantic import Field, ValidationError, model_validator
 
-from pneudrive.describe.base import Described, as_tables, escaped, inline
+from pneudrive.describe.base import as_tables, escaped, inline
 from pneudrive.describe.circuit_tables import completed, copied, part_of, read_component, used
 from pneudrive.describe.components import Component, within_component
 from pneudrive.describe.connections import Part, Wiring
 from pneudrive.describe.files import toml
-from pneudrive.describe.formulas import written
-from pneudrive.describe.formulas.formula import formula_of
-from pneudrive.describe.formulas.law import law_of
+from pneudrive.describe.formulas import formula, law, written
 from pneudrive.describe.kinds import COMMAND, component_kinds
 from pneudrive.describe.short import Short, expanded
-from pneudrive.describe.system import DRIVE_NAMES, PISTON, System, compiled
-from pneudrive.describe.tables.parts import Ambient, Gas, assumed_stops
-from pneudrive.describe.tables.starts import (
-    PRESSURE,
-    Starts,
-    check_platforms,
-    coordinate_keys,
-    start_place,
-    start_values,
-)
+from pneudrive.describe.system import DRIVE_NAMES, PISTON, DescribedSystem, System
+from pneudrive.describe.tables.parts import assumed_stops
+from pneudrive.describe.tables.starts import PRESSURE, Starts, check_platforms, start_place, start_values
 from pneudrive.errors import DescriptionError, PneudriveError, Problems, together, warn, wrong
 from pneudrive.lazy_names import upper
-from pneudrive.references import entries as references
 from pneudrive.repr_tables import Card
 
 if TYPE_CHECKING:
@@ -40,18 +30,17 @@ if TYPE_CHECKING:
 
     import xarray as xr
 
-    from pneudrive.arrays import Keyed, Plain
+    from pneudrive.arrays import Keyed, NamedNumbers, Plain
     from pneudrive.describe.files.sourced import Value
     from pneudrive.describe.marks import Positions, Signal
     from pneudrive.describe.system import ShortNames
     from pneudrive.progress import Flag, Progress
     from pneudrive.simulation.command import Commands
-    from pneudrive.simulation.session import Session
 
 STOP_KEYS = ("stiffness", "damping", "damping_depth")
 
 
-class Circuit(Described):
+class Circuit(DescribedSystem):
     """A pneumatic circuit: components by name, and connections between their ports.
 
     Frozen; `replace` returns a changed copy. `connections` are chains, ``"valve.4 -> hose -> cylinder.a"``. `plugged`
@@ -77,12 +66,8 @@ class Circuit(Described):
     #: Name of the kind of file, and prefix of component names in its keys.
     file_kind: ClassVar[str] = "circuit"
     key_prefix: ClassVar[str] = "components."
-    picture_home: ClassVar[str] = "pneudrive.report.circuit.svg:circuit_svg"
 
-    schema_version: Literal[1] = Field(default=1, alias="schema")
     name: str = "unnamed circuit"
-    gas: Gas = Gas()
-    ambient: Ambient = Ambient()
     components: dict[str, Component]
     connections: tuple[str, ...] = ()
     plugged: tuple[str, ...] = ()
@@ -178,14 +163,14 @@ class Circuit(Described):
             As for `load`.
         """
         with toml.locating(path, text):
-            written.read_file(tables.get("friction"), "law", "friction", law_of, path)
+            written.read_file(tables.get("friction"), "law", "friction", law.law_of, path)
             components = tables.get("components")
             for name, table in components.items() if isinstance(components, dict) else ():
                 if isinstance(table, dict):
                     key, entry = f"components.{name}", component_kinds().get(str(table.get("kind")))
-                    written.read_file(table.get("friction"), "law", f"{key}.friction", law_of, path)
+                    written.read_file(table.get("friction"), "law", f"{key}.friction", law.law_of, path)
                     if entry is not None and entry["formula"]:
-                        written.read_file(table, "formula", key, partial(formula_of, entry=entry), path)
+                        written.read_file(table, "formula", key, partial(formula.formula_of, entry=entry), path)
             return cls.model_validate(tables)
 
     def replace(self, changes: Plain) -> Circuit:
@@ -219,10 +204,7 @@ class Circuit(Described):
     @property
     def commandable(self) -> dict[str, Signal | Positions | None]:
         """Components with a command, each with its switching positions or its described electrical input."""
-        taking = {
-            name for name, one in self.components.items() if any(i["name"] == COMMAND for i in one.entry["inputs"])
-        }
-        return {name: one.command_input for name, one in self.components.items() if name in taking}
+        return {name: one.command_input for name, one in self.components.items() if hasattr(one, COMMAND)}
 
     #: Whether model errors are known: only those of a drive without lines.
     is_plain: ClassVar[bool] = False
@@ -255,16 +237,21 @@ class Circuit(Described):
         }
 
     @cached_property
-    def si_form(self) -> str:
-        """Cached result of `core_json`."""
+    def system(self) -> System:
+        """Circuit in the core's form, with the names of its components."""
         ambient = self.ambient.core()
         problems = Problems()
         components = [problems.take(self._core_of, name, one) for name, one in self.components.items()]
         problems.tell()
-        form = {"gas": self.gas.core(), "ambient": ambient, "components": components, "joints": self.wiring.core()}
+        form = {
+            "gas": self.gas.core(),
+            "ambient": ambient,
+            "components": components,
+            "joints": self.wiring.core(),
+        }
         if self.junctions != "volume":
             form["junctions"] = self.junctions
-        return json.dumps(form, sort_keys=True)
+        return System(json.dumps(form, sort_keys=True))
 
     def _core_of(self, name: str, one: Component) -> Plain:
         try:
@@ -275,15 +262,6 @@ class Circuit(Described):
         except DescriptionError as error:
             raise within_component(error, name, {}) from None
 
-    def core_json(self) -> str:
-        """Return the description in the core's form, in SI."""
-        return self.si_form
-
-    @property
-    def system(self) -> System:
-        """Circuit in the core's form, with the names of its components."""
-        return System(self.si_form)
-
     @property
     def circuit(self) -> Circuit:
         """The circuit itself, for calls that accept drives (`Drive.circuit`) and circuits."""
@@ -292,12 +270,6 @@ class Circuit(Described):
     def circuit_values(self, given: object) -> Keyed:
         """Return a dict or text of start values as a table."""
         return start_values(given)
-
-    def read_start(self, given: object) -> dict[str, float]:
-        """Convert a dict or text of start values to SI."""
-        return self.core_initial(start_values(given))
-
-    circuit_start = read_start
 
     @property
     def origin_of(self) -> dict[str, Value]:
@@ -321,53 +293,28 @@ class Circuit(Described):
         """SHA-256 of the simulated values, without name, labels and start state."""
         return hashlib.sha256(self.core_json().encode()).hexdigest()
 
-    def core_initial(self, initial: Keyed | None = None) -> dict[str, float]:
-        """Return the start state in the core's form, in SI; `initial` overrides `self.initial`.
-
-        Raises
-        ------
-        DescriptionError
-            A start value is unknown or does not fit, or the core rejects the circuit.
-        """
-        return self._starts(initial)[0]
-
-    @cached_property
-    def start_names(self) -> dict[str, str]:
-        """Names of the start values in the core, by the names that users write."""
-        core = compiled(self.core_json())
-        keys = Starts(core.start_names, self.components, self.wiring, self.ambient).keys
-        poses = {f"{own.name}.{key}": f"{own.name}.{key}" for own in core.platforms for key in coordinate_keys(own)}
-        return keys | poses
-
-    def _starts(self, initial: Keyed | None = None) -> tuple[dict[str, float], list[str]]:
-        core = compiled(self.core_json())
-        starts = Starts(core.start_names, self.components, self.wiring, self.ambient, core.platforms)
-        return starts.values(self.initial, initial or {})
-
-    def start(self, initial: Keyed | str | None = None, *, rtol: float = 1e-6) -> Session:
-        """Start a session of the circuit. The caller advances the session in time.
-
-        Parameters
-        ----------
-        initial : dict or str, optional
-            Start values that differ from those of the circuit: ``{"left.position": "20 mm"}`` or
-            ``"left.position = 20 mm, tank = 5 bar abs"``.
-        rtol : float
-            Relative tolerance of the solver.
-
-        Returns
-        -------
-        Session
-            See `pneudrive.simulation.session.Session`; its inputs are ``"valve.command"``, ``"left.load_force_n"``, ...
+    def core_initial(self, initial: object = None) -> NamedNumbers:
+        """Return the start state in the core's form, in SI; `initial`, a dict or a text, overrides `self.initial`.
 
         Raises
         ------
         CommandError
-            The tolerance is not valid.
+            The argument has another type, or a text is not ``key = quantity, ...``.
         DescriptionError
-            The start state does not fit the circuit.
+            A start value is unknown or does not fit, or the core rejects the circuit.
         """
-        return upper("start")(self, initial, rtol)
+        return self._starts().values(self.initial, start_values(initial))[0]
+
+    read_start = circuit_start = core_initial
+
+    @cached_property
+    def start_names(self) -> dict[str, str]:
+        """Names of the start values in the core, by the names that users write."""
+        starts = self._starts()
+        return starts.keys | {key: key for key in starts.coordinates}
+
+    def _starts(self) -> Starts:
+        return Starts(self.system.compiled(), self.components, self.wiring, self.ambient)
 
     def simulate(
         self,
@@ -408,16 +355,6 @@ class Circuit(Described):
         options = {"initial": initial, "sample_rate": sample_rate, "rtol": rtol, "ledger": ledger, "budget": budget}
         return upper("simulate")(self, commands, duration, **options, progress=progress, cancel=cancel)
 
-    def sources(self) -> list[str]:
-        """Return the values with a source, as ``NAME.key = value [source]``."""
-        return [f"{name}.{line} [{source}]" for name, one in self.components.items() for line, source in one.sources()]
-
-    @property
-    def cited(self) -> list[str]:
-        """Keys of references.bib that are sources of values."""
-        keys = {source for one in self.components.values() for _, source in one.sources()}
-        return sorted(keys & references().keys())
-
     def assumed(self) -> list[str]:
         """Return the assumed values, which have no source."""
         return [line.format(name) for line, name in self.assumptions()]
@@ -425,9 +362,9 @@ class Circuit(Described):
     def assumptions(self) -> list[tuple[str, str]]:
         """Return the assumptions as (text, name), with ``{}`` in the text for the name of the component or joint."""
         out: list[tuple[str, str]] = []
-        starts, settled = self._starts()
+        starts, settled = self._starts().values(self.initial)
         highest = max((value for name, value in starts.items() if name.endswith(PRESSURE)), default=0.0)
-        stops = compiled(self.core_json()).end_stops(highest)
+        stops = self.system.compiled().end_stops(highest)
         for name, one in self.components.items():
             lines = list(one.assumed())
             if name in stops:
@@ -444,15 +381,13 @@ class Circuit(Described):
     @property
     def joint_volumes(self) -> list[tuple[str, float]]:
         """Gas joints without a component that has a volume: one port of each joint, and the volume of the joint, m3."""
-        return compiled(self.core_json()).joint_volumes
+        return self.system.compiled().joint_volumes
 
     @property
     def notes(self) -> list[str]:
         """Warnings from reading the circuit."""
-        frictions = {name: getattr(one, "friction", None) for name, one in self.components.items()}
-        said = [
-            f"{name}.friction {friction.note}" for name, friction in frictions.items() if friction and friction.note
-        ]
+        laws = ((name, getattr(one, "friction", None)) for name, one in self.components.items())
+        said = [f"{name}.friction {friction.note}" for name, friction in laws if friction and friction.note]
         idle = [f"{name}.{line}" for name, one in self.components.items() for line in one.idle]
         return self.wiring.warnings + said + idle + self.unusual
 

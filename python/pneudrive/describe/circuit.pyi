@@ -6,13 +6,15 @@ from pneudrive.describe.marks import PerChamber as _PerChamber
 from pneudrive.units import Pressure as _Pressure, UnitFloat as _UnitFloat
 
 _Given: _TypeAlias = str | float | _UnitFloat | _Mapping[str, _Any]
+from pneudrive.describe.tables.parts import Ambient
+from pneudrive.describe.tables.parts import Gas
 import xarray as xr
 from _typeshed import Incomplete
 from collections.abc import Callable, Mapping
 from functools import cached_property
 from pathlib import Path
-from pneudrive.arrays import Keyed as Keyed, Plain as Plain
-from pneudrive.describe.base import Described as Described, as_tables as as_tables, escaped as escaped, inline as inline
+from pneudrive.arrays import Keyed as Keyed, NamedNumbers as NamedNumbers, Plain as Plain
+from pneudrive.describe.base import as_tables as as_tables, escaped as escaped, inline as inline
 from pneudrive.describe.circuit_tables import (
     completed as completed,
     copied as copied,
@@ -24,25 +26,22 @@ from pneudrive.describe.components import Component as Component, within_compone
 from pneudrive.describe.connections import Part as Part, Wiring as Wiring
 from pneudrive.describe.files import toml as toml
 from pneudrive.describe.files.sourced import Value as Value
-from pneudrive.describe.formulas import written as written
-from pneudrive.describe.formulas.formula import formula_of as formula_of
-from pneudrive.describe.formulas.law import law_of as law_of
+from pneudrive.describe.formulas import formula as formula, law as law, written as written
 from pneudrive.describe.kinds import COMMAND as COMMAND, component_kinds as component_kinds
 from pneudrive.describe.marks import Positions as Positions, Signal as Signal
 from pneudrive.describe.short import Short as Short, expanded as expanded
 from pneudrive.describe.system import (
     DRIVE_NAMES as DRIVE_NAMES,
+    DescribedSystem as DescribedSystem,
     PISTON as PISTON,
     ShortNames as ShortNames,
     System as System,
-    compiled as compiled,
 )
-from pneudrive.describe.tables.parts import Ambient as Ambient, Gas as Gas, assumed_stops as assumed_stops
+from pneudrive.describe.tables.parts import assumed_stops as assumed_stops
 from pneudrive.describe.tables.starts import (
     PRESSURE as PRESSURE,
     Starts as Starts,
     check_platforms as check_platforms,
-    coordinate_keys as coordinate_keys,
     start_place as start_place,
     start_values as start_values,
 )
@@ -58,19 +57,14 @@ from pneudrive.lazy_names import upper as upper
 from pneudrive.progress import Flag as Flag, Progress as Progress
 from pneudrive.repr_tables import Card as Card
 from pneudrive.simulation.command import Commands as Commands
-from pneudrive.simulation.session import Session as Session
 from typing import Any, ClassVar, Literal
 
 STOP_KEYS: Incomplete
 
-class Circuit(Described):
+class Circuit(DescribedSystem):
     file_kind: ClassVar[str]
     key_prefix: ClassVar[str]
-    picture_home: ClassVar[str]
-    schema_version: Literal[1]
     name: str
-    gas: Gas
-    ambient: Ambient
     components: dict[str, Component]
     connections: tuple[str, ...]
     plugged: tuple[str, ...]
@@ -96,16 +90,10 @@ class Circuit(Described):
     @property
     def meanings(self) -> dict[str, str]: ...
     @cached_property
-    def si_form(self) -> str: ...
-    def core_json(self) -> str: ...
-    @property
     def system(self) -> System: ...
     @property
     def circuit(self) -> Circuit: ...
     def circuit_values(self, given: object) -> Keyed: ...
-    def read_start(self, given: object) -> dict[str, float]: ...
-    circuit_start = read_start
-
     @property
     def origin_of(self) -> dict[str, Value]: ...
     @property
@@ -114,10 +102,12 @@ class Circuit(Described):
     def plain_tables(self) -> Plain: ...
     @property
     def description_hash(self) -> str: ...
-    def core_initial(self, initial: Keyed | None = None) -> dict[str, float]: ...
+    def core_initial(self, initial: object = None) -> NamedNumbers: ...
+    read_start = core_initial
+    circuit_start = core_initial
+
     @cached_property
     def start_names(self) -> dict[str, str]: ...
-    def start(self, initial: Keyed | str | None = None, *, rtol: float = 1e-06) -> Session: ...
     def simulate(
         self,
         commands: Commands,
@@ -131,9 +121,6 @@ class Circuit(Described):
         progress: Progress | None = None,
         cancel: Flag | None = None,
     ) -> xr.Dataset: ...
-    def sources(self) -> list[str]: ...
-    @property
-    def cited(self) -> list[str]: ...
     def assumed(self) -> list[str]: ...
     def assumptions(self) -> list[tuple[str, str]]: ...
     @property

@@ -6,41 +6,36 @@ import hashlib
 import json
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar, Literal
+from typing import TYPE_CHECKING, Any, ClassVar
 
 from pydantic import Field, model_validator
 
-from pneudrive.describe.base import Described, as_tables, escaped, inline
-from pneudrive.describe.files import catalogue, provenance, toml
+from pneudrive.describe.base import as_tables, escaped, inline
+from pneudrive.describe.files import catalogue, provenance, sourced, toml
 from pneudrive.describe.files.provenance import Origin
-from pneudrive.describe.files.sourced import Value, has_origin
 from pneudrive.describe.formulas import written
 from pneudrive.describe.formulas.law import law_of
 from pneudrive.describe.marks import Positions, Signal
-from pneudrive.describe.short import TABLES, beside_control, expanded
-from pneudrive.describe.system import PISTON, System, drive_names, short_name
+from pneudrive.describe.short import TABLES, expanded, without_other_sizes
+from pneudrive.describe.system import PISTON, DescribedSystem, System, drive_names, short_name
 from pneudrive.describe.tables.dependences import DEPENDENCES
 from pneudrive.describe.tables.friction import Friction, friction_laws
-from pneudrive.describe.tables.parts import Ambient, Cylinder, EndStop, Gas, Initial, Load, Supply, Valve, assumed_stops
+from pneudrive.describe.tables.parts import Cylinder, EndStop, Initial, Load, Supply, Valve, assumed_stops
 from pneudrive.describe.tables.starts import read_initial, start_state
 from pneudrive.describe.tables.valve_flow import FLOW_KEYS
 from pneudrive.errors import Problems, invalid, wrong
-from pneudrive.lazy_names import upper
-from pneudrive.references import entries as references
 from pneudrive.repr_tables import Card
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping
+    from collections.abc import Iterable
 
-    from pneudrive.arrays import Keyed, Plain
+    from pneudrive.arrays import Keyed, NamedNumbers, Plain
     from pneudrive.describe.circuit import Circuit
-    from pneudrive.simulation.session import Session
+    from pneudrive.describe.tables.starts import StartState
 
-# Defaults without a source: results that use them say so.
-_ASSUMED = {
-    "cylinder": ("heat_transfer_scale",),
-    "valve": ("critical_pressure_ratio", "subsonic_index", "linear_above"),
-}
+_FLOW_SHAPE = ("critical_pressure_ratio", "subsonic_index", "linear_above")
+#: Defaults without a source: results that use them say so.
+_ASSUMED = {"cylinder": ("heat_transfer_scale",), "valve": _FLOW_SHAPE}
 
 
 class _FileOrTable(classmethod):
@@ -50,7 +45,7 @@ class _FileOrTable(classmethod):
         return super().__get__(None, owner) if instance is None else instance.carried
 
 
-class Drive(Described):
+class Drive(DescribedSystem):
     """Pneumatic drive: supply, valve, cylinder with friction, load.
 
     Frozen; `replace` returns a changed copy. Every value has two names: ``drive.cylinder.bore`` is a quantity with
@@ -63,15 +58,10 @@ class Drive(Described):
     (25 mm, 0.025, 30 N)
     """
 
-    #: Name of the kind of file, and prefix of component names in its keys.
+    #: Name of the kind of file.
     file_kind: ClassVar[str] = "drive"
-    key_prefix: ClassVar[str] = ""
-    picture_home: ClassVar[str] = "pneudrive.report.circuit.svg:circuit_svg"
 
-    schema_version: Literal[1] = Field(default=1, alias="schema")
     name: str = "unnamed drive"
-    gas: Gas = Gas()
-    ambient: Ambient = Ambient()
     supply: Supply
     cylinder: Cylinder
     valve: Valve
@@ -180,12 +170,12 @@ class Drive(Described):
         return self.gas.dew_point_pressure_pa(self.ambient.pressure_pa, self.supply_pressure_pa)
 
     @cached_property
-    def origins(self) -> tuple[Value, ...]:
+    def origins(self) -> tuple[sourced.Value, ...]:
         """Values of the catalogue with their origin. Comparisons of drives ignore origins."""
         return ()
 
     @property
-    def origin_of(self) -> dict[str, Value]:
+    def origin_of(self) -> dict[str, sourced.Value]:
         """Origins of values by their keys in the drive file."""
         return {origin.key: origin for origin in self.origins}
 
@@ -242,10 +232,6 @@ class Drive(Described):
             return System.of_drive(self.short_form())
         return System(self.circuit.core_json(), drive_names(only=False))
 
-    def core_json(self) -> str:
-        """Return the circuit of the drive in the core's form, in SI."""
-        return self.system.json
-
     @property
     def commandable(self) -> dict[str, Signal | Positions | None]:
         """The valve, under an empty name, with its switching positions or its described electrical input."""
@@ -272,24 +258,18 @@ class Drive(Described):
 
     def short_form(self) -> Plain:
         """Return supply, valve, cylinder, friction and load in SI, without lines, overlap and leakage of the valve."""
-        v, spring = self.valve, self.carried.spring
+        spring = self.carried.spring
         return {
             "gas": self.gas.core(),
             "ambient": self.ambient.core(),
             "supply": self.supply.core(self.ambient),
             "cylinder": self.cylinder.core(self.ambient.temperature_k),
-            "valve": {
-                "kind": v.kind,
-                "conductance_m3_s_pa": v.conductance_m3_s_pa,
-                "critical_pressure_ratio": v.critical_pressure_ratio,
-                "subsonic_index": v.subsonic_index,
-                "linear_above": v.linear_above,
-            },
+            "valve": {key: getattr(self.valve, key) for key in ("kind", "conductance_m3_s_pa", *_FLOW_SHAPE)},
             "friction": self.friction.core(),
             "load": self.carried.stored() | {"spring": None if spring is None else spring.stored()},
         }
 
-    def core_initial(self, initial: Initial | None = None) -> dict[str, float]:
+    def core_initial(self, initial: Initial | None = None) -> NamedNumbers:
         """Return the start state in SI by the names of the drive, pressures absolute.
 
         Raises
@@ -312,70 +292,29 @@ class Drive(Described):
         whole = {short_name(name): value for name, value in self.circuit_start(start).items()}
         return whole | {"contact_age_s": start.contact_age_s}
 
-    def circuit_values(self, given: Initial | Mapping[str, object] | str | None) -> Plain:
+    def circuit_values(self, given: StartState) -> Plain:
         """Return the given start values under the names of the circuit, without the contact age."""
         values = (read_initial(given) or Initial()).to_dict()
         values.pop("contact_age", None)
         ends = {f"{key}_{chamber}": f"{chamber}.{key}" for chamber in "ab" for key in ("pressure", "temperature")}
         return {f"cylinder.{ends.get(key, key)}": value for key, value in values.items()}
 
-    def circuit_start(self, given: Initial | Mapping[str, object] | str | None) -> dict[str, float]:
+    def circuit_start(self, given: StartState) -> NamedNumbers:
         """Return the start state in SI by the names of the circuit; tubes start at the pressure of their chamber."""
         return self.circuit.core_initial(self.circuit_values(given))
 
-    def read_start(self, given: Initial | Mapping[str, object] | str | None) -> dict[str, float]:
+    def read_start(self, given: StartState) -> NamedNumbers:
         """Return the start state in SI, from an `Initial` or its keys as a dict or a text."""
         return self.core_initial(read_initial(given))
 
-    def start(self, initial: Initial | Mapping[str, object] | str | None = None, *, rtol: float = 1e-6) -> Session:
-        """Start a session of the drive. The caller advances the session in time.
-
-        Parameters
-        ----------
-        initial : Initial, dict or str, optional
-            As for `pneudrive.simulate`. The valve is shut until the session's first command.
-        rtol : float
-            Relative tolerance of the solver.
-
-        Returns
-        -------
-        Session
-            See `pneudrive.simulation.session.Session`.
-
-        Raises
-        ------
-        CommandError
-            The tolerance is not valid.
-        DescriptionError
-            The start state does not fit the drive.
-
-        Examples
-        --------
-        >>> session = Drive.load("catalogue:reference").start("position = 50 mm")
-        >>> session.set("command", 0.6)
-        >>> session.advance(0.1)
-        >>> session.read("velocity_m_s") > 0.5
-        True
-        """
-        return upper("start")(self, initial, rtol)
-
     @property
-    def end_stop(self) -> dict[str, float]:
+    def end_stop(self) -> NamedNumbers:
         """End stop parameters in SI by the names of `EndStop`, from the file or derived from the drive."""
         return dict(zip(EndStop.model_fields, self._stops()[0], strict=True))
 
     def _stops(self) -> tuple[list[float], list[float]]:
         """Return the end stops in SI, and the impact for which they are designed."""
         return self.plain.system.compiled().end_stops(0.0)[PISTON]
-
-    def sources(self) -> list[str]:
-        """Return the values of the catalogue with a source, as ``key = value [source]``."""
-        return [f"{v.key} = {inline(v.value)} [{v.source}]" for v in self.origins if v.source is not None]
-
-    @property
-    def cited(self) -> list[str]:
-        """Keys of references.bib that are sources of values from the catalogue."""
-        return sorted({v.source for v in self.origins if v.source is not None} & references().keys())
 
     def assumed(self) -> list[str]:
         """Return the assumed values as ``key = value``: neither given nor backed by a source."""
@@ -415,10 +354,6 @@ class Drive(Described):
         notes += [f"assumed: {', '.join(self.assumed())}"] if self.assumed() else []
         return Card(self.name, rows=list(tables.items()), notes=notes)
 
-    def to_toml(self) -> str:
-        """Write the drive as a file that `load` reads back to the same bits."""
-        return toml.write({"schema": self.schema_version} | self.to_dict())
-
 
 def merge(base: Plain, changes: Plain) -> Plain:
     """Apply changes to base values, table by table.
@@ -429,15 +364,15 @@ def merge(base: Plain, changes: Plain) -> Plain:
         key: value for key, value in changes.items() if isinstance(value, dict) and isinstance(base.get(key), dict)
     }
     kept = {key: _kept(key, base[key], own) for key, own in tables.items()}
-    return toml.merge(base | kept, changes, lambda one: isinstance(one, dict) and not has_origin(one))
+    return toml.merge(base | kept, changes, lambda one: isinstance(one, dict) and not sourced.has_origin(one))
 
 
 def _kept(table: str, old: Plain, own: Plain) -> Plain:
     """Return the values of a table that remain valid after the changes of a user."""
     dropped: set[str] = set()
-    if table == "valve" and set(FLOW_KEYS) & set(own):
-        dropped = set(FLOW_KEYS)
-    elif table == "cylinder" and own.get("kind") == "rodless":
+    if table == "valve":
+        return without_other_sizes(old, own)
+    if table == "cylinder" and own.get("kind") == "rodless":
         dropped = {"rod_diameter"}
     elif table == "friction" and own.get("law", old.get("law")) != old.get("law"):
         law = law_of(own["law"])
@@ -446,27 +381,19 @@ def _kept(table: str, old: Plain, own: Plain) -> Plain:
         dropped = set(old) - (DEPENDENCES.keys() - ({} if relaxes else {"relaxation"}))
     elif table == "flow_control":
         both = {chamber for chamber in own if isinstance(old.get(chamber), dict) and isinstance(own[chamber], dict)}
-        return old | {chamber: beside_control(old[chamber], own[chamber]) for chamber in both}
+        return old | {chamber: without_other_sizes(old[chamber], own[chamber]) for chamber in both}
     return {key: value for key, value in old.items() if key not in dropped}
 
 
-def _untouched(values: Iterable[Value], changes: Keyed) -> tuple[Value, ...]:
+def _untouched(values: Iterable[sourced.Value], changes: Keyed) -> tuple[sourced.Value, ...]:
     """Return the values of the catalogue that a user's tables do not change."""
-
-    def is_touched(key: str) -> bool:
-        at: Any = changes
-        for name in key.split("."):
-            if not isinstance(at, dict) or name not in at:
-                return False
-            at = at[name]
-        return True
-
+    touched = {one for key, _ in toml.leaves(changes) for one in toml.above(key)}
     sizes = set(FLOW_KEYS) & set(changes.get("valve", {}))
     other_law = isinstance(changes.get("friction"), dict) and "law" in changes["friction"]
     return tuple(
         value
         for value in values
-        if not is_touched(value.key)
+        if value.key not in touched
         and not (sizes and value.key in {f"valve.{size}" for size in FLOW_KEYS})
         and not (other_law and value.key.startswith("friction."))
     )

@@ -6,21 +6,23 @@ from pneudrive.describe.marks import PerChamber as _PerChamber
 from pneudrive.units import Pressure as _Pressure, UnitFloat as _UnitFloat
 
 _Given: _TypeAlias = str | float | _UnitFloat | _Mapping[str, _Any]
+from pneudrive.describe.tables.parts import Ambient
+from pneudrive.describe.tables.parts import Gas
 from _typeshed import Incomplete
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from functools import cached_property
 from pathlib import Path
-from pneudrive.arrays import Keyed as Keyed, Plain as Plain
-from pneudrive.describe.base import Described as Described, as_tables as as_tables, escaped as escaped, inline as inline
+from pneudrive.arrays import Keyed as Keyed, NamedNumbers as NamedNumbers, Plain as Plain
+from pneudrive.describe.base import as_tables as as_tables, escaped as escaped, inline as inline
 from pneudrive.describe.circuit import Circuit as Circuit
-from pneudrive.describe.files import catalogue as catalogue, provenance as provenance, toml as toml
+from pneudrive.describe.files import catalogue as catalogue, provenance as provenance, sourced as sourced, toml as toml
 from pneudrive.describe.files.provenance import Origin as Origin
-from pneudrive.describe.files.sourced import Value as Value, has_origin as has_origin
 from pneudrive.describe.formulas import written as written
 from pneudrive.describe.formulas.law import law_of as law_of
 from pneudrive.describe.marks import Positions as Positions, Signal as Signal
-from pneudrive.describe.short import TABLES as TABLES, beside_control as beside_control, expanded as expanded
+from pneudrive.describe.short import TABLES as TABLES, expanded as expanded, without_other_sizes as without_other_sizes
 from pneudrive.describe.system import (
+    DescribedSystem as DescribedSystem,
     PISTON as PISTON,
     System as System,
     drive_names as drive_names,
@@ -29,37 +31,33 @@ from pneudrive.describe.system import (
 from pneudrive.describe.tables.dependences import DEPENDENCES as DEPENDENCES
 from pneudrive.describe.tables.friction import Friction as Friction, friction_laws as friction_laws
 from pneudrive.describe.tables.parts import (
-    Ambient as Ambient,
     Cylinder as Cylinder,
     EndStop as EndStop,
-    Gas as Gas,
     Initial as Initial,
     Load as Load,
     Supply as Supply,
     Valve as Valve,
     assumed_stops as assumed_stops,
 )
-from pneudrive.describe.tables.starts import read_initial as read_initial, start_state as start_state
+from pneudrive.describe.tables.starts import (
+    StartState as StartState,
+    read_initial as read_initial,
+    start_state as start_state,
+)
 from pneudrive.describe.tables.valve_flow import FLOW_KEYS as FLOW_KEYS
 from pneudrive.errors import Problems as Problems, invalid as invalid, wrong as wrong
-from pneudrive.lazy_names import upper as upper
 from pneudrive.repr_tables import Card as Card
-from pneudrive.simulation.session import Session as Session
-from typing import Any, ClassVar, Literal
+from typing import Any, ClassVar
 
+_FLOW_SHAPE: Incomplete
 _ASSUMED: Incomplete
 
 class _FileOrTable(classmethod):
     def __get__(self, instance: Any, owner: Any = None) -> Any: ...
 
-class Drive(Described):
+class Drive(DescribedSystem):
     file_kind: ClassVar[str]
-    key_prefix: ClassVar[str]
-    picture_home: ClassVar[str]
-    schema_version: Literal[1]
     name: str
-    gas: Gas
-    ambient: Ambient
     supply: Supply
     cylinder: Cylinder
     valve: Valve
@@ -80,9 +78,9 @@ class Drive(Described):
     @property
     def dew_point_pressure_pa(self) -> float | None: ...
     @cached_property
-    def origins(self) -> tuple[Value, ...]: ...
+    def origins(self) -> tuple[sourced.Value, ...]: ...
     @property
-    def origin_of(self) -> dict[str, Value]: ...
+    def origin_of(self) -> dict[str, sourced.Value]: ...
     @property
     def component_places(self) -> list[tuple[str, str]]: ...
     @property
@@ -97,7 +95,6 @@ class Drive(Described):
     def circuit(self) -> Circuit: ...
     @cached_property
     def system(self) -> System: ...
-    def core_json(self) -> str: ...
     @property
     def commandable(self) -> dict[str, Signal | Positions | None]: ...
     @property
@@ -106,23 +103,18 @@ class Drive(Described):
     @cached_property
     def description_hash(self) -> str: ...
     def short_form(self) -> Plain: ...
-    def core_initial(self, initial: Initial | None = None) -> dict[str, float]: ...
-    def circuit_values(self, given: Initial | Mapping[str, object] | str | None) -> Plain: ...
-    def circuit_start(self, given: Initial | Mapping[str, object] | str | None) -> dict[str, float]: ...
-    def read_start(self, given: Initial | Mapping[str, object] | str | None) -> dict[str, float]: ...
-    def start(self, initial: Initial | Mapping[str, object] | str | None = None, *, rtol: float = 1e-06) -> Session: ...
+    def core_initial(self, initial: Initial | None = None) -> NamedNumbers: ...
+    def circuit_values(self, given: StartState) -> Plain: ...
+    def circuit_start(self, given: StartState) -> NamedNumbers: ...
+    def read_start(self, given: StartState) -> NamedNumbers: ...
     @property
-    def end_stop(self) -> dict[str, float]: ...
-    def sources(self) -> list[str]: ...
-    @property
-    def cited(self) -> list[str]: ...
+    def end_stop(self) -> NamedNumbers: ...
     def assumed(self) -> list[str]: ...
     def assumptions(self) -> list[tuple[str, str]]: ...
     @cached_property
     def all_assumptions(self) -> list[tuple[str, str]]: ...
     @property
     def notes(self) -> list[str]: ...
-    def to_toml(self) -> str: ...
     def __init__(
         self,
         *,
@@ -143,4 +135,4 @@ class Drive(Described):
 
 def merge(base: Plain, changes: Plain) -> Plain: ...
 def _kept(table: str, old: Plain, own: Plain) -> Plain: ...
-def _untouched(values: Iterable[Value], changes: Keyed) -> tuple[Value, ...]: ...
+def _untouched(values: Iterable[sourced.Value], changes: Keyed) -> tuple[sourced.Value, ...]: ...

@@ -15,8 +15,6 @@ from pneudrive.describe.tables.valve_flow import FLOW_KEYS
 from pneudrive.errors import DescriptionError, Problems, invalid, nearest, wrong
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
-
     from pneudrive.arrays import Keyed, Plain
 
 
@@ -144,8 +142,8 @@ def _flow_control(table: Keyed) -> Plain:
     return out
 
 
-def beside_control(old: Keyed, own: Keyed) -> Plain:
-    """Return the keys of a flow control without the sizes that the user replaces by a size of the same flow path."""
+def without_other_sizes(old: Keyed, own: Keyed) -> Plain:
+    """Return the keys of a valve or a flow control without the sizes of the flow paths that the user sizes anew."""
     given = {_path(key) for key in own} - {""}
     return {key: value for key, value in old.items() if _path(key) not in given}
 
@@ -181,8 +179,9 @@ _LINES: dict[str, tuple[str, str, Any]] = {
 
 def _join(short: Short, data: Keyed) -> None:
     """Add the default connections. Valve ports and lines named in `connections` or `plugged` are left out."""
-    lists = [data.get(key) for key in ("connections", "plugged")]
-    words = {word.strip() for text in _texts(lists) for word in text.split(ARROW)}
+    lists = (one for key in ("connections", "plugged") if isinstance(one := data.get(key), list | tuple))
+    texts = (text for one in lists for text in one if isinstance(text, str))
+    words = {word.strip() for text in texts for word in text.split(ARROW)}
     named = words | {word.partition(".")[0] for word in words if "." in word}
     has = short.components
     if "valve" in has and "supply" in has and "valve.1" not in named and _has_ports(has["valve"], "1"):
@@ -195,12 +194,6 @@ def _join(short: Short, data: Keyed) -> None:
     short.chains += [f"{name} {ARROW} cylinder.rod" for name in ("load", "spring") if name in has]
     connections = data.get("connections", ())
     short.given = len(connections) if isinstance(connections, list | tuple) else 0
-
-
-def _texts(lists: Sequence[Any]) -> Iterator[str]:
-    for one in lists:
-        if isinstance(one, list | tuple):
-            yield from (text for text in one if isinstance(text, str))
 
 
 def _has_ports(table: Keyed, *names: str) -> bool:

@@ -4,14 +4,24 @@ from __future__ import annotations
 
 import json
 import re
-from functools import lru_cache
-from typing import TYPE_CHECKING, NamedTuple
+from functools import cached_property, lru_cache
+from typing import TYPE_CHECKING, ClassVar, Literal, NamedTuple
 
+from pydantic import Field
+
+from pneudrive.describe.base import Described, inline, key_of
+from pneudrive.describe.files import toml
+from pneudrive.describe.tables.parts import Ambient, Gas
 from pneudrive.errors import DescriptionError, package_table
+from pneudrive.lazy_names import upper
+from pneudrive.references import entries as references
 
 if TYPE_CHECKING:
     from pneudrive._core import Circuit as CoreCircuit
-    from pneudrive.arrays import Plain
+    from pneudrive.arrays import Keyed, Plain
+    from pneudrive.describe.files.sourced import Value
+    from pneudrive.describe.tables.starts import StartState
+    from pneudrive.simulation.session import Session
 
     ShortNames = tuple[str, tuple[tuple[str, str], ...], bool]
 
@@ -21,8 +31,6 @@ PISTON = "cylinder"
 DRIVE_NAMES = package_table(__file__, "drive_names.toml")
 #: Name in the circuit -> name of the drive, for components other than the cylinder.
 _OUTSIDE = {full: short for short, full in DRIVE_NAMES.items() if not full.startswith(f"{PISTON}.")}
-#: Units that end the keys of a drive in SI, longest first.
-_UNITS = ("_m3_s_pa", "_w_m2_k", "_n_s_m", "_n_m", "_rad", "_m3", "_kg", "_pa", "_k", "_m", "_n")
 
 
 class System(NamedTuple):
@@ -95,34 +103,30 @@ def expanded_drive(form: Plain) -> Plain:
     choices = {"chamber_law": cylinder.pop("chamber_law", "energy-balance")}
     stops = {f"end_stop_{key}": value for key, value in cylinder.pop("end_stop", {}).items()}
     kind, spring = cylinder.pop("kind"), load.pop("spring", None)
-    components: list[Plain] = [
-        {"name": "supply", "kind": "reservoir", "numbers": _numbers(form["supply"])},
-        {"name": "valve", "kind": f"valve/{valve.pop('kind')}", "numbers": _numbers(valve)},
-        {
-            "name": PISTON,
-            "kind": f"cylinder/{kind}",
-            "numbers": _numbers(cylinder | stops),
-            "choices": choices,
-            "friction": form["friction"],
-        },
-        {"name": "load", "kind": "load", "numbers": _numbers(load)},
+    components = [
+        core_part("supply", "reservoir", form["supply"]),
+        core_part("valve", f"valve/{valve.pop('kind')}", valve),
+        core_part(
+            PISTON,
+            f"cylinder/{kind}",
+            cylinder | stops,
+            choices=choices,
+            friction=form["friction"],
+        ),
+        core_part("load", "load", load),
     ]
     rod = [f"{PISTON}.rod", "load.1"]
     if spring is not None:
-        components.append({"name": "spring", "kind": "spring", "numbers": _numbers(spring)})
+        components.append(core_part("spring", "spring", spring))
         rod.append("spring.1")
     joints = [["supply.1", "valve.1"], ["valve.4", f"{PISTON}.a"], ["valve.2", f"{PISTON}.b"], rod]
     return {"gas": form["gas"], "ambient": form["ambient"], "components": components, "joints": joints}
 
 
-def _numbers(table: Plain) -> dict[str, float]:
-    return {without_unit(key): value for key, value in table.items() if value is not None}
-
-
-@lru_cache(maxsize=256)
-def without_unit(key: str) -> str:
-    """Return a key of a drive in SI without its unit."""
-    return next((key.removesuffix(unit) for unit in _UNITS if key.endswith(unit)), key)
+def core_part(name: str, kind: str, table: Keyed, **more: object) -> Plain:
+    """Return a component in the core's form, from its table in SI, whose keys carry units."""
+    numbers = {key_of(key): value for key, value in table.items() if value is not None}
+    return {"name": name, "kind": kind, "numbers": numbers} | more
 
 
 def short_name(name: str, piston: str = PISTON) -> str:
@@ -141,3 +145,80 @@ def short_name(name: str, piston: str = PISTON) -> str:
         quantity, _, unit = rest.rpartition("_") if not rest.endswith("_kg_s") else (rest[:-5], "", "kg_s")
         return f"{quantity}_{chamber}_{unit}"
     return _OUTSIDE.get(name, name)
+
+
+class DescribedSystem(Described):
+    """Base of drives and circuits: form of the file, gas, ambient air, and the sources of values."""
+
+    #: Prefix of component names in the keys of the file.
+    key_prefix: ClassVar[str] = ""
+    picture_home: ClassVar[str] = "pneudrive.report.circuit.svg:circuit_svg"
+
+    schema_version: Literal[1] = Field(default=1, alias="schema")
+    name: str
+    gas: Gas = Gas()
+    ambient: Ambient = Ambient()
+
+    @cached_property
+    def system(self) -> System:
+        """Circuit in the core's form, and the names of its variables."""
+        raise NotImplementedError
+
+    @property
+    def origin_of(self) -> dict[str, Value]:
+        """Origins of values by their keys in the file."""
+        raise NotImplementedError
+
+    def core_json(self) -> str:
+        """Return the circuit in the core's form, in SI."""
+        return self.system.json
+
+    def start(self, initial: StartState = None, *, rtol: float = 1e-6) -> Session:
+        """Start a session of the drive or circuit. The caller advances the session in time.
+
+        Parameters
+        ----------
+        initial : Initial, dict or str, optional
+            As for `pneudrive.simulate`: start values that differ from those of the description, for a drive
+            ``"position = 50 mm"``, for a circuit ``{"left.position": "20 mm"}`` or
+            ``"left.position = 20 mm, tank = 5 bar abs"``. Valves are shut until the session's first command.
+        rtol : float
+            Relative tolerance of the solver.
+
+        Returns
+        -------
+        Session
+            See `pneudrive.simulation.session.Session`; in a circuit, inputs are ``"valve.command"``,
+            ``"left.load_force_n"``, ...
+
+        Raises
+        ------
+        CommandError
+            The tolerance is not valid.
+        DescriptionError
+            The start state does not fit the drive or circuit.
+
+        Examples
+        --------
+        >>> from pneudrive.describe import Drive
+        >>> session = Drive.load("catalogue:reference").start("position = 50 mm")
+        >>> session.set("command", 0.6)
+        >>> session.advance(0.1)
+        >>> session.read("velocity_m_s") > 0.5
+        True
+        """
+        return upper("start")(self, initial, rtol)
+
+    def sources(self) -> list[str]:
+        """Return the values with a source, as ``key = value [source]``; in a circuit, keys begin with the component."""
+        known = ((key.removeprefix(self.key_prefix), value) for key, value in self.origin_of.items())
+        return [f"{key} = {inline(value.value)} [{value.source}]" for key, value in known if value.source is not None]
+
+    @property
+    def cited(self) -> list[str]:
+        """Keys of references.bib that are sources of values."""
+        return sorted(references().keys() & {value.source for value in self.origin_of.values()})
+
+    def to_toml(self) -> str:
+        """Write the description as a file that `load` reads back to the same bits."""
+        return toml.write({"schema": self.schema_version} | self.to_dict())

@@ -6,8 +6,9 @@ Tanks describe tests of leakage, discharge and charging.
 from __future__ import annotations
 
 import json
+from contextlib import suppress
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, Literal
+from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
 
 from pydantic import BeforeValidator, Field, model_validator
 
@@ -15,8 +16,13 @@ from pneudrive.describe.base import Described
 from pneudrive.describe.components import Component, component, within_component
 from pneudrive.describe.files import toml
 from pneudrive.describe.marks import NOT_NEGATIVE, POSITIVE, Bounds, Fraction, MaybePressure, MaybeTemperature, Quantity
+from pneudrive.describe.system import core_part
+from pneudrive.describe.tables import valve_flow
 from pneudrive.describe.tables.parts import Ambient, Gas
 from pneudrive.errors import DescriptionError, invalid, wrong
+
+if TYPE_CHECKING:
+    from pneudrive.arrays import Plain
 
 #: Kind of component of a tank's tube.
 TUBE = "tube/distributed"
@@ -56,13 +62,10 @@ class TankLine(Described):
 
     @model_validator(mode="after")
     def _in_order(self) -> TankLine:
-        if not self.critical_pressure_ratio < self.linear_above:
-            b = self.critical_pressure_ratio
-            key = "line.linear_above"
-            raise wrong(key, f"{key} = {self.linear_above:g} must exceed line.critical_pressure_ratio = {b:g}")
+        valve_flow.check_shape("line", self.critical_pressure_ratio, self.linear_above)
         return self
 
-    def core(self, ambient: Ambient) -> dict[str, Any]:
+    def core(self, ambient: Ambient) -> Plain:
         """Return the line in the core's form, with pressure and temperature on the side away from the volume."""
         stated = ambient.pressure_pa if self.pressure is None else self.pressure.absolute_pa(ambient.pressure_pa)
         if not stated > 0.0:
@@ -125,9 +128,11 @@ class Tank(Described):
     @classmethod
     def is_file(cls, source: str | Path) -> bool:
         """Return whether a file describes a tank rather than a drive: it has a table [volume]."""
-        return toml.has(source, "volume")
+        with suppress(DescriptionError):  # the reader of an unreadable file will report it
+            return "volume" in toml.read(source)[0]
+        return False
 
-    def replace(self, changes: dict[str, Any]) -> Tank:
+    def replace(self, changes: Plain) -> Tank:
         """Return a checked tank with some values changed: ``{"line.conductance": "2 dm3/(s bar)"}``."""
         tables = self.to_dict()
         for key, value in changes.items():
@@ -144,7 +149,7 @@ class Tank(Described):
         said = self.volume.start_temperature_k
         return self.core_form()["volume"]["wall_temperature_k"] if said is None else said
 
-    def core_form(self) -> dict[str, Any]:
+    def core_form(self) -> Plain:
         """Return the description in the core's form, in SI."""
         ambient, line = self.ambient.core(), self.line
         volume = {"wall_temperature_k": ambient["temperature_k"]} | self.volume.stored()
@@ -161,7 +166,7 @@ class Tank(Described):
         """Return `core_form` as JSON."""
         return json.dumps(self.core_form(), sort_keys=True)
 
-    def expanded(self, leakage_m3_s_pa: float) -> dict[str, Any]:
+    def expanded(self, leakage_m3_s_pa: float) -> Plain:
         """Return the circuit of the tank in the core's form: volume, tube, line, far side of the line, and leak.
 
         Parameters
@@ -172,16 +177,16 @@ class Tank(Described):
         form = self.core_form()
         volume, line, tube = form["volume"], form["line"], form["tube"]
         # Conductance of the whole wall: a coefficient, W/(m2 K), on a wall of 1 m2.
+        numbers = {key: volume[key] for key in ("volume_m3", "wall_temperature_k")}
         wall = {"wall_area": 1.0, "heat_transfer": volume["heat_transfer_w_k"]}
-        numbers = {"volume": volume["volume_m3"], "wall_temperature": volume["wall_temperature_k"], **wall}
-        components: list[dict[str, Any]] = [{"name": "volume", "kind": "tank", "numbers": numbers}]
+        components = [core_part("volume", "tank", numbers | wall)]
         joints, at_volume = [], ["volume.1"]
         if line is not None:
-            keys = ("critical_pressure_ratio", "subsonic_index", "linear_above")
-            numbers = {"conductance": line["conductance_m3_s_pa"], **{key: line[key] for key in keys}}
-            other = {"pressure": line["pressure_pa"], "temperature": line["temperature_k"]}
-            components.append({"name": "line", "kind": "fitting", "numbers": numbers})
-            components.append({"name": "other_side", "kind": "reservoir", "numbers": other})
+            other = {key: line.pop(key) for key in ("pressure_pa", "temperature_k")}
+            components += [
+                core_part("line", "fitting", line),
+                core_part("other_side", "reservoir", other),
+            ]
             joints.append(["other_side.1", "line.1"])
             at_volume.append("line.2" if tube is None else "tube.2")
         if tube is not None:
@@ -189,7 +194,7 @@ class Tank(Described):
             joints.append(["line.2", "tube.1"])
         if leakage_m3_s_pa > 0.0:
             numbers = {"conductance": leakage_m3_s_pa, "critical_pressure_ratio": LEAK_RATIO}
-            components.append({"name": "leak", "kind": "fitting", "numbers": numbers})
+            components.append(core_part("leak", "fitting", numbers))
             joints.append(["leak.2", "ambient"])
             at_volume.append("leak.1")
         return {

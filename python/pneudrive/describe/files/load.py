@@ -2,19 +2,19 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from pneudrive.describe.circuit import Circuit
 from pneudrive.describe.components import component_class
 from pneudrive.describe.drive import Drive
-from pneudrive.describe.files import toml
+from pneudrive.describe.files import catalogue, toml
 from pneudrive.describe.kinds import component_kinds
 from pneudrive.describe.marks import table_schema
 from pneudrive.describe.short import TABLES, TUBES
 
 if TYPE_CHECKING:
     from collections.abc import Callable
-    from pathlib import Path
 
     from pneudrive.arrays import Plain
 
@@ -31,8 +31,10 @@ def load_described(source: str) -> Drive | Circuit:
     DescriptionError
         The description is not valid.
     """
-    kind = Circuit if any(toml.has(source, key) for key in OF_A_CIRCUIT) else Drive
-    return kind.load(source)
+    if source.startswith(catalogue.PREFIX):
+        return Drive.load(source)
+    tables, text = toml.read(source)
+    return _made(tables, text, Path(source)).read_from(source)
 
 
 def described_in(text: str, path: Path, allow: Callable[[Plain], object]) -> Drive | Circuit:
@@ -53,6 +55,10 @@ def described_in(text: str, path: Path, allow: Callable[[Plain], object]) -> Dri
     """
     tables = toml.parse(text, str(path))
     allow(tables)
+    return _made(tables, text, path)
+
+
+def _made(tables: Plain, text: str, path: Path) -> Drive | Circuit:
     kind = Circuit if any(key in tables for key in OF_A_CIRCUIT) else Drive
     return kind.from_tables(tables, text, path)
 

@@ -18,23 +18,19 @@ from pneudrive.errors import WrongValueError, invalid, package_table, warn, wron
 if TYPE_CHECKING:
     from collections.abc import Collection, Mapping, Sequence
 
-    from pneudrive.arrays import Plain
+    from pneudrive.arrays import NamedNumbers, Pair, Plain
 
 #: Bounds of a dew point, -80 to 60 degC: range of dryers and of the vapour pressure formula.
 DEW_POINTS = Bounds(at_least=193.15, at_most=333.15)
 
 _TABLE = package_table(__file__, "gases.toml")
+#: Ratio of specific heats and specific gas constant, J/(kg K), of gases by name. Those of air are the core's.
+GASES: dict[str, Sequence[float]] = {"air": (AIR_HEAT_CAPACITY_RATIO, AIR_GAS_CONSTANT_J_KG_K), **_TABLE["constants"]}
+#: Coefficients of the second virial coefficient and of the heat capacity over temperature, see ``gases.toml``.
+VIRIAL: dict[str, list[float]] = _TABLE["virial"]
+CAPACITY_EXCESS: dict[str, list[float]] = _TABLE["capacity_excess"]
 #: Temperatures of `CAPACITY_EXCESS`, degC.
 CAPACITY_CELSIUS: list[float] = _TABLE["capacity_celsius"]
-_GASES = {name: gas for name, gas in _TABLE.items() if name != "capacity_celsius"}
-#: Ratio of specific heats and specific gas constant, J/(kg K), of gases by name. Those of air are the core's.
-GASES: dict[str, tuple[float, float]] = {"air": (AIR_HEAT_CAPACITY_RATIO, AIR_GAS_CONSTANT_J_KG_K)}
-GASES |= {name: (gas["heat_capacity_ratio"], gas["gas_constant"]) for name, gas in _GASES.items() if name != "air"}
-#: Coefficients of the second virial coefficient and of the heat capacity over temperature, see ``gases.toml``.
-VIRIAL: dict[str, list[float]] = {name: gas["virial"] for name, gas in _GASES.items() if "virial" in gas}
-CAPACITY_EXCESS: dict[str, list[float]] = {
-    name: gas["capacity_excess"] for name, gas in _GASES.items() if "capacity_excess" in gas
-}
 
 
 def anr_density_kg_m3(heat_capacity_ratio: float, gas_constant: float) -> float:
@@ -141,7 +137,7 @@ class Ambient(Described):
         """Absolute pressure, Pa."""
         return self.pressure.value_pa
 
-    def core(self) -> dict[str, float]:
+    def core(self) -> NamedNumbers:
         """Return the table in the core's form, in SI."""
         return {"pressure_pa": self.pressure_pa, "temperature_k": self.temperature_k}
 
@@ -153,20 +149,26 @@ class Supply(Described):
     pressure: Annotated[units.Pressure, marks.StatedPressure()]
     temperature_k: MaybeTemperature = None
 
-    def core(self, ambient: Ambient) -> dict[str, float]:
+    def core(self, ambient: Ambient) -> NamedNumbers:
         """Return the table in the core's form, in SI; missing values are ambient."""
         temperature = ambient.temperature_k if self.temperature_k is None else self.temperature_k
         return {"pressure_pa": self.pressure.absolute_pa(ambient.pressure_pa), "temperature_k": temperature}
 
 
-def _not_of_a_circuit(data: Any, table: str, known: Sequence[str]) -> Any:  # noqa: ANN401 - input of any type
-    """Reject a kind that exists in circuits, but not in drive files."""
-    kind = data.get("kind") if isinstance(data, dict) else None
-    short = kind.removeprefix(f"{table}/") if isinstance(kind, str) else ""
-    if short and short not in known and any(entry["kind"] == f"{table}/{short}" for entry in _core.components()):
-        names = {"table": table, "kind": kind, "short": short, "known": " or ".join(known)}
-        raise invalid(f"{table}.kind", "describe.of-circuits", **names)
-    return data
+class _DrivePart(Described):
+    """Table of a drive file that has fewer kinds than the components of circuits."""
+
+    @model_validator(mode="before")
+    @classmethod
+    def refuse_kind_of_circuits(cls, data: Any) -> Any:  # noqa: ANN401
+        """Reject a kind that exists in circuits, but not in drive files."""
+        table, known = cls.table_name, get_args(cls.model_fields["kind"].annotation)
+        kind = data.get("kind") if isinstance(data, dict) else None
+        short = kind.removeprefix(f"{table}/") if isinstance(kind, str) else ""
+        if short and short not in known and any(entry["kind"] == f"{table}/{short}" for entry in _core.components()):
+            names = {"table": table, "kind": kind, "short": short, "known": " or ".join(known)}
+            raise invalid(f"{table}.kind", "describe.of-circuits", **names)
+        return data
 
 
 class EndStop(Described):
@@ -221,7 +223,7 @@ def _elsewhere(table: str) -> dict[str, str]:
     return {key: text.format(opened=_ELSEWHERE["opened"]) for key, text in _ELSEWHERE[table].items()}
 
 
-class Cylinder(Described):
+class Cylinder(_DrivePart):
     """Double-acting cylinder; x grows towards the end of chamber b, and chamber a grows with x.
 
     `leakage` is the sonic conductance of the gap past the piston, between the chambers; its critical pressure ratio
@@ -250,11 +252,6 @@ class Cylinder(Described):
     end_stop: EndStop = EndStop()
     chamber_law: Literal["energy-balance", "as-printed"] = "energy-balance"
 
-    @model_validator(mode="before")
-    @classmethod
-    def _of_a_circuit(cls, data: Any) -> Any:  # noqa: ANN401
-        return _not_of_a_circuit(data, "cylinder", get_args(cls.model_fields["kind"].annotation))
-
     @model_validator(mode="after")
     def _rod_fits(self) -> Cylinder:
         check_rod("cylinder", self.kind, self.bore_m, self.rod_diameter_m)
@@ -280,7 +277,7 @@ class Cylinder(Described):
         return self._areas[1]
 
     @property
-    def _areas(self) -> tuple[float, float]:
+    def _areas(self) -> Pair:
         return piston_areas(self.kind, self.bore_m, self.rod_diameter_m or 0.0)
 
 
@@ -311,7 +308,7 @@ SWITCHING = "switching-5/3"
 _TIMES, _SHARES = ("time_on", "time_off"), ("overlap", "leakage", "command")
 
 
-class Valve(Described):
+class Valve(_DrivePart):
     """5/3 valve, proportional or switching.
 
     A command u > 0 opens supply -> a and b -> exhaust with the fraction u of the conductance. u < 0 opens supply -> b
@@ -342,21 +339,13 @@ class Valve(Described):
     time_on_s: Annotated[float | None, Quantity("s", "ms", POSITIVE)] = None
     time_off_s: Annotated[float | None, Quantity("s", "ms", POSITIVE)] = None
 
-    @model_validator(mode="before")
-    @classmethod
-    def _of_a_circuit(cls, data: Any) -> Any:  # noqa: ANN401
-        return _not_of_a_circuit(data, "valve", get_args(cls.model_fields["kind"].annotation))
-
     @model_validator(mode="after")
     def _fits_together(self) -> Valve:
         valve_flow.size_given(self._sizes(), valve_flow.FLOW_KEYS, "valve.")
         if self.conductance_given is not None and "critical_pressure_ratio" not in self.model_fields_set:
             key, rule = "valve.critical_pressure_ratio", "a valve is given by C and b, or by a nominal flow, kv or cv"
             raise wrong(key, f"{key} is missing", rule=rule, remedy="Write critical_pressure_ratio = 0.3.")
-        if not self.critical_pressure_ratio < self.linear_above:
-            key = "valve.linear_above"
-            b = self.critical_pressure_ratio
-            raise wrong(key, f"{key} = {self.linear_above:g} must exceed valve.critical_pressure_ratio = {b:g}")
+        valve_flow.check_shape("valve", self.critical_pressure_ratio, self.linear_above)
         own, others = (_TIMES, _SHARES) if self.is_switching else ((), _TIMES)
         given = self.to_dict()
         for key in others:

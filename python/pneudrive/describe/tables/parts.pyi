@@ -7,9 +7,9 @@ from pneudrive.units import Pressure as _Pressure, UnitFloat as _UnitFloat
 
 _Given: _TypeAlias = str | float | _UnitFloat | _Mapping[str, _Any]
 from _typeshed import Incomplete
-from collections.abc import Collection, Mapping as Mapping, Sequence
+from collections.abc import Collection, Mapping as Mapping, Sequence as Sequence
 from pneudrive import _core as _core, constants as constants, units as units
-from pneudrive.arrays import Plain as Plain
+from pneudrive.arrays import NamedNumbers as NamedNumbers, Pair as Pair, Plain as Plain
 from pneudrive.constants import (
     AIR_GAS_CONSTANT_J_KG_K as AIR_GAS_CONSTANT_J_KG_K,
     AIR_HEAT_CAPACITY_RATIO as AIR_HEAT_CAPACITY_RATIO,
@@ -38,11 +38,10 @@ from typing import Annotated, Any, ClassVar, Literal
 
 DEW_POINTS: Incomplete
 _TABLE: Incomplete
-CAPACITY_CELSIUS: list[float]
-_GASES: Incomplete
-GASES: dict[str, tuple[float, float]]
+GASES: dict[str, Sequence[float]]
 VIRIAL: dict[str, list[float]]
 CAPACITY_EXCESS: dict[str, list[float]]
+CAPACITY_CELSIUS: list[float]
 
 def anr_density_kg_m3(heat_capacity_ratio: float, gas_constant: float) -> float: ...
 
@@ -81,7 +80,7 @@ class Ambient(Described):
 
     @property
     def pressure_pa(self) -> float: ...
-    def core(self) -> dict[str, float]: ...
+    def core(self) -> NamedNumbers: ...
     @property
     def temperature(self) -> _UnitFloat: ...
     def __init__(self, *, pressure: _Given | _Pressure = ..., temperature: _Given = ...) -> None: ...
@@ -91,12 +90,14 @@ class Supply(Described):
     pressure: units.Pressure
     temperature_k: MaybeTemperature
 
-    def core(self, ambient: Ambient) -> dict[str, float]: ...
+    def core(self, ambient: Ambient) -> NamedNumbers: ...
     @property
     def temperature(self) -> _UnitFloat | None: ...
     def __init__(self, *, pressure: _Given | _Pressure, temperature: _Given | None = ...) -> None: ...
 
-def _not_of_a_circuit(data: Any, table: str, known: Sequence[str]) -> Any: ...
+class _DrivePart(Described):
+    @classmethod
+    def refuse_kind_of_circuits(cls, data: Any) -> Any: ...
 
 class EndStop(Described):
     table_name: ClassVar[str]
@@ -120,7 +121,7 @@ _ELSEWHERE: Incomplete
 
 def _elsewhere(table: str) -> dict[str, str]: ...
 
-class Cylinder(Described):
+class Cylinder(_DrivePart):
     table_name: ClassVar[str]
     elsewhere: ClassVar[Mapping[str, str]]
     kind: Literal["rodless", "through-rod", "single-rod"]
@@ -190,7 +191,7 @@ SWITCHING: str
 _TIMES: Incomplete
 _SHARES: Incomplete
 
-class Valve(Described):
+class Valve(_DrivePart):
     table_name: ClassVar[str]
     elsewhere: ClassVar[Mapping[str, str]]
     kind: Literal["proportional-5/3", "switching-5/3"]

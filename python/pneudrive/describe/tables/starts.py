@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from math import degrees
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 from pneudrive import units
 from pneudrive.describe.connections import Joint, Port, Wiring, is_platform
@@ -14,10 +14,14 @@ from pneudrive.describe.marks import NOT_NEGATIVE, POSITIVE, Quantity, StatedPre
 from pneudrive.errors import CommandError, DescriptionError, Problems, invalid, nearest, within, wrong
 
 if TYPE_CHECKING:
+    from pneudrive._core import Circuit as CoreCircuit
     from pneudrive._core import Platform
-    from pneudrive.arrays import Array, Keyed, Plain
+    from pneudrive.arrays import Array, Keyed, NamedNumbers, Plain
     from pneudrive.describe.components import Component
     from pneudrive.describe.tables.parts import Ambient, Initial
+
+    #: A start state as users give it.
+    StartState: TypeAlias = Initial | Keyed | str | None
 
 
 # --- Start poses of platforms: positions of their legs from heave, tilt and place.
@@ -28,8 +32,6 @@ _METRES = "_m"
 CLOSED, SINGULAR = 1e-9, 1e-6
 #: Deviation from a given coordinate, m or rad, above which a pose counts as different (assumed).
 SAME = 1e-6
-REACHES = "the arm reaches from its carriage to the platform"
-NEARER = "Start nearer to half strokes."
 _LENGTH, _ANGLE = Quantity("m", "mm"), Quantity("rad", "deg")
 
 
@@ -60,15 +62,12 @@ def angles(platform: Platform, q: Array) -> Array:
     return np.where(lengths, q, 2.0 * np.arcsin(np.where(lengths, 0.0, q)))
 
 
-def start_place(initial: Mapping[str, object], name: str) -> dict[str, float]:
+def start_place(initial: Keyed, name: str) -> NamedNumbers:
     """Read the coordinates of a platform from a start table, in the core's form. Invalid values are left out."""
-    own = initial.get(name)
-    nested = own if isinstance(own, dict) else {}
-    found = {}
-    for axis in "xyz":
-        value = initial.get(f"{name}.{axis}", nested.get(axis))
+    given, found = dict(leaves(initial)), {}
+    for axis in filter(lambda axis: f"{name}.{axis}" in given, "xyz"):
         with suppress(DescriptionError):  # the start itself names a wrong value
-            found |= {} if value is None else {f"near_{axis}": float(_LENGTH.read(value))}
+            found[f"near_{axis}"] = float(_LENGTH.read(given[f"{name}.{axis}"]))
     return found
 
 
@@ -96,145 +95,6 @@ def singular_values(platform: Platform, q: Array) -> Array:
     return np.asarray(np.linalg.svd(own["jacobian"] @ np.linalg.inv(triangle), compute_uv=False), dtype=float)
 
 
-class Poses:
-    """Start poses of the platforms of a circuit.
-
-    Parameters
-    ----------
-    platforms : sequence of Platform
-    """
-
-    def __init__(self, platforms: Sequence[Platform]) -> None:
-        self.platforms = platforms
-        self.keys = {
-            f"{platform.name}.{key}": (platform, k)
-            for platform in platforms
-            for k, key in enumerate(coordinate_keys(platform))
-        }
-        self.legs = {f"{leg}.position": platform for platform in platforms for leg in platform.legs}
-        self.given: dict[str, dict[int, float]] = {}
-
-    def take(self, table: Mapping[str, object]) -> None:
-        """Read the poses of one table. Poses or leg positions of a later table replace earlier ones.
-
-        Raises
-        ------
-        DescriptionError
-            If a value has another dimension, or a table has both a pose and positions of legs.
-        """
-        own: dict[str, dict[int, float]] = {}
-        for key, value in table.items():
-            if key not in self.keys:
-                continue
-            platform, k = self.keys[key]
-            mark = _LENGTH if platform.coordinates[k].endswith(_METRES) else _ANGLE
-            try:
-                own.setdefault(platform.name, {})[k] = mark.read(value)
-            except DescriptionError as error:
-                raise within(error, key, "initial.") from None
-        for key in table:
-            platform = self.legs.get(key)
-            if platform is None:
-                continue
-            if platform.name in own:
-                raise invalid(f"initial.{key}", "describe.pose-and-legs", key=key, platform=platform)
-            self.given.pop(platform.name, None)
-        for name, pose in own.items():
-            self.given[name] = self.given.get(name, {}) | pose
-
-    def positions(self, otherwise: Callable[[str], float], stroke: Callable[[str], float | None]) -> dict[str, float]:
-        """Return the positions of the legs in the poses, by name.
-
-        Parameters
-        ----------
-        otherwise : callable
-            Default position of a leg, m. Coordinates without a start value follow from these defaults.
-        stroke : callable
-            Stroke of a leg, m, or None.
-
-        Raises
-        ------
-        DescriptionError
-            A leg would leave its stroke.
-        """
-        import numpy as np
-
-        out = {}
-        for platform in self.platforms:
-            given = self.given.get(platform.name)
-            if given is None:
-                continue
-            q, _ = platform.locate(np.array([[otherwise(leg) for leg in platform.legs]]))
-            pose = angles(platform, np.asarray(q)[0])
-            pose[list(given)] = list(given.values())
-            q = coordinates(platform, pose)[None]
-            positions = platform.evaluate(q, np.zeros_like(q))["positions"][0]
-            first = f"initial.{platform.name}.{coordinate_keys(platform)[min(given)]}"
-            for leg, x in zip(platform.legs, positions, strict=True):
-                longest = stroke(leg)
-                if not np.isfinite(x):
-                    what = f"the arm of {leg} does not reach the pose {pose_text(platform, pose)}"
-                    raise wrong(first, what, rule=REACHES, remedy=NEARER)
-                if longest is not None and not 0.0 <= x <= longest:
-                    what = f"the pose of {platform.name} needs {leg}.position = {1e3 * x:.4g} mm"
-                    rule = f"0 mm <= position <= {1e3 * longest:g} mm"
-                    raise wrong(first, what, rule=rule, remedy=NEARER)
-                out[leg] = float(x)
-        return out
-
-    def check(self, positions: Callable[[str], float], given: Collection[str]) -> None:
-        """Check that the legs reach the start pose, and that the pose is not singular.
-
-        Parameters
-        ----------
-        positions : callable
-            Start position of a leg, m.
-        given : collection of str
-            Keys of the start values that a user has given.
-
-        Raises
-        ------
-        DescriptionError
-            No pose has these positions, or the pose is singular.
-        """
-        import numpy as np
-
-        for platform in self.platforms:
-            own = [f"{leg}.position" for leg in platform.legs] + [
-                key for key in self.keys if self.keys[key][0] is platform
-            ]
-            key = next((f"initial.{key}" for key in own if key in given), f"components.{platform.name}")
-            x = np.array([[positions(leg) for leg in platform.legs]])
-            q, residuals = platform.locate(x)
-            found = platform.evaluate(q, np.zeros_like(q))["positions"][0]
-            if not np.all(np.isfinite(found)):
-                leg = platform.legs[int(np.argmin(np.isfinite(found)))]
-                at = f"{leg}.position = {1e3 * positions(leg):.4g} mm"
-                raise invalid(key, "describe.arm-too-short", leg=leg, name=platform.name, at=at, rule=REACHES)
-            if residuals[0] > CLOSED:
-                i = int(np.argmax(np.abs(found - x[0])))
-                at = ", ".join(f"{1e3 * one:.6g}" for one in x[0])
-                what = f"no pose of {platform.name} has its legs at {at} mm"
-                rule = f"in the nearest pose {platform.legs[i]}.position = {1e3 * found[i]:.6g} mm"
-                remedy = f"Start from a pose, for instance {next(iter(self.keys))}, or from other positions."
-                raise wrong(key, what, rule=rule, remedy=remedy)
-            pose = angles(platform, q)[0]
-            if any(abs(pose[k] - value) > SAME for k, value in self.given.get(platform.name, {}).items()):
-                what = (
-                    f"the start positions of the legs of {platform.name} also fit the pose {pose_text(platform, pose)}"
-                )
-                is_delta = platform.coordinates[0] == "x_m" and len(platform.joints[2]) > 0
-                remedy = f"Write the pose into [initial] of the file, or near = {{ z = ... }} at {platform.name}."
-                remedy = remedy if is_delta else NEARER
-                raise wrong(key, what, rule="a run starts from the positions of the legs", remedy=remedy)
-            least = float(singular_values(platform, q)[0, -1])
-            if not least > SINGULAR:
-                what = f"the start of {platform.name} is singular: {pose_text(platform, pose)}"
-                rule = f"smallest singular value above {SINGULAR:g}, here {least:.1g}"
-                remedy = "Start from another pose, or change the joints: here the legs do not hold the platform."
-                raise wrong(key, what, rule=rule, remedy=remedy)
-
-
 # --- Start state: given values, and derived values for all others.
 
 PRESSURE, TEMPERATURE, POSITION, VELOCITY = "pressure_pa", "temperature_k", "position_m", "velocity_m_s"
@@ -249,32 +109,35 @@ _MARKS: dict[str, tuple[str, Quantity | StatedPressure]] = {
 
 
 class Starts:
-    """Start values of a circuit.
+    """Start values of a circuit, and start poses of its platforms.
 
     Parameters
     ----------
-    names : sequence of str
-        Names in the core: ``left.position_m``, ``left.a.pressure_pa``, ``tank.pressure_pa``.
+    core : Circuit
+        Circuit of the core, with the names of start values: ``left.position_m``, ``left.a.pressure_pa``.
     components : mapping
     wiring : Wiring
     ambient : Ambient
-    platforms : sequence of Platform
     """
 
     def __init__(
         self,
-        names: Sequence[str],
+        core: CoreCircuit,
         components: Mapping[str, Component],
         wiring: Wiring,
         ambient: Ambient,
-        platforms: Sequence[Platform] = (),
     ) -> None:
-        self.names, self.components, self.wiring, self.ambient = names, components, wiring, ambient
-        self.platforms = platforms
-        self._guides = {platform.name for platform in platforms}
+        self.names, self.platforms = core.start_names, core.platforms
+        self.components, self.wiring, self.ambient = components, wiring, ambient
+        #: Coordinate of a platform as users write it -> the platform, and the number of the coordinate.
+        self.coordinates = {
+            f"{platform.name}.{key}": (platform, k)
+            for platform in self.platforms
+            for k, key in enumerate(coordinate_keys(platform))
+        }
         self.places: dict[str, Joint] = {}  # port or component with gas -> its joint
-        self.keys = {_key(name): name for name in names}  # key as users write it -> name in the core
-        for name in names:
+        self.keys = {_key(name): name for name in self.names}  # key as users write it -> name in the core
+        for name in self.names:
             of, _, last = name.rpartition(".")
             if last == PRESSURE:
                 self.keys[of] = name
@@ -291,7 +154,7 @@ class Starts:
                     self.keys.setdefault(other.id, f"{of}.{PRESSURE}")
                 return
 
-    def values(self, *given: Keyed) -> tuple[dict[str, float], list[str]]:
+    def values(self, *given: Keyed) -> tuple[NamedNumbers, list[str]]:
         """Return all start values in SI, and notes on the assumed ones.
 
         Parameters
@@ -304,15 +167,13 @@ class Starts:
         DescriptionError
             A key is unknown, or a value does not fit.
         """
-        known: dict[str, float] = {}
-        problems = Problems()
-        poses = Poses(self.platforms)
-        for table in given:
+        tables, problems = [list(leaves(table)) for table in given], Problems()
+        known: NamedNumbers = {}
+        poses: dict[str, dict[int, float]] = {}
+        for table in tables:
             with problems.caught():
-                poses.take(dict(leaves(table)))
-        for key, value in (entry for table in given for entry in leaves(table)):
-            if key in poses.keys:
-                continue
+                self._take_poses(dict(table), poses)
+        for key, value in (entry for table in tables for entry in table if entry[0] not in self.coordinates):
             with problems.caught():
                 name = self.keys.get(key)
                 if name is None:
@@ -320,10 +181,10 @@ class Starts:
                     raise wrong(f"initial.{key}", f"{key} is not a start value", remedy=nearest(key, own))
                 known[name] = self._read(key, name, value)
         problems.tell()
-        notes: list[str] = []
-        for leg, x in poses.positions(lambda leg: self._moved(leg, POSITION, {}), self._stroke_of_leg).items():
-            known |= {name: x for own in self._moves_with(leg) if (name := f"{own}.{POSITION}") in self.names}
-        out = dict(known)
+        for platform in self.platforms:
+            if platform.name in poses:
+                known |= self._legs_in(platform, poses[platform.name])
+        out, notes = dict(known), list[str]()
         for name in self.names:
             if name not in out:
                 of, _, last = name.rpartition(".")
@@ -332,18 +193,131 @@ class Starts:
                 else:
                     moves = last in (POSITION, VELOCITY)
                     out[name] = self._moved(of, last, known) if moves else self._otherwise(of, last)
-        given_keys = {key for table in given for key, _ in leaves(table)}
-        poses.check(
-            lambda leg: next(out[n] for own in self._moves_with(leg) if (n := f"{own}.{POSITION}") in out), given_keys
-        )
+        for platform in self.platforms:
+            self._check_pose(platform, out, poses.get(platform.name, {}), {key for table in tables for key, _ in table})
         return out, notes
+
+    def _take_poses(self, table: Keyed, poses: dict[str, dict[int, float]]) -> None:
+        """Read the poses of one table into `poses`: platform -> number of a coordinate -> m or rad.
+
+        Poses or leg positions of a later table replace earlier ones.
+
+        Raises
+        ------
+        DescriptionError
+            If a value has another dimension, or a table has both a pose and positions of legs.
+        """
+        own: dict[str, dict[int, float]] = {}
+        for key in filter(self.coordinates.__contains__, table):
+            platform, k = self.coordinates[key]
+            mark = _LENGTH if platform.coordinates[k].endswith(_METRES) else _ANGLE
+            own.setdefault(platform.name, {})[k] = _read(mark, key, table[key])
+        legs = {f"{leg}.position": platform for platform in self.platforms for leg in platform.legs}
+        for key, platform in ((key, legs[key]) for key in table if key in legs):
+            if platform.name in own:
+                raise invalid(f"initial.{key}", "describe.pose-and-legs", key=key, platform=platform)
+            poses.pop(platform.name, None)
+        for name, pose in own.items():
+            poses[name] = poses.get(name, {}) | pose
+
+    def _legs_in(self, platform: Platform, given: Mapping[int, float]) -> NamedNumbers:
+        """Return the positions of the legs in a pose, m, by the name of the start value.
+
+        Coordinates that are not given follow from the default positions of the legs.
+
+        Raises
+        ------
+        DescriptionError
+            A leg would leave its stroke.
+        """
+        import numpy as np
+
+        q, _ = platform.locate(np.array([[self._moved(leg, POSITION, {}) for leg in platform.legs]]))
+        pose = angles(platform, np.asarray(q)[0])
+        pose[list(given)] = list(given.values())
+        q = coordinates(platform, pose)[None]
+        first = f"initial.{platform.name}.{coordinate_keys(platform)[min(given)]}"
+        out: NamedNumbers = {}
+        for leg, x in zip(platform.legs, platform.evaluate(q, np.zeros_like(q))["positions"][0], strict=True):
+            masses = list(self._moves_with(leg))
+            longest = next((stroke for one in masses if (stroke := self._stroke(one)) is not None), None)
+            if not np.isfinite(x):
+                raise invalid(first, "describe.pose-out-of-reach", leg=leg, pose=pose_text(platform, pose))
+            if longest is not None and not 0.0 <= x <= longest:
+                raise invalid(
+                    first,
+                    "describe.pose-outside-stroke",
+                    name=platform.name,
+                    leg=leg,
+                    x_mm=1e3 * x,
+                    longest_mm=1e3 * longest,
+                )
+            out |= {name: float(x) for one in masses if (name := f"{one}.{POSITION}") in self.names}
+        return out
+
+    def _check_pose(
+        self,
+        platform: Platform,
+        starts: NamedNumbers,
+        pose_given: Mapping[int, float],
+        given: set[str],
+    ) -> None:
+        """Check that the legs reach the start pose, and that the pose is not singular.
+
+        Parameters
+        ----------
+        platform : Platform
+        starts : mapping
+            All start values, SI.
+        pose_given : mapping
+            Given coordinates, m or rad, by their number.
+        given : set of str
+            Keys of the start values that a user has given.
+
+        Raises
+        ------
+        DescriptionError
+            No pose has these positions, or the pose is singular.
+        """
+        import numpy as np
+
+        own = [f"{leg}.position" for leg in platform.legs]
+        own += [key for key, (guide, _) in self.coordinates.items() if guide is platform]
+        key = next((f"initial.{key}" for key in own if key in given), f"components.{platform.name}")
+        names = ([f"{one}.{POSITION}" for one in self._moves_with(leg)] for leg in platform.legs)
+        x = np.array([[next(starts[name] for name in each if name in starts) for each in names]])
+        q, residuals = platform.locate(x)
+        found = platform.evaluate(q, np.zeros_like(q))["positions"][0]
+        pose = angles(platform, q)[0]
+        about = {
+            "name": platform.name,
+            "pose": pose_text(platform, pose),
+        }
+        if not np.all(np.isfinite(found)):
+            i = int(np.argmin(np.isfinite(found)))
+            raise invalid(key, "describe.arm-too-short", leg=platform.legs[i], at_mm=1e3 * x[0, i], **about)
+        if residuals[0] > CLOSED:
+            i = int(np.argmax(np.abs(found - x[0])))
+            raise invalid(
+                key,
+                "describe.no-such-pose",
+                at=", ".join(f"{1e3 * one:.6g}" for one in x[0]),
+                leg=platform.legs[i],
+                nearest_mm=1e3 * found[i],
+                example=next(iter(self.coordinates)),
+                **about,
+            )
+        if any(abs(pose[k] - value) > SAME for k, value in pose_given.items()):
+            is_delta = platform.coordinates[0] == "x_m" and len(platform.joints[2]) > 0
+            remedy = f"Write the pose into [initial] of the file, or near = {{ z = ... }} at {platform.name}."
+            raise invalid(key, "describe.second-pose", remedy=remedy if is_delta else None, **about)
+        least = float(singular_values(platform, q)[0, -1])
+        if not least > SINGULAR:
+            raise invalid(key, "describe.singular-start", least=least, bound=SINGULAR, **about)
 
     def _read(self, key: str, name: str, given: object) -> float:
         of, _, last = name.rpartition(".")
-        try:
-            value = start_mark(last)[1].read(given)
-        except DescriptionError as error:
-            raise within(error, key, "initial.") from None
+        value = _read(start_mark(last)[1], key, given)
         if isinstance(value, units.Pressure):
             absolute = value.absolute_pa(self.ambient.pressure_pa)
             if not absolute > 0.0:
@@ -358,17 +332,13 @@ class Starts:
     def _stroke(self, of: str) -> float | None:
         return getattr(self.components.get(of), "stroke_m", None)
 
-    def _stroke_of_leg(self, leg: str) -> float | None:
-        """Return the stroke of the cylinder at a leg, joined directly or by a coupling."""
-        return next((stroke for name in self._moves_with(leg) if (stroke := self._stroke(name)) is not None), None)
-
     def _otherwise(self, of: str, last: str) -> float:
         """Return the default of a start value: mid stroke, at rest, ambient temperature, or contact age zero."""
         if last == TEMPERATURE:
             return self.ambient.temperature_k
         return 0.5 * (self._stroke(of) or 0.0) if last == POSITION else 0.0
 
-    def _moved(self, of: str, last: str, known: Mapping[str, float]) -> float:
+    def _moved(self, of: str, last: str, known: NamedNumbers) -> float:
         """Return position or velocity of a mass.
 
         A mass without a stroke moves like the mass to which it is coupled.
@@ -385,13 +355,13 @@ class Starts:
         found = [of]
         for name in found:  # grows during the loop
             yield name
-            if name in self._guides:
+            if any(name == platform.name for platform in self.platforms):
                 continue
             for port in [port for port in self.wiring.at if port.id == name] or self.wiring.ports(name):
                 joint = self.wiring.at.get(port) if port.kind == "axis" else None
                 found += [one.component for one in joint.ports if one.component not in found] if joint else []
 
-    def _pressure(self, of: str, known: Mapping[str, float], notes: list[str]) -> float:
+    def _pressure(self, of: str, known: NamedNumbers, notes: list[str]) -> float:
         """Return the settled pressure of gas: the nearest known pressure along paths that are always open."""
         if of not in self.places:
             notes = []  # of a cell within a component: the note of the joint covers it
@@ -427,6 +397,13 @@ class Starts:
                 found += [other for other in dict.fromkeys(self.wiring.across(joint, always)) if other not in found]
 
 
+def _read(mark: Quantity | StatedPressure, key: str, given: object) -> Any:  # noqa: ANN401 - a number or a pressure
+    try:
+        return mark.read(given)
+    except DescriptionError as error:
+        raise within(error, key, "initial.") from None
+
+
 def _key(name: str) -> str:
     """Return the key of a start value, without its unit."""
     of, _, last = name.rpartition(".")
@@ -442,7 +419,7 @@ def _bar(value: float) -> str:
     return f"{value * 1e-5:.6g} bar abs"
 
 
-def read_initial(given: Initial | Mapping[str, object] | str | None) -> Initial | None:
+def read_initial(given: StartState) -> Initial | None:
     """Read a start state: an `Initial`, its keys as a dict, or ``"position = 50 mm, pressure_a = 3 bar abs"``.
 
     Raises
@@ -464,7 +441,7 @@ def read_initial(given: Initial | Mapping[str, object] | str | None) -> Initial 
     return Initial.model_validate(dict(start_values(given)))
 
 
-def start_values(given: object) -> Mapping[str, object]:
+def start_values(given: object) -> Keyed:
     """Read start values of a circuit: a dict, or ``"left.position = 20 mm, tank = 5 bar abs"``.
 
     Raises
@@ -483,7 +460,7 @@ def start_values(given: object) -> Mapping[str, object]:
     return given or {}
 
 
-def start_table(given: object) -> Mapping[str, object]:
+def start_table(given: object) -> Keyed:
     """Return a start state of a drive or a circuit as a table, in the form in which it was given."""
     return given.to_dict() if hasattr(given, "to_dict") else start_values(given)  # type: ignore[union-attr]
 

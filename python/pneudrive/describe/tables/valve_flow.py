@@ -85,6 +85,18 @@ def size_given(sizes: Sequence[float | None], keys: Sequence[str], of: str) -> N
         raise invalid(f"{of}{given[-1]}", "describe.flow-twice", count=len(given), given=", ".join(given))
 
 
+def check_shape(table: str, critical_pressure_ratio: float, linear_above: float) -> None:
+    """Check that the flow of a table's path becomes linear above its critical pressure ratio only.
+
+    Raises
+    ------
+    DescriptionError
+    """
+    if not critical_pressure_ratio < linear_above:
+        other = f"{table}.critical_pressure_ratio = {critical_pressure_ratio:g}"
+        raise wrong(f"{table}.linear_above", f"{table}.linear_above = {linear_above:g} must exceed {other}")
+
+
 def conductance_of(sizes: Sequence[float | None], b: float, m: float) -> float:
     """Return C in m3/(s Pa) from the given size; `sizes` are in the order of `FLOW_KEYS`."""
     c, flow, kv, cv = sizes
