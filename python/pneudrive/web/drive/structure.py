@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import re
+from copy import copy
 from itertools import count, pairwise
 from typing import Any, Literal
 
 import tomlkit
 from pydantic import StrictStr
 
+from pneudrive.arrays import Plain
 from pneudrive.describe.circuit import Circuit
-from pneudrive.describe.connections import AMBIENT, ARROW, PILOT_LINE, Port, Wiring
+from pneudrive.describe.connections import AMBIENT, ARROW, PILOT_LINE, Part, Port, Wiring
 from pneudrive.describe.kinds import component_kinds
 from pneudrive.errors import CommandError, package_table
 from pneudrive.web.drive.run_request import described_at
@@ -19,15 +21,14 @@ from pneudrive.web.workspace import Workspace
 ASSUMED = "Assumed initial values."
 
 
-def starters() -> dict[str, dict[str, Any]]:
-    """Return the initial values of a component of each kind."""
-    return package_table(__file__, "starters.toml")
+#: Kind -> initial values of a component.
+STARTERS = package_table(__file__, "starters.toml")
 
 
-def kinds() -> dict[str, Any]:
+def kinds() -> Plain:
     """Return the kinds that can be added, with their titles and ports."""
     every = component_kinds()
-    has_gas = {one: every[one]["ports"][0]["kind"] == "gas" for one in starters()}
+    has_gas = {one: every[one]["ports"][0]["kind"] == "gas" for one in STARTERS}
     return {"kinds": [{"kind": one, "title": every[one]["title"], "gas": gas} for one, gas in has_gas.items()]}
 
 
@@ -39,7 +40,7 @@ def restructured(
     one: StrictStr = "",
     other: StrictStr = "",
     kind: StrictStr = "",
-) -> dict[str, str]:
+) -> Plain:
     """Return the text of a circuit after a change of its structure, and the component to show.
 
     Parameters
@@ -89,9 +90,8 @@ class CircuitText:
     """
 
     def __init__(self, text: str, wiring: Wiring) -> None:
-        self.document, self.wiring = tomlkit.parse(text), wiring
-        self.added: dict[str, str] = {}  # name -> kind
-        self.gone: set[str] = set()
+        self.document, self.wiring = tomlkit.parse(text), copy(wiring)
+        self.wiring.parts = self.parts = dict(wiring.parts)
         if "connections" not in self.document:
             raise CommandError("this file has no list of connections", remedy="Edit the text instead.")
 
@@ -100,21 +100,14 @@ class CircuitText:
         return self.document["connections"]
 
     def ports(self, name: str) -> list[Port]:
-        """Return the ports of an existing or added component."""
-        if name in self.added:
-            every = component_kinds()[self.added[name]]["ports"]
-            return [
-                Port(name, one["name"], one["kind"], one["holds"], one["exhaust"], one["optional"]) for one in every
-            ]
-        if name not in self.wiring.parts:
+        """Return the ports of a component."""
+        if name not in self.parts:
             raise CommandError(f'there is no component "{name[:80]}"')
         return self.wiring.ports(name)
 
     def _ends(self, chain: str) -> list[tuple[Any, Any]]:
         """Return the ports at which a chain enters and leaves each of its components."""
         words = _words(chain)
-        if any(word.partition(".")[0] in self.added for word in words):
-            return []
         last = len(words) - 1
         return [self.wiring.element(word, "", first=at == 0, last=at == last) for at, word in enumerate(words)]
 
@@ -127,13 +120,13 @@ class CircuitText:
 
     def add(self, kind: str, at: str) -> str:
         """Add a component at a port and return its name. With two ports, it is inserted into the line of the port."""
-        if kind not in starters():
-            raise CommandError(f"{kind[:80]!r} cannot be added here", rule=", ".join(starters()))
+        if kind not in STARTERS:
+            raise CommandError(f"{kind[:80]!r} cannot be added here", rule=", ".join(STARTERS))
         port = self._port(at)
         stem = re.sub(r"[^a-z_]", "_", kind.partition("/")[0])
-        taken = {*self.wiring.parts, *self.document["components"]}  # type: ignore[misc]
+        taken = {*self.parts, *self.document["components"]}  # type: ignore[misc]
         name = next(one for number in count(1) if (one := f"{stem}_{number}" if number > 1 else stem) not in taken)
-        self.added[name] = kind
+        self.parts[name] = Part(component_kinds()[kind], name)
         own = [one for one in self.ports(name) if not one.is_pilot and one.kind == port.kind]
         if not own:
             raise CommandError(f"{kind} has no port for {port.kind}", remedy=f"Choose another port than {at}.")
@@ -151,7 +144,7 @@ class CircuitText:
         table = tomlkit.table()
         table.comment(ASSUMED)
         table["kind"] = kind
-        for key, value in starters()[kind].items():
+        for key, value in STARTERS[kind].items():
             table[key] = _inline(value)
         table.add(tomlkit.nl())
         self.document["components"][name] = table  # type: ignore[index]
@@ -209,7 +202,6 @@ class CircuitText:
     def remove(self, name: str) -> None:
         """Remove a component. The lines at both sides of a component of two ports become one line."""
         self.ports(name)
-        self.gone.add(name)
         for number in reversed(range(len(self._chains))):
             chain = str(self._chains[number])
             words = _words(chain)
@@ -229,6 +221,7 @@ class CircuitText:
         initial: Any = self.document.get("initial", {})
         for key in [one for one in initial if one.partition(".")[0] == name]:
             del initial[key]
+        del self.parts[name]
 
     def written(self) -> str:
         """Return the text.
@@ -236,24 +229,14 @@ class CircuitText:
         Ports that need a line, but have none, are plugged, or opened to the ambient air if gas flows through the
         component. A plug at a restriction would make a joint without any gas volume.
         """
-        named: set[str] = set()
         if not len(self._chains):
             raise CommandError("no connection would remain", remedy="Remove the file instead.")
-        every = [*(one for one in self.wiring.parts if one not in self.gone), *self.added]
-        for chain in self._chains:
-            words = _words(str(chain))
-            last = len(words) - 1
-            for at, word in enumerate(words):
-                name, dot, _ = word.partition(".")
-                if dot or name not in every:
-                    named.add(word)
-                    continue
-                through = [one for one in self.ports(name) if _is_needed(one)]
-                used = through if len(through) < 2 else through[(at == 0) : 2 - (at == last)]
-                named |= {one.id for one in used}
+        ends = [end for chain in self._chains for both in self._ends(str(chain)) for end in both]
+        named = {end.id for end in ends if isinstance(end, Port)}
         before = [str(one) for one in self.document.get("plugged", ())]
-        needed = {one.id: one for name in every for one in self.ports(name) if one.kind == "gas" and _is_needed(one)}
-        plugged = [one for one in before if one not in named and one.partition(".")[0] in every]
+        every = [one for name in self.parts for one in self.ports(name)]
+        needed = {one.id: one for one in every if one.kind == "gas" and _is_needed(one)}
+        plugged = [one for one in before if one not in named and one.partition(".")[0] in self.parts]
         for one, port in needed.items():
             if one in named or one in plugged:
                 continue
