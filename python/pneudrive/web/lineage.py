@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
 from itertools import count
 from pathlib import Path
 from posixpath import dirname, join, normpath
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from pydantic import TypeAdapter
 
@@ -26,24 +26,19 @@ from pneudrive.files.inputs import INPUTS
 from pneudrive.files.tables import open_table
 from pneudrive.friction.friction_map import read_map
 from pneudrive.identify.dynamic.result import DriveFit
-from pneudrive.identify.files import AnyFit, read_fit
+from pneudrive.identify.files import read_fit
 from pneudrive.identify.static.model import CANDIDATES, NOT_SLIDING, FrictionModel, fingerprint
 from pneudrive.identify.static.result import FrictionFit, values_of_fit
 from pneudrive.signals.drive_recording import NEEDED, read_drive_recordings, read_volume_recordings
 from pneudrive.signals.layout import stem
 from pneudrive.signals.load import hashes_of
 from pneudrive.simulation.trajectory import columns_in
-from pneudrive.web.drive.run_request import described_at
+from pneudrive.web.drive.run_request import Described, described_at
 from pneudrive.web.jobs import RESULTS
 from pneudrive.web.measured.recordings import by_stem, layout_in, needs_none
 from pneudrive.web.workspace import Listed, Workspace, is_in_catalogue
 
-if TYPE_CHECKING:
-    import xarray as xr
-
-
 MOST_CHECKED, MOST_TRACED = 300, 3000  # newest files that are read: for all results, for one result
-MOST_DRIVES = 500  # kept drives
 MOST_INPUTS = 100  # of one result
 MOST_BYTES = 200_000_000  # largest recording whose samples are hashed for a page
 SAME, CHANGED, DIFFERS, MISSING, NAMED, UNREAD = "same", "changed", "differs", "missing", "named", "unread"
@@ -93,14 +88,14 @@ class Lineage:
         return by_stem(self.files.values())
 
     def _read(self, read: Callable[..., Any], path: str, *of: Any) -> Any:  # noqa: ANN401 - content of the file, or its hash
-        """Call a cached function of workspace, path and time of the last change for a file."""
-        return read(self.workspace, path, *of, self.files[path].changed if path in self.files else 0.0)
+        """Return the result of a function for a file, kept until the file changes. None for an unreadable file."""
+        return _kept(read, self.workspace, path, self.files[path].changed if path in self.files else 0.0, *of)
 
     def edges(self, path: str) -> list[Edge]:
         """Return the inputs of a file, each with its present file."""
         if path not in self._edges:
-            inputs = self._read(_inputs, path, self.files[path].kind) if path in self.files else ()
-            self._edges[path] = [self._edge(one, path) for one in inputs]
+            inputs = self._read(_inputs, path, self.files[path].kind) if path in self.files else None
+            self._edges[path] = [self._edge(one, path) for one in inputs or ()]
         return self._edges[path]
 
     def _edge(self, one: Edge, of: str) -> Edge:
@@ -123,26 +118,32 @@ class Lineage:
         alike = self._recordings.get(stem(Path(one.name)), []) if one.kind == "recording" else []
         return next((path for path in near if path in self.files), alike[0] if len(alike) == 1 else "")
 
-    def _digests(self, kind: str, path: str, of: str) -> frozenset[str]:
+    def _digests(self, kind: str, path: str, of: str) -> Collection[str]:
         """Return the hashes by which a result may name an input; empty if the file cannot be read."""
         if kind == "friction map":
-            table, fit = self._read(map_at, path), self._read(fit_at, of)
+            fit = self._read(read_fit, of)
             with suppress(PneudriveError, LookupError):
-                if table is not None and fit is not None:
+                if fit is not None:
+                    table = _map_at(self.workspace.folder(path), self.files[path].changed)
                     values = values_of_fit(table, fit.provenance)
-                    return frozenset(["" if values is None else fingerprint(values)])
+                    return ["" if values is None else fingerprint(values)]
         elif kind == "drive":
             with suppress(OSError, PneudriveError):
-                described = self._read(drive_at, path) or described_at(self.workspace, path)
-                return frozenset([described.description_hash, described.circuit.description_hash])
+                described = self._described(path)
+                return [described.description_hash, described.circuit.description_hash]
         elif kind != "recording" or self.files[path].size <= MOST_BYTES:
-            return self._read(_hashes, path, kind)
-        return frozenset()
+            return self._read(_hashes, path, kind, self.workspace) or ()
+        return ()
+
+    def _described(self, path: str) -> Described:
+        """Return the drive or circuit of a file, or the drive with the values of a fit."""
+        return self._read(_identified, path) or described_at(self.workspace, path)
 
     def drive_of(self, path: str) -> tuple[str, Drive | None]:
         """Return file and drive of a result's drive; "" and None if the file is missing or has changed."""
         place = next((edge.path for edge in self.edges(path) if edge.kind == "drive" and edge.state == SAME), "")
-        return place, self._read(drive_at, place) if place else None
+        described = self._described(place) if place else None
+        return place, described if isinstance(described, Drive) else None
 
     def why_stale(self, path: str, seen: tuple[str, ...] = ()) -> list[str]:
         """Return the names of changed inputs of a result, and of changed inputs of its inputs."""
@@ -189,7 +190,7 @@ class Lineage:
         if kind == "drive" and len(set(others)) == 1:
             start = next((edge.path for edge in self.edges(others[0]) if edge.kind == "drive"), "")
             return {"kind": "apply", "fit": others[0], "drive": start, "out": out} if start else None
-        fit = self._read(fit_at, path) if kind == "fit" else None
+        fit = self._read(read_fit, path) if kind == "fit" else None
         if isinstance(fit, DriveFit) and drive and recordings:
             free = ", ".join(name for name in fit.values if name in fit.free)
             return {"kind": "identify", **request, "free": free, "out": out}
@@ -216,71 +217,46 @@ def _law(fit: FrictionFit) -> str:
 # --- Contents of files, kept until a file changes.
 
 
-@lru_cache(maxsize=2 * MOST_TRACED)
-def fit_at(workspace: Workspace, path: str, _changed: float) -> AnyFit | None:
-    """Return a fit, or None for another file."""
-    with suppress(PneudriveError):
-        return read_fit(workspace.path(path))
+@lru_cache(maxsize=6 * MOST_TRACED)
+def _kept(read: Callable[..., Any], workspace: Workspace, path: str, _changed: float, *of: Any) -> Any:  # noqa: ANN401 - of the function
+    with suppress(OSError, PneudriveError):
+        return read(workspace.folder(path), *of)
     return None
 
 
-def drive_at(workspace: Workspace, name: str, changed: float) -> Drive | None:
-    """Return the drive of a file, or of a fit. None for another file, or one that is not valid."""
-    with suppress(PneudriveError):
-        if not is_in_catalogue(name) and fit_at(workspace, name, changed) is not None:
-            return _identified_at(workspace, name, changed)
-        described = described_at(workspace, name)
-        return described if isinstance(described, Drive) else None
-    return None
+#: Friction map of a path, kept with the time of its last change.
+_map_at = lru_cache(maxsize=64)(lambda path, _changed: read_map(path))
 
 
-@lru_cache(maxsize=MOST_DRIVES)
-def _identified_at(workspace: Workspace, path: str, changed: float) -> Drive | None:
+def _identified(path: Path) -> Drive | None:
     """Return the drive with the values of a fit. None if the search of the fit has not converged."""
-    fit = fit_at(workspace, path, changed)
-    if isinstance(fit, DriveFit) and isinstance(fit.start, Drive) and fit.converged:
-        return fit.apply()
-    return None
+    fit = read_fit(path)
+    return fit.apply() if isinstance(fit, DriveFit) and isinstance(fit.start, Drive) and fit.converged else None
 
 
-@lru_cache(maxsize=64)
-def map_at(workspace: Workspace, path: str, _changed: float) -> xr.Dataset | None:
-    """Return a friction map, or None for another file."""
-    with suppress(PneudriveError):
-        return read_map(workspace.path(path))
-    return None
-
-
-@lru_cache(maxsize=2 * MOST_TRACED)
-def _hashes(workspace: Workspace, path: str, kind: str, changed: float) -> frozenset[str]:
+def _hashes(path: Path, kind: str, workspace: Workspace) -> Collection[str]:
     """Return the hashes by which results name a file: of its values, its samples, or its bytes.
 
     Friction maps refer to the file of a recording, and other results to its samples.
     """
-    digests = frozenset[str]()
+    if kind == "fit":
+        return [read_fit(path).identified_as({}).fit]
+    if kind != "recording":
+        return [hashlib.sha256(path.read_bytes()).hexdigest()]
+    digests = hashes_of(path)
     with suppress(OSError, PneudriveError):
-        match kind:
-            case "fit":
-                fit = fit_at(workspace, path, changed)
-                return frozenset() if fit is None else frozenset([fit.identified_as({}).fit])
-            case "recording":
-                place = workspace.path(path)
-                digests |= hashes_of(place)
-                layout = layout_in(workspace, place)
-                if layout is not None and layout.kind == "fixed-volume":
-                    return digests | {read_volume_recordings(place, layout)[0].sha256}
-                if layout is not None or needs_none(place):
-                    return digests | {read_drive_recordings(place, layout, needed=NEEDED[:2], gaps=True)[0].sha256}
-            case _:
-                return frozenset([hashlib.sha256(workspace.path(path).read_bytes()).hexdigest()])
+        layout = layout_in(workspace, path)
+        if layout is not None and layout.kind == "fixed-volume":
+            return digests | {read_volume_recordings(path, layout)[0].sha256}
+        if layout is not None or needs_none(path):
+            return digests | {read_drive_recordings(path, layout, needed=NEEDED[:2], gaps=True)[0].sha256}
     return digests
 
 
-@lru_cache(maxsize=2 * MOST_TRACED)
-def _inputs(workspace: Workspace, path: str, kind: str, _changed: float) -> tuple[Edge, ...]:
+def _inputs(path: Path, kind: str) -> tuple[Edge, ...]:
     """Return the inputs that a file lists; empty for a file that is not a result."""
     try:
-        about = ABOUT[kind](workspace.folder(path)) if kind in ABOUT else {}
+        about = ABOUT[kind](path) if kind in ABOUT else {}
         inputs = _EDGES.validate_python(about.get(INPUTS, []))
     except (PneudriveError, LookupError, TypeError, ValueError, AttributeError):
         return ()
