@@ -10,6 +10,7 @@ import shutil
 from collections.abc import AsyncIterator
 from pathlib import Path
 
+from pneudrive.arrays import Plain
 from pneudrive.errors import CommandError
 from pneudrive.files.writing import alone_in
 from pneudrive.web.workspace import TABLES, Workspace
@@ -87,7 +88,7 @@ def rename(workspace: Workspace, path: str, to: str) -> None:
         place.unlink(missing_ok=True)
 
 
-def with_own_layout(workspace: Workspace, path: str, text: str) -> dict[str, str]:
+def with_own_layout(workspace: Workspace, path: str, text: str) -> Plain:
     """Move a recording and its layout into a separate folder. Return its new name.
 
     A layout is valid for all recordings of its folder, so a recording of another rig needs another folder.
@@ -118,7 +119,7 @@ def with_own_layout(workspace: Workspace, path: str, text: str) -> dict[str, str
     return {"path": f"{own}/{place.name}"}
 
 
-def add_example(workspace: Workspace) -> dict[str, str]:
+def add_example(workspace: Workspace) -> Plain:
     """Copy the shipped recordings with their layout into a new folder; return the name of the first one."""
     folder = workspace.folder(EXAMPLE)
     files = [SHIPPED / "layout.toml", *sorted((SHIPPED / "friction").glob("*.xz"))]

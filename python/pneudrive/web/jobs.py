@@ -11,7 +11,7 @@ import signal
 import subprocess
 import threading
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
@@ -118,7 +118,7 @@ class PageJob:
     process: subprocess.Popen[bytes]
     log: Path
     folder: Path
-    cancelled: bool = field(default=False)
+    cancelled: bool = False
 
     @property
     def state(self) -> str:

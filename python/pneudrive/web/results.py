@@ -7,6 +7,7 @@ from contextlib import suppress
 from typing import Any
 
 from pneudrive import results
+from pneudrive.arrays import Plain
 from pneudrive.campaign.storage.folder import ABOUT, CYCLES
 from pneudrive.describe.drive import Drive
 from pneudrive.describe.files import toml
@@ -57,7 +58,7 @@ def view_at(workspace: Workspace, path: str) -> View:
         raise CommandError.of("web.incomplete", value=str(error), path=path) from None
 
 
-def sent_view(workspace: Workspace, path: str) -> dict[str, Any]:
+def sent_view(workspace: Workspace, path: str) -> Plain:
     """Return the view of a result as data."""
     return view_at(workspace, path).data()
 
@@ -68,7 +69,7 @@ MOST_FILES, MOST_VALUES = 200, 3  # newest files with a line; values in a line
 VERDICTS: dict[State, str] = {"good": "in order", "open": "open", "bad": "needs you"}
 
 
-def headlines(workspace: Workspace) -> dict[str, str]:
+def headlines(workspace: Workspace) -> Plain:
     """Return a line for each of the newest files, by their names."""
     out = {}
     for one in sorted(workspace.files(), key=lambda one: -one.changed)[:MOST_FILES]:

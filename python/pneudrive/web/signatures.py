@@ -6,11 +6,11 @@ Arguments, options and defaults are those of the command's function.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import cache
 from importlib import import_module
 from inspect import Parameter, signature
-from pathlib import Path
 from posixpath import basename, dirname
 from typing import Any
 
@@ -33,7 +33,6 @@ from pneudrive.web.messages import keywords, python, words, wrong_request
 from pneudrive.web.workspace import DESCRIPTIONS, TABLES, Workspace, is_in_catalogue
 
 MOST_RECORDINGS = 500
-LAYOUT = "layout"  # missing from a recording whose channels are not known
 #: Kind of an input -> suffixes of its files.
 FILES = {"map": (".parquet", ".csv"), **dict.fromkeys(("model", "fit", "task"), DESCRIPTIONS)}
 TYPES = {"flag": bool, "recordings": list, "number": int}
@@ -130,27 +129,25 @@ def _check_recordings(given: list[Any], workspace: Workspace, hint: str) -> None
     if not 0 < len(given) <= MOST_RECORDINGS or not all(isinstance(name, str) for name in given):
         raise CommandError("no recording is named", remedy="Choose at least one.")
     for name in given:
-        path = workspace.path(name, TABLES)
-        if not path.is_file():
-            raise CommandError(f"there is no recording {name}")
-        missing = _missing(path, workspace, hint)
-        if missing == [LAYOUT]:
-            raise CommandError(f"{name} has no layout in the workspace", remedy="Propose a layout and accept it.")
-        if missing:
-            raise CommandError.of("web.channels", name=name, missing=", ".join(missing))
+        _check_channels(name, workspace, hint)
 
 
-def _missing(path: Path, workspace: Workspace, hint: str) -> list[str]:
-    """Return the needed channels that a recording does not have; only ``layout`` if its channels are unknown."""
+def _check_channels(name: str, workspace: Workspace, hint: str) -> None:
+    """Reject a recording that does not have the needed channels, or whose channels are unknown."""
+    path = workspace.path(name, TABLES)
+    if not path.is_file():
+        raise CommandError(f"there is no recording {name}")
     if path.suffix in SUFFIXES:
         columns = columns_in(path, NEEDED)
         if is_trajectory(path) if hint == "rig" else len(columns) == len(NEEDED):
-            return []
+            return
     layout = layout_in(workspace, path)
     if layout is None:
-        return [LAYOUT]
+        raise CommandError(f"{name} has no layout in the workspace", remedy="Propose a layout and accept it.")
     known = layout.tree.get("columns", {})
-    return [] if hint == "rig" else [role for role in (meaning(name)[0] for name in NEEDED) if role not in known]
+    missing = [role for role in (meaning(column)[0] for column in NEEDED) if role not in known]
+    if missing and hint != "rig":
+        raise CommandError.of("web.channels", name=name, missing=", ".join(missing))
 
 
 @dataclass(frozen=True)
@@ -255,15 +252,13 @@ def _offered(workspace: Workspace, hint: str) -> list[str]:
     for file in files:
         is_run = basename(file.path).startswith("run-") and dirname(file.path) in validations
         if file.kind == "recording" and not is_run and len(paths) < MOST_RECORDINGS:
-            try:
-                missing = _missing(workspace.path(file.path, TABLES), workspace, hint)
-            except PneudriveError:  # a damaged file is not offered
-                continue
-            paths += [] if missing else [file.path]
+            with suppress(PneudriveError):  # a damaged file, too, is not offered
+                _check_channels(file.path, workspace, hint)
+                paths.append(file.path)
     return paths
 
 
-def copied_job(workspace: Workspace, given: Plain) -> dict[str, str]:
+def copied_job(workspace: Workspace, given: Plain) -> Plain:
     """Return a job as lines of a shell and as Python."""
     job = _job(given, workspace)
     return {"command": job.command, "python": job.python}

@@ -128,10 +128,11 @@ class Workspace:
 
     def check_named(self, name: str, tables: dict[str, Any]) -> None:
         """Reject a description that names a file outside the workspace. Names are relative to its folder."""
+        from pneudrive.describe.files.toml import leaves
         from pneudrive.describe.formulas.written import FILE_PREFIX
 
-        for given in _texts(tables):
-            if given.startswith(FILE_PREFIX):
+        for _, given in leaves(tables, is_inner=lambda value: isinstance(value, dict | list)):
+            if isinstance(given, str) and given.startswith(FILE_PREFIX):
                 beside = posixpath.join(posixpath.dirname(name), given.removeprefix(FILE_PREFIX).strip())
                 self.path(posixpath.normpath(beside), DESCRIPTIONS)
 
@@ -285,14 +286,6 @@ def safe(name: str) -> str:
 
 def _refused(name: object) -> CommandError:
     return CommandError.of("web.refused", name=str(name)[:80])
-
-
-def _texts(value: object) -> Iterator[str]:
-    if isinstance(value, str):
-        yield value
-    elif isinstance(value, dict | list):
-        for inner in value.values() if isinstance(value, dict) else value:
-            yield from _texts(inner)
 
 
 @lru_cache(maxsize=MOST_FILES)
