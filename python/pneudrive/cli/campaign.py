@@ -54,10 +54,21 @@ def plan(protocol: str, *, rig: str = "default") -> None:
     --------
     pneudrive campaign plan quick-look --rig default
     """
+    typer.echo(plans.show(plan_of(protocol, rig)))
+
+
+def plan_of(protocol: str | Path, rig: str) -> plans.Plan:
+    """Return the plan of a protocol on a rig.
+
+    Raises
+    ------
+    ProtocolError, RigError
+        The protocol or the rig cannot be read, or a cycle of the plan breaks a limit of the rig.
+    """
     content = protocols.read_protocol(protocol)
     with interface.closed_after(rig_file.load_rig(rig, content.seed)) as bench:
         preflight.check_levels(content, bench)
-        typer.echo(plans.show(plans.lay_out(content, bench.identity(), bench.limits())))
+        return plans.lay_out(content, bench.identity(), bench.limits())
 
 
 def run(

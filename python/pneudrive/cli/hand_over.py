@@ -22,9 +22,7 @@ with used_later(__name__):
     from pneudrive.identify import export as friction_export
     from pneudrive.identify import files
     from pneudrive.identify.static import fit as static_fits
-    from pneudrive.report import control as control_pages
-    from pneudrive.report import page as pages
-    from pneudrive.report import recordings as recordings_page
+    from pneudrive.report import control, page, recordings
     from pneudrive.studies.bracha import reproduction
 
 #: Tools that take a whole drive, and those that take its friction.
@@ -148,8 +146,8 @@ def demo(*, out: Path = Path("out")) -> None:
     """
     folder = terminal.writable_folder(out)
     measurements = MEASUREMENTS if MEASUREMENTS.is_dir() else SHIPPED
-    recordings = sorted([*measurements.glob("friction/*.csv*"), *measurements.glob("repeatability/*.csv*")])
-    found = characterisation.characterise_recordings(recordings)
+    files_of = sorted([*measurements.glob("friction/*.csv*"), *measurements.glob("repeatability/*.csv*")])
+    found = characterisation.characterise_recordings(files_of)
     for name in ("map.parquet", "map.csv"):
         friction_map.write_map(found.friction_map, folder / name)
     fits, _ = static_fits.fit_characterisation(found)
@@ -158,11 +156,11 @@ def demo(*, out: Path = Path("out")) -> None:
             by_law["stribeck"].to_toml(folder / static_fits.fit_file(group))
     made = reproduction.reproduce(folder / reproduction.FOLDER)
     axis = pn.control.run(pn.Circuit.load(AXIS), "super-twisting", reference="sine 60 mm 1 Hz around 250 mm")
-    controlled = pages.view_section("controlled-axis", control_pages.view_of_controlled_run(axis), synthetic=True)
-    report = recordings_page.recordings_report(found, fits, made)
+    controlled = page.view_section("controlled-axis", control.view_of_controlled_run(axis), synthetic=True)
+    report = recordings.recordings_report(found, fits, made)
     report = replace(report, sections=[*report.sections[:-1], controlled, report.sections[-1]])
-    page = report.write(folder)
+    written = report.write(folder)
     typer.echo(f"{report.title}: {len(found.results)} recordings")
     for number, line in enumerate(report.lines, 1):
         typer.echo(f"{number}. {line.text}")
-    typer.echo(f"\nReport: {page.resolve()}")
+    typer.echo(f"\nReport: {written.resolve()}")

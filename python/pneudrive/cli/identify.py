@@ -21,8 +21,7 @@ from pneudrive.lazy_names import used_later
 
 with used_later(__name__):
     from pneudrive import numbers, units
-    from pneudrive.campaign.planning import next_points, protocol
-    from pneudrive.campaign.planning import plan as plans
+    from pneudrive.campaign.planning import next_points, plan, protocol
     from pneudrive.campaign.running import live
     from pneudrive.describe.files import load, toml
     from pneudrive.files import inputs
@@ -436,7 +435,7 @@ def design(
     identity, envelope = machine.identity(), machine.limits()
 
     def seconds_of(text: str) -> float:
-        return plans.lay_out(protocol.parse_protocol(text), identity, envelope).time_s
+        return plan.lay_out(protocol.parse_protocol(text), identity, envelope).time_s
 
     if stops:
         stop_plan = dwell_models.design_stops(stops, 1.0, stops=points or 12, noise_n=found.statistics["rms_n"])
@@ -445,13 +444,13 @@ def design(
     else:
         limits = next_points.limits_of(found, identity, envelope)
         longest_s = quantity("--time", time, "s") if time else None
-        plan = partial(pn.next_measurements, found, limits, criterion=criterion)
-        proposal = plan(points=points or None, seconds=longest_s)
+        propose = partial(pn.next_measurements, found, limits, criterion=criterion)
+        proposal = propose(points=points or None, seconds=longest_s)
         text = proposal.protocol()
         for _ in range(FITS):  # a cycle takes longer than its strokes
             if longest_s is None or (ratio := seconds_of(text) / longest_s) <= 1.0:
                 break
-            proposal = plan(seconds=FIT_FRACTION * proposal.seconds / ratio)
+            proposal = propose(seconds=FIT_FRACTION * proposal.seconds / ratio)
             text = proposal.protocol()
         show_view(replace(proposal.view(), notes=_shared_errors(found, proposal)))
     typer.echo(f'the protocol takes {live.duration(seconds_of(text))} on "{identity.name}"')

@@ -27,12 +27,10 @@ with used_later(__name__):
     from pneudrive.identify.static import fit as static_fits
     from pneudrive.identify.static import result as fit_results
     from pneudrive.report import campaign as campaign_page
-    from pneudrive.report import comparison as comparison_page
-    from pneudrive.report import layout_figure, render
+    from pneudrive.report import comparison, layout_figure, render
     from pneudrive.report import recordings as recordings_page
     from pneudrive.signals import layout as layouts
-    from pneudrive.signals import load
-    from pneudrive.signals import proposal as proposals
+    from pneudrive.signals import load, proposal
     from pneudrive.simulation import trajectory
     from pneudrive.studies.bracha import reproduction
     from pneudrive.validate import motion
@@ -62,23 +60,23 @@ def layout(file: Path, *, out: Path | None = None) -> None:
     --------
     pneudrive layout bench.csv --out layout.toml
     """
-    proposal = proposals.propose_layout(file, watch())
+    found = proposal.propose_layout(file, watch())
     if out is None:
-        typer.echo(proposal.text)
+        typer.echo(found.text)
     else:
-        trajectory.write_whole(out, proposal.text)
+        trajectory.write_whole(out, found.text)
     picture = out.with_suffix(".png") if out is not None else Path(f"{layouts.stem(file)}.layout.png")
-    layout_figure.write_layout_figure(proposal, picture)
-    if not proposal.problem:
-        what = "a fixed volume" if proposal.kind == "fixed-volume" else f"a {proposal.kind}"
-        strokes = f": {len(proposal.strokes)} strokes" if proposal.strokes else ""
+    layout_figure.write_layout_figure(found, picture)
+    if not found.problem:
+        what = "a fixed volume" if found.kind == "fixed-volume" else f"a {found.kind}"
+        strokes = f": {len(found.strokes)} strokes" if found.strokes else ""
         sys.stderr.write(f"A recording of {what}{strokes}; check the lines marked guess.\n")
-    if proposal.unused:
-        sys.stderr.write(f"Not used: {', '.join(proposals.families(proposal.unused))}.\n")
+    if found.unused:
+        sys.stderr.write(f"Not used: {', '.join(proposal.families(found.unused))}.\n")
     sys.stderr.write("".join(f"{path}\n" for path in (out, picture) if path is not None))
-    if proposal.problem:
-        before = "" if proposal.asks else "the proposed layout does not read the file yet: "
-        raise RecordingError.of("signals.open-layout", where=str(file), problem=f"{before}{proposal.problem}")
+    if found.problem:
+        before = "" if found.asks else "the proposed layout does not read the file yet: "
+        raise RecordingError.of("signals.open-layout", where=str(file), problem=f"{before}{found.problem}")
 
 
 def characterise(
@@ -210,13 +208,13 @@ def compare(
         raise CommandError("a campaign cannot be compared with itself", value=str(first), remedy="Give two folders.")
     tell = watch().tell
     sides = [characteristics.campaign_friction(folder, choice(), progress=tell) for folder in (first, second)]
-    comparison = pn.compare_campaigns(*sides)
+    compared = pn.compare_campaigns(*sides)
     folder = writable_folder(out)
-    written = files.write_comparison(comparison, folder / "comparison.toml")
-    page = comparison_page.write_comparison_report(comparison, folder)
+    written = files.write_comparison(compared, folder / "comparison.toml")
+    page = comparison.write_comparison_report(compared, folder)
     named = zip("AB", sides, strict=True)
     show_lines(*(f"{letter}: {side.folder} ({side.name}, {len(side.cycles)} cycles)" for letter, side in named))
-    show_view(comparison.view())
+    show_view(compared.view())
     show_paths(written, page)
 
 

@@ -21,8 +21,7 @@ from pneudrive.lazy_names import upper, used_later
 with used_later(__name__):
     from pneudrive import platforms, report
     from pneudrive.describe.files import load
-    from pneudrive.ensemble import design as designs
-    from pneudrive.ensemble import many, variation
+    from pneudrive.ensemble import design, many, variation
     from pneudrive.files import csv_tables, tables
     from pneudrive.identify import files as fits
     from pneudrive.identify.follow import fit as motion_fits
@@ -215,8 +214,8 @@ def _design(drive: pn.Drive | pn.Circuit, vary: Sequence[str], members: int | No
             if members is None:
                 raise CommandError("--members is missing", remedy="Give the number of members to draw from the fit.")
             return pn.EnsembleDesign.posterior(fits.read_fit(path), members, seed=seed)
-        return designs.design_of(_table(drive, path), members)
-    return designs.design_of(pairs_in("--vary", vary, "load.mass = uniform(1 kg, 2 kg)"), members, seed)
+        return design.design_of(_table(drive, path), members)
+    return design.design_of(pairs_in("--vary", vary, "load.mass = uniform(1 kg, 2 kg)"), members, seed)
 
 
 def _table(drive: pn.Drive | pn.Circuit, path: Path) -> dict[str, Any]:

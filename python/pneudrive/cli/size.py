@@ -21,8 +21,7 @@ with used_later(__name__):
     from pneudrive.describe.files import load
     from pneudrive.report import datasheet as sheet_page
     from pneudrive.simulation import trajectory
-    from pneudrive.sizing import result as results
-    from pneudrive.sizing import search
+    from pneudrive.sizing import result, search
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -72,7 +71,7 @@ def size(
     show_view(found.view())
     if out is not None:
         page = found.report(out)
-        tables = (out / name for name in (results.TABLE, results.SUMMARY, results.REASONS))
+        tables = (out / name for name in (result.TABLE, result.SUMMARY, result.REASONS))
         show_paths(*sorted(out.glob("*.toml")), *tables, page)
     if found.interrupted:
         raise typer.Exit(EXIT_INTERRUPTED)

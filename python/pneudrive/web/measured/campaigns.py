@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-import getpass
 import math
 import threading
 import time
 from contextlib import suppress
+from functools import cache
 from pathlib import Path
 
 from pneudrive.arrays import Plain
 from pneudrive.campaign.cycle import Head
 from pneudrive.campaign.running.live import read_live
 from pneudrive.campaign.status import Status, preliminary_frictions, status_of
-from pneudrive.campaign.storage.control import REQUESTS, ask, holder
+from pneudrive.campaign.storage.control import REQUESTS, ask, holder, user
 from pneudrive.campaign.storage.folder import CYCLES, LOG
 from pneudrive.errors import CommandError
 from pneudrive.web.jobs import READY, RIG, protocol_named
@@ -34,17 +34,11 @@ def planned(workspace: Workspace, protocol: object = None) -> Plain:
     CommandError, ProtocolError
         As for `campaign_job`, or a cycle of the plan breaks a limit of the rig.
     """
-    from pneudrive.campaign.planning.plan import lay_out, show
-    from pneudrive.campaign.planning.preflight import check_levels
-    from pneudrive.campaign.planning.protocol import read_protocol
-    from pneudrive.rig.interface import closed_after
-    from pneudrive.rig.rig_file import load_rig
+    from pneudrive.campaign.planning.plan import show
+    from pneudrive.cli.campaign import plan_of
 
     name = protocol_named(protocol, workspace)
-    asked = read_protocol(name if name in READY else workspace.path(name, DESCRIPTIONS))
-    with closed_after(load_rig(RIG, asked.seed)) as bench:
-        check_levels(asked, bench)
-        plan = lay_out(asked, bench.identity(), bench.limits())
+    plan = plan_of(name if name in READY else workspace.path(name, DESCRIPTIONS), RIG)
     lines = {"command": shell("campaign plan", name, rig=RIG), "python": python("plan", rig=RIG, protocol=name)}
     return {"text": show(plan), "time_s": plan.time_s, "cycles": len(plan.planned), **lines}
 
@@ -107,17 +101,13 @@ class WatchedCampaign:
         self._status = status
 
 
-class WatchedCampaigns(dict[Path, WatchedCampaign]):
-    """Campaigns that the page has shown, by folder."""
-
-    def __init__(self, _: Workspace) -> None:
-        super().__init__()
+#: The campaign of each folder that the page has shown.
+_watched = cache(WatchedCampaign)
 
 
 def shown_campaign(workspace: Workspace, path: str) -> Plain:
     """Return the state of a campaign."""
-    folder = workspace.folder(path)
-    return workspace.state(WatchedCampaigns).setdefault(folder, WatchedCampaign(folder)).about()
+    return _watched(workspace.folder(path)).about()
 
 
 def running_cycle(workspace: Workspace, path: str) -> bytes:
@@ -144,7 +134,7 @@ def ask_campaign(workspace: Workspace, path: str, control: bool, word: object = 
         raise CommandError("this server shows campaigns but does not control them", remedy=CONTROL)
     if word not in REQUESTS:
         raise CommandError(f"{word!r} is not a request", rule=", ".join(REQUESTS))
-    ask(folder, str(word), f"{getpass.getuser()}, from the page")
+    ask(folder, str(word), f"{user()}, from the page")
 
 
 def _groups(points: list[tuple[Head, float]], ambient_pa: float) -> list[Plain]:
