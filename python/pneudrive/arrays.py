@@ -15,6 +15,8 @@ Bools: TypeAlias = NDArray[np.bool_]
 Ints: TypeAlias = NDArray[np.int64]
 #: Two arrays: values and derivatives, or lower and upper ends.
 ArrayPair: TypeAlias = tuple[Array, Array]
+#: Columns of a table.
+Columns: TypeAlias = dict[str, Array]
 #: Lower and upper end.
 Interval: TypeAlias = tuple[float, float]
 #: Two numbers: one for each chamber, or the coordinates of a point.

@@ -82,7 +82,7 @@ class Explorer:
     def answer(self, asked: Keyed) -> bytes:
         """Simulate with the changes in a message, and return the encoded curves for the widget."""
         from pneudrive.web.drive.run_request import RunLimit
-        from pneudrive.web.live import frame_of
+        from pneudrive.web.live import frame_of, panels_of
         from pneudrive.web.messages import pack, problems_of
 
         changes = dict(asked.get("changes") or {})
@@ -96,7 +96,7 @@ class Explorer:
             error = wrong
         else:
             self.changes = changes
-            return frame_of(done, int(asked.get("pixels", 1000)), head, {})
+            return frame_of(done, panels_of(done), int(asked.get("pixels", 1000)), head, {})
         return pack({**head, "problems": problems_of(error)}, {})
 
     def _repr_mimebundle_(self, **options: Any) -> Any:  # noqa: ANN401 - what a notebook takes

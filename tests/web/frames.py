@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from pneudrive.web.messages import Array
+from pneudrive.arrays import Array
 
 
 def unpack(frame: bytes) -> tuple[dict[str, Any], dict[str, Array]]:

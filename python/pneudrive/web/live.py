@@ -89,9 +89,10 @@ def answer(workspace: Workspace, message: str, limit: RunLimit | None = None) ->
         request = ExtrasRequest.of(asked)
         described = request.described(workspace)
         run = request.run_of(described, workspace, limit)
-        shown = [name for panel in PANELS for name in _of_panel(run, panel)[:MOST_CURVES]]
+        panels = panels_of(run)
+        shown = [curve["column"] for panel in panels for curve in panel["curves"]]
         head, arrays = request.answer(workspace, described, run, shown, limit)
-        return frame_of(run, request.pixels, {"number": number, "path": path, **head}, arrays)
+        return frame_of(run, panels, request.pixels, {"number": number, "path": path, **head}, arrays)
     except Cancelled:
         error: PneudriveError = CommandError(
             f"the run took longer than {(limit or RunLimit()).seconds:g} s on the clock",
@@ -113,24 +114,22 @@ def _read(message: str) -> Any:  # noqa: ANN401 - plain data
         raise CommandError("the request is not JSON", remedy="Reload the page.") from None
 
 
-def _of_panel(run: Run, panel: list[str]) -> list[str]:
-    return [name for name in run.columns if [*_quantity(name)] == panel[:2]]
+def panels_of(run: Run) -> list[Plain]:
+    """Return the panels of a run with their curves. Panels without a column are left out."""
+    panels = []
+    for *quantity, title in PANELS:
+        if every := [name for name in run.columns if [*_quantity(name)] == quantity]:
+            size, unit = readable(quantity[1])
+            curves = [{"column": name, "label": _label(name)} for name in every[:MOST_CURVES]]
+            left_out = len(every) - len(curves)
+            panels.append({"title": title, "unit": unit, "size": size, "curves": curves, "left_out": left_out})
+    return panels
 
 
-def frame_of(run: Run, pixels: int, head: Plain, beside: Plain) -> bytes:
+def frame_of(run: Run, panels: Sequence[Plain], pixels: int, head: Plain, beside: Plain) -> bytes:
     """Pack the drawn data of a run: time and the columns of its panels, in SI, with notes."""
-    columns, panels = {"time_s": run.columns["time_s"]}, []
-    for panel in PANELS:
-        _, si_unit, title = panel
-        every = _of_panel(run, panel)
-        if not every:
-            continue
-        names = every[:MOST_CURVES]
-        size, unit = readable(si_unit)
-        curves = [{"column": name, "label": _label(name)} for name in names]
-        left_out = len(every) - len(names)
-        panels.append({"title": title, "unit": unit, "size": size, "curves": curves, "left_out": left_out})
-        columns |= {name: run.columns[name] for name in names}
+    names = (curve["column"] for panel in panels for curve in panel["curves"])
+    columns = {name: run.columns[name] for name in ("time_s", *names)}
     about = run.provenance
     impacts = about["impacts"]
     told = {"warnings": about["warnings"], "impacts": impacts[:MOST_IMPACTS], "assumed": len(about["assumed"])}
@@ -139,11 +138,9 @@ def frame_of(run: Run, pixels: int, head: Plain, beside: Plain) -> bytes:
     # Air needs the gas of the description, which the run does not have.
     told["leading"] = plain_data([one for one in run_view(run.columns, about).leading_values if one.key != "air"])
     told |= {"steps": about["statistics"]["steps"], "samples": len(columns["time_s"]), "synthetic": True}
-    ends = {name: float(values[-1]) for name, values in columns.items()}
-    return pack(
-        {**head, **told, "panels": panels, "ends": ends, "hash": about["description_hash"]},
-        {**drawn_columns(columns, pixels), **beside},
-    )
+    ends = {name: values[-1] for name, values in columns.items()}
+    head |= {**told, "panels": panels, "ends": ends, "hash": about["description_hash"]}
+    return pack(head, {**drawn_columns(columns, pixels), **beside})
 
 
 def events_of(run: Run, impacts: Sequence[Keyed]) -> list[Plain]:
@@ -155,7 +152,7 @@ def events_of(run: Run, impacts: Sequence[Keyed]) -> list[Plain]:
         moving = np.flatnonzero(sign)
         turns = moving[1:][np.diff(sign[moving]) != 0]
         gaps = np.flatnonzero(np.diff(moving) > LONG_REST)
-        out += [(float(time[at]), "reversal") for at in turns] + [(float(time[moving[at] + 1]), "rest") for at in gaps]
+        out += [(time[at], "reversal") for at in turns] + [(time[moving[at] + 1], "rest") for at in gaps]
     return [{"time_s": at, "what": what} for at, what in sorted(set(out))[:MOST_EVENTS]]
 
 

@@ -7,7 +7,6 @@ bytes, which the page reads in place.
 from __future__ import annotations
 
 import json
-import math
 import shlex
 import struct
 import zlib
@@ -15,25 +14,22 @@ from traceback import print_exception
 from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import AfterValidator, BaseModel, FiniteFloat, StrictInt, StrictStr, ValidationError, WrapValidator
 
+from pneudrive.arrays import Keyed, Plain
 from pneudrive.errors import CommandError, package_table
 from pneudrive.figures import plain_data
 from pneudrive.web.workspace import safe
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
-
     from typing_extensions import Self
 
-Array = NDArray[Any]
 ALIGNED = 8
 LONGEST_NAME = 200  # longest name in a message
 TYPES = {"float32": "<f4", "float64": "<f8"}
 
 
-def pack(head: Mapping[str, Any], arrays: Mapping[str, Array], *, drawn: bool = False) -> bytes:
+def pack(head: Keyed, arrays: Keyed, *, drawn: bool = False) -> bytes:
     """Pack a head and arrays of 32- or 64-bit floats.
 
     The head gets ``arrays``: name, type (``"f4"`` or ``"f8"``), offset after the head and length of each. Infinite
@@ -65,7 +61,7 @@ def pack(head: Mapping[str, Any], arrays: Mapping[str, Array], *, drawn: bool = 
     return b"".join([struct.pack("<I", len(text)), text, *blocks])
 
 
-def problems_of(error: Any) -> list[dict[str, Any]]:  # noqa: ANN401 - a PneudriveError
+def problems_of(error: Any) -> list[Plain]:  # noqa: ANN401 - a PneudriveError
     """Return an error and its sub-errors as plain data: file, line, what, value, rule and remedy."""
     out = []
     for one in error.each():
@@ -82,11 +78,6 @@ def problems_of(error: Any) -> list[dict[str, Any]]:  # noqa: ANN401 - a Pneudri
             }
         )
     return out
-
-
-def number(value: object) -> float | None:
-    """Return a number for JSON, which supports neither infinity nor NaN."""
-    return float(value) if isinstance(value, int | float) and math.isfinite(value) else None
 
 
 #: Exceptions caused by a missing key, a value of another kind, or damaged bytes.
@@ -142,7 +133,7 @@ class PageRequest(BaseModel):
     model_config = {"frozen": True, "extra": "ignore"}
 
     @classmethod
-    def of(cls, given: Mapping[str, Any]) -> Self:
+    def of(cls, given: Keyed) -> Self:
         """Read a request.
 
         Raises

@@ -13,7 +13,6 @@ from pydantic import Field, StrictStr, field_validator
 
 from pneudrive.describe.tables.geometry import chamber_volumes, double_acting
 from pneudrive.errors import CommandError, PneudriveError
-from pneudrive.figures import plain_data
 from pneudrive.platforms import Platform, platforms
 from pneudrive.platforms.kinematics import motion_of, platform_outputs, pose_columns
 from pneudrive.progress import Watch
@@ -23,17 +22,14 @@ from pneudrive.units import parse, readable
 from pneudrive.views import STATES, Finding, SentView, View, worst
 from pneudrive.web.drive.run_request import Described, Run, RunLimit, RunRequest, described_at
 from pneudrive.web.measured.tiles import drawn_columns
-from pneudrive.web.messages import Array, shell, wrong_request
+from pneudrive.web.messages import shell, wrong_request
 from pneudrive.web.workspace import DESCRIPTIONS, NewNames, Workspace, is_in_catalogue
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
 
-    from pneudrive.arrays import Plain
+    from pneudrive.arrays import Array, Columns, Ints, Plain
     from pneudrive.ensemble.many import EnsembleStudy
-
-    Columns = Mapping[str, Array]
-
 
 MOST_OTHERS = 7  # with the run itself, as many as there are line styles
 MEMBERS, BAND_SAMPLES = 200, 200  # samples of a band: its plot is about 400 pixels wide
@@ -74,12 +70,12 @@ class ExtrasRequest(RunRequest):
 
     @field_validator("spreads")
     @classmethod
-    def _read_spreads(cls, spreads: dict[str, Any]) -> dict[str, tuple[str, str]]:
+    def _read_spreads(cls, spreads: Plain) -> Plain:
         return {key: _ends(key, ends) for key, ends in spreads.items()}
 
     def answer(
         self, workspace: Workspace, described: Described, run: Run, shown: Sequence[str], limit: RunLimit
-    ) -> tuple[Plain, dict[str, Array]]:
+    ) -> tuple[Plain, Columns]:
         """Return head and arrays of the comparisons with the run of `described`. `shown` lists the drawn columns.
 
         Raises
@@ -89,7 +85,7 @@ class ExtrasRequest(RunRequest):
         Cancelled
             The time limit is reached, or the page no longer waits.
         """
-        arrays: dict[str, Array] = {}
+        arrays: Columns = {}
         others, compared = [], {}
         references = list(map(_reference, shown)) if self.motion else []
         for number, path in enumerate(self.others, start=1):
@@ -121,7 +117,7 @@ class ExtrasRequest(RunRequest):
             head["band"], arrays = band, arrays | of
         return head, arrays
 
-    def _other(self, workspace: Workspace, path: str, columns: Sequence[str], limit: RunLimit) -> dict[str, Array]:
+    def _other(self, workspace: Workspace, path: str, columns: Sequence[str], limit: RunLimit) -> Columns:
         """Return columns of another drive with the same command, or of a trajectory file."""
         if _is_described(path):
             try:
@@ -129,7 +125,7 @@ class ExtrasRequest(RunRequest):
             except PneudriveError as error:
                 error.where = error.where or path  # the file is not that of the run
                 raise
-            return {name: np.asarray(found[name]) for name in columns if name in found}
+            return {name: found[name] for name in columns if name in found}
         place = workspace.path(path, TRAJECTORIES)
         names = columns_in(place, columns)
         if "time_s" not in names or len(names) < 2:
@@ -142,7 +138,7 @@ class ExtrasRequest(RunRequest):
 
     def _band(
         self, workspace: Workspace, described: Described, shown: Sequence[str], limit: RunLimit
-    ) -> tuple[Plain, dict[str, Array]]:
+    ) -> tuple[Plain, Columns]:
         from pneudrive.ensemble.design import Rows, design_of
         from pneudrive.ensemble.engine import DONE
         from pneudrive.ensemble.many import Members, results, study_of
@@ -172,10 +168,10 @@ class ExtrasRequest(RunRequest):
         for column, values in zip(shown, many.values, strict=True):
             low, high = np.quantile(values[whole], BAND, axis=0)
             arrays |= {f"band/{column}/low": low, f"band/{column}/high": high}
-            ends[column] = [float(low[-1]), float(high[-1])]
+            ends[column] = [low[-1], high[-1]]
         return head | {"failed": MEMBERS - int(whole.sum()), "ends": ends}, arrays
 
-    def _vary(self) -> dict[str, str]:
+    def _vary(self) -> Plain:
         return {key.removeprefix("components."): f"uniform({low}, {high})" for key, (low, high) in self.spreads.items()}
 
     def _outputs(self, columns: Sequence[str]) -> list[str]:
@@ -275,13 +271,13 @@ def _differences(run: Columns, other: Columns) -> dict[str, dict[str, float]]:
     Samples with NaN are left out.
     """
     ends, largest = {}, {}
-    time, own = np.asarray(other["time_s"]), np.asarray(run["time_s"])
+    time, own = other["time_s"], run["time_s"]
     inside = (own >= time[0]) & (own <= time[-1])
     for name, values in other.items():
         if name != "time_s":
-            ends[name] = float(values[-1])
-            off = np.abs(np.interp(own[inside], time, values) - np.asarray(run[name])[inside])
-            largest[name] = float(off.max()) if len(off) else math.nan
+            ends[name] = values[-1]
+            off = np.abs(np.interp(own[inside], time, values) - run[name][inside])
+            largest[name] = off.max() if len(off) else math.nan
     told = {"ends": ends, "largest": largest}
     return {what: {name: one for name, one in of.items() if math.isfinite(one)} for what, of in told.items()}
 
@@ -297,22 +293,22 @@ def _cylinders(described: Described, columns: Columns) -> Iterator[Plain]:
                 break
 
 
-def _loops(described: Described, columns: Columns, pixels: int) -> dict[str, dict[str, Array]]:
+def _loops(described: Described, columns: Columns, pixels: int) -> dict[str, Columns]:
     """Return volume and pressure of each chamber. Long runs are thinned."""
     each = double_acting(described.circuit.core_json())
     count = len(columns["time_s"])
     part = slice(None) if count <= 2 * pixels + 1 else np.linspace(0, count - 1, 2 * pixels).astype(int)
     out = {}
     for one in _cylinders(described, columns):
-        volumes = chamber_volumes(each[one["name"]], np.asarray(columns[one["position"]])[part])
+        volumes = chamber_volumes(each[one["name"]], columns[one["position"]][part])
         for end, volume, pressure in zip("ab", volumes, one["pressures"], strict=True):
-            out[f"{one['name']}.{end}"] = {"volume_m3": volume, "pressure_pa": np.asarray(columns[pressure])[part]}
+            out[f"{one['name']}.{end}"] = {"volume_m3": volume, "pressure_pa": columns[pressure][part]}
     return out
 
 
 def platform_motion(
-    described: Described, run: Run, rows: Array, others: Mapping[str, Columns]
-) -> tuple[list[Plain], dict[str, Array]]:
+    described: Described, run: Run, rows: Ints, others: Mapping[str, Columns]
+) -> tuple[list[Plain], Columns]:
     """Return the platforms of a run as plain data, and arrays of their points and outputs at some of its samples."""
     if not (each := platforms(described)):
         return [], {}
@@ -329,19 +325,18 @@ def platform_motion(
         moving, parts = [], []
         for part, leg, points in lines:
             rests = len(points) == 1 < len(rows)
-            at_rest, count = (points[0].tolist(), 0) if rests else ([], points.shape[1])
+            at_rest, count = (points[0], 0) if rests else ([], points.shape[1])
             parts.append({"part": part, "leg": leg, "points": at_rest, "moving": count})
             moving += [] if rests else [points]
         points = np.concatenate([*moving, path, own.traced(pose)[:, None]], axis=1)
         arrays[f"platform/{own.name}"] = points.astype("f4").ravel()
         arrays |= {f"motion/{name}": values for name, values in outputs.items()}
-        limits = own.force_limits.tolist()
         legs = [
             {"name": leg.name, "force": f"{own.name}.leg_{i}_force_n", "limits": limit}
-            for i, (leg, limit) in enumerate(zip(own.legs, limits, strict=True), start=1)
+            for i, (leg, limit) in enumerate(zip(own.legs, own.force_limits, strict=True), start=1)
         ]
         paths = [
-            {"label": label, "points": own.traced(np.column_stack(columns)).tolist()}
+            {"label": label, "points": own.traced(np.column_stack(columns))}
             for label, columns in _poses_of(poses, others)
         ]
         point = f"tip of the normal of {own.name}" if own.normal_m else f"origin of {own.name}"
@@ -353,7 +348,7 @@ def platform_motion(
             about.append({"column": column, "label": label, "unit": unit, "size": size})
         view = _run_answer(platform_run_view(own, some), run)
         told = {"name": own.name, "traced": point, "view": view, "reach": _reach(own)}
-        sent.append(plain_data(told | {"parts": parts, "legs": legs, "paths": paths, "outputs": about}))
+        sent.append(told | {"parts": parts, "legs": legs, "paths": paths, "outputs": about})
     return sent, arrays
 
 

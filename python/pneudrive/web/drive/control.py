@@ -17,7 +17,7 @@ from pneudrive.control.benchmarks import ControlComparison, assumptions, read_co
 from pneudrive.control.loop import Prepared, prepare, run_prepared
 from pneudrive.control.mismatch import read_mismatch, ready_mismatches
 from pneudrive.control.references import RECORDS
-from pneudrive.control.scores import SHOWN, Score, view_of_score, written
+from pneudrive.control.scores import SHOWN, view_of_score, written
 from pneudrive.control.setup import ready_setups
 from pneudrive.control.tuning import Controller, laws
 from pneudrive.describe.files import toml
@@ -28,7 +28,7 @@ from pneudrive.views import ShownTable, View
 from pneudrive.web.drive.run_request import Described, Run, RunLimit, check_samples, described_at
 from pneudrive.web.jobs import RESULTS, JobRequest, PageJobs, folder_name
 from pneudrive.web.measured.tiles import drawn_columns
-from pneudrive.web.messages import MOST_PIXELS, PageRequest, Pixels, Value, bounded, call, number, pack, python, words
+from pneudrive.web.messages import MOST_PIXELS, PageRequest, Pixels, Value, bounded, call, pack, python, words
 from pneudrive.web.workspace import DESCRIPTIONS, NewNames, Workspace, is_in_catalogue, safe
 
 MOST_SECONDS = 10.0  # longest computing time of a run under control
@@ -189,8 +189,8 @@ def answer(workspace: Workspace, asked: Keyed, limit: RunLimit | None = None) ->
     began = time.monotonic()
     prepared, run = request.run(workspace, limit)
     took = time.monotonic() - began
-    columns = {name: run.columns[name] for name in run.columns if name in {c for p in _PANELS for c, _ in p[3]}}
-    columns = {"time_s": run.columns["time_s"], **columns}
+    shown = {"time_s", *(column for *_, curves in _PANELS for column, _ in curves)}
+    columns = {name: values for name, values in run.columns.items() if name in shown}
     columns["error_m"] = run.columns["reference_m"] - run.columns["position_m"]
     error = _error_unit([columns["error_m"]])
     panels = [
@@ -224,7 +224,7 @@ def tried_law(workspace: Workspace, request: ControlRequest) -> Plain:
         _, run = request.run(workspace)
     except Cancelled:
         raise CommandError(f"{request.law} took longer than {MOST_SECONDS:g} s", remedy="Use Compare.") from None
-    return {"value": number(Score(**run.provenance["score"]).max_error_m)}
+    return {"value": run.provenance["score"]["max_error_m"]}
 
 
 def _error_unit(errors_m: list[Any]) -> Plain:
@@ -235,7 +235,7 @@ def _error_unit(errors_m: list[Any]) -> Plain:
 def _about(prepared: Prepared, run: Run) -> Plain:
     """Return the results of a run, the gains with the ranges of their sliders, and the assumed drive."""
     tuning, about = prepared.tuning, run.provenance
-    score, view = Score(**about["score"]), view_of_score(about)
+    score, view = about["score"], view_of_score(about)
     gains = []
     for gain in tuning.gains:
         size, _, unit = str(gain.quantity).partition(" ")
@@ -252,11 +252,11 @@ def _about(prepared: Prepared, run: Run) -> Plain:
         "law": tuning.law,
         "drive": prepared.circuit.name,
         "gains": gains,
-        "max_error_m": number(score.max_error_m),
+        "max_error_m": score["max_error_m"],
         "view": replace(view, tables=(*deviations, *view.tables)).data(),
         "told": _assumed(f"Assumed drive: {told}", assumptions({tuning.law: tuning}), (setup, values)),
         "synthetic": True,
-        "lost": score.lost,
+        "lost": score["lost"],
     }
 
 
@@ -397,7 +397,7 @@ def shown_card(workspace: Workspace, path: str, measure: str = "") -> Plain:
         "each": [
             {
                 **{key: getattr(run, key) for key in ("law", "reference", "seed")},
-                "value": number(getattr(run.score, measure, None)),
+                "value": getattr(run.score, measure, None),
             }
             for run in card.runs[:MOST_EACH]
         ],
@@ -412,13 +412,14 @@ def _cell(card: ControlComparison, law: str, track: str, measure: str) -> Plain:
     """Return a measure of a controller along a reference: median and extremes, or quantiles of a spread."""
     shares = (0.5, 0.95, 1.0) if card.spread else (0.5, 0.0, 1.0)
     middle, *others = (card.within(law, track, measure, share) for share in shares)
+    text = written(measure, middle)
     return {
         "law": law,
         "reference": track,
-        "text": written(measure, middle),
+        "text": text,
         "range": [written(measure, other) for other in others],
-        "value": number(middle),
-        "best": card.best(track, measure) == law and number(middle) is not None,
+        "value": middle,
+        "best": card.best(track, measure) == law and text != "never",
         "lost": card.lost(law, track),
     }
 

@@ -8,7 +8,6 @@ import zipfile
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from pathlib import Path
-from posixpath import basename
 from typing import Any
 
 import tomlkit
@@ -149,7 +148,7 @@ def field_of(one: DescribedValue) -> Plain:
     return {**out, "number": number, "unit": unit, "units": like(unit) if unit else [], "low": low, "high": high}
 
 
-def first_platform() -> dict[str, str]:
+def first_platform() -> Plain:
     """Return the initial text of a platform."""
     return {"text": FIRST_PLATFORM.read_text(encoding="utf-8")}
 
@@ -173,7 +172,7 @@ def drawing(workspace: Workspace, path: str, text: str) -> Plain:
     }
 
 
-def edited_as_asked(text: str, key: str, value: Value, unit: str | None = None) -> dict[str, str]:
+def edited_as_asked(text: str, key: str, value: Value, unit: str | None = None) -> Plain:
     """Return a text with one value changed as requested; if a unit is given, the value is written in this unit."""
     return {"text": edited(text, key, value if unit is None else in_unit(str(value), unit))}
 
@@ -189,7 +188,7 @@ def fitting_parts(workspace: Workspace, path: str, text: str, table: str, family
     return {"parts": found}
 
 
-def with_part(text: str, table: str, part: str) -> dict[str, str]:
+def with_part(text: str, table: str, part: str) -> Plain:
     """Return a text with the values of a catalogue part in one of its tables. A custom stroke is kept.
 
     Raises
@@ -290,9 +289,9 @@ def shown_file(workspace: Workspace, path: str, checked: str = "") -> Plain:
     return {"text": text, "sha256": version, **about}
 
 
-def written_file(workspace: Workspace, path: str, text: str, if_match: str) -> dict[str, str]:
+def written_file(workspace: Workspace, path: str, text: str, if_match: str) -> Plain:
     """Write a file that has not changed since the page read it."""
-    if basename(path) == "layout.toml":  # an unreadable recording must not hide the others
+    if path.rpartition("/")[2] == "layout.toml":  # an unreadable recording must not hide the others
         from pneudrive.signals.layout import Layout
 
         Layout.loads(text, "layout.toml")

@@ -9,14 +9,13 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import numpy as np
 
-from pneudrive.arrays import Plain
+from pneudrive.arrays import Array, Columns, Ints, Plain
 from pneudrive.campaign.planning.next_points import limits_of
 from pneudrive.errors import CommandError, PneudriveError
 from pneudrive.figures import Axis, Figure, Line, Markers, Panel
 from pneudrive.friction.friction_map import SAME_PA, alike, bar, groups_of, read_map
 from pneudrive.identify.design import next_measurements
 from pneudrive.identify.files import AnyFit, read_fit
-from pneudrive.identify.static import result
 from pneudrive.identify.static.fit import fit_file
 from pneudrive.identify.static.result import PROBABILITIES, FrictionFit, SlidingFit, ellipses, profiles, with_map
 from pneudrive.rig.rig_file import load_rig
@@ -24,12 +23,10 @@ from pneudrive.units import readable
 from pneudrive.views import ShownFigure, View
 from pneudrive.web.jobs import RIG
 from pneudrive.web.lineage import SAME, Lineage, recordings_of_map
-from pneudrive.web.messages import Array, bounded, number, python, shell
+from pneudrive.web.messages import bounded, python, shell
 from pneudrive.web.workspace import DESCRIPTIONS, Workspace
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
-
     import xarray as xr
 
 
@@ -137,7 +134,7 @@ def drawn_map(path: Path, fit_name: str = FIT) -> Plain:
         curves[group["assembly"]] += 1
         if fit is not None and curves[group["assembly"]] <= MOST_CURVES:
             own = [point["speed"] for point in group["points"]]
-            band = _band(fit.predict(speeds, *group["gauges"]))
+            band = _band(fit, speeds, *group["gauges"])
             group["curve"] = {"speed": speeds.tolist(), **band, "measured": [min(own), max(own)]}
     return {
         "groups": groups,
@@ -196,9 +193,8 @@ def map_slice(workspace: Workspace, path: str, fit: str, speed: Literal["all"] |
                 over = np.linspace(reach.min(), reach.max(), SPEEDS)
                 pair = (over, other) if along == 0 else (other, over)
                 known = [point["gauge"] for point in points] or [np.inf, -np.inf]
-                measured = [number(end) for end in (min(known), max(known))]
-                band = _band(fits[name].predict(np.full(SPEEDS, speed_m_s), *pair))
-                group["curve"] = {"gauge": over.tolist(), "measured": measured, **band}
+                band = _band(fits[name], np.full(SPEEDS, speed_m_s), *pair)
+                group["curve"] = {"gauge": over.tolist(), "measured": [min(known), max(known)], **band}
                 file = fit_file(name) if len(names) > 1 else fit_name
                 levels.append((_beside(path, file), speed_m_s, other, float(reach.min()), float(reach.max())))
     ends = ", ".join([f"np.linspace(low, high, {SPEEDS})", "other"][:: 1 - 2 * along])
@@ -210,11 +206,13 @@ def _beside(path: str, name: str) -> str:
     return f"{path.rpartition('/')[0]}/{name}".lstrip("/")
 
 
-def _band(curve: result.Prediction) -> dict[str, list[float]]:
+def _band(fit: FrictionFit, *at: Array | float) -> Plain:
+    """Return the friction of a fit at speeds and gauge pressures, with its interval."""
+    curve = fit.predict(*at)
     return {"friction": curve.friction_n.tolist(), "low": curve.lower_n.tolist(), "high": curve.upper_n.tolist()}
 
 
-def _points(table: xr.Dataset, rows: Array) -> list[Plain]:
+def _points(table: xr.Dataset, rows: Ints) -> list[Plain]:
     part = table.isel(row=rows)
     spread = 2.0 * np.hypot(part["stderr_n"].to_numpy(), part["u_systematic_n"].to_numpy())  # U, k = 2
     columns = {
@@ -266,7 +264,7 @@ def _axis(fit: AnyFit, name: str) -> tuple[float, Axis]:
     return size, Axis(name if unit in ("", "1") else f"{name} / {unit}", is_si=False)
 
 
-def _profiles(fit: FrictionFit, found: Mapping[str, Array]) -> ShownFigure:
+def _profiles(fit: FrictionFit, found: Columns) -> ShownFigure:
     """Return the interval of each value at every probability. An open end is left out."""
     panels, percent = [], [*(100.0 * p for p in reversed(PROBABILITIES)), 0.0, *(100.0 * p for p in PROBABILITIES)]
     for name, ends in found.items():

@@ -7,7 +7,8 @@ import os
 import shutil
 import threading
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from concurrent.futures import Future, wait
+from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import Any
@@ -15,7 +16,7 @@ from typing import Any
 import numpy as np
 from pydantic import Field, FiniteFloat, StrictStr
 
-from pneudrive.arrays import Interval, Keyed, Plain
+from pneudrive.arrays import Array, Columns, Interval, Keyed, Plain
 from pneudrive.errors import CommandError, PneudriveError, RecordingError
 from pneudrive.figures import plain_data
 from pneudrive.files.content import unreadable
@@ -25,10 +26,10 @@ from pneudrive.signals.drive_recording import NEEDED
 from pneudrive.signals.layout import Layout, stem
 from pneudrive.signals.load import is_trajectory, load_recording, read_trajectory
 from pneudrive.signals.motion import find_strokes
-from pneudrive.signals.recording import Recording, clean
+from pneudrive.signals.recording import clean
 from pneudrive.simulation.trajectory import SUFFIXES, columns_in
-from pneudrive.web.measured.tiles import BLOCK, Pyramid, TileWindow
-from pneudrive.web.messages import MOST_PIXELS, Array, PageRequest, fault_of, pack, problems_of
+from pneudrive.web.measured.tiles import BLOCK, Pyramid
+from pneudrive.web.messages import MOST_PIXELS, PageRequest, fault_of, pack, problems_of
 from pneudrive.web.workspace import TABLES, Listed, Workspace, cache_folder, safe
 
 ENDS = 1 << 16  # bytes at both ends of a file that enter its key
@@ -47,22 +48,22 @@ class OpenRecording:
 
     file: ChannelFile
     pyramid: Pyramid
-    key: str = ""  # changes with the file and with its layout
+    key: str  # changes with the file and with its layout
 
     def sample_at(self, at: float, columns: Sequence[str]) -> tuple[float, dict[str, float]]:
         """Return time and values of the sample nearest to a time."""
         block = max(int(np.searchsorted(self.pyramid.time[:, 0], at, "right")) - 1, 0)
         rows = (max(block - 1, 0) * BLOCK, min((block + 2) * BLOCK, self.pyramid.count))
         time_s, values = self.samples(columns, rows)
-        after = min(int(np.searchsorted(time_s, at)), len(time_s) - 1)
+        after = min(np.searchsorted(time_s, at), len(time_s) - 1)
         row = after - 1 if after and at - time_s[after - 1] <= time_s[after] - at else after
         return float(time_s[row]), {name: float(values[name][row]) for name in columns}
 
-    def window(self, span: Interval, pixels: int, columns: Sequence[str]) -> TileWindow:
+    def window(self, span: Interval, pixels: int, columns: Sequence[str]) -> tuple[Array, Columns, Plain]:
         """Return a view. See `Pyramid.window`."""
         return self.pyramid.window(span, pixels, columns, self.samples)
 
-    def samples_in(self, span: Interval, columns: Sequence[str]) -> tuple[Array, dict[str, Array]]:
+    def samples_in(self, span: Interval, columns: Sequence[str]) -> tuple[Array, Columns]:
         """Return times and values of all samples of channels within a span of time.
 
         Raises
@@ -79,7 +80,7 @@ class OpenRecording:
         inside = (time_s >= span[0]) & (time_s <= span[1])
         return time_s[inside], {name: values[name][inside] for name in columns}
 
-    def samples(self, names: Sequence[str], rows: tuple[int, int]) -> tuple[Array, dict[str, Array]]:
+    def samples(self, names: Sequence[str], rows: tuple[int, int]) -> tuple[Array, Columns]:
         """Return times in s between two rows, and values of columns, with NaN for missing numbers.
 
         Columns are read in parts. The parts of the last views are kept.
@@ -107,36 +108,25 @@ def column_part(recording: OpenRecording, column: str | None, number: int) -> Ar
     return time_s if column is None else np.where(np.isfinite(values[column]), values[column], np.nan)
 
 
-class Reading(threading.Thread):
-    """A recording that is being read for the first time, in the background. At the end, `done` or `error` is set."""
+class Reading(Future[OpenRecording]):
+    """A recording that is being read for the first time, in the background."""
 
-    def __init__(self, path: Path, layout: Layout | None, key: tuple[str, str]) -> None:
-        super().__init__(daemon=True)
-        self.path, self.layout, self.key = path, layout, key
-        self.share = 0.0
-        self.error: PneudriveError | None = None
-        self.done: OpenRecording | None = None
+    share = 0.0  # that has been read
 
-    @property
-    def goes_on(self) -> bool:
-        """Whether the reading has not ended."""
-        return self.done is None and self.error is None
-
-    def run(self) -> None:
-        """Read the recording."""
+    def read(self, path: Path, layout: Layout | None, key: tuple[str, str]) -> None:
+        """Read the recording. At the end, the result or the error is set."""
 
         def tell(done: float, total: float, _: str) -> None:
             self.share = done / total if total else 0.0
 
         try:
-            found = _opened(self.path, self.layout, cache_folder() / self.key[0], Watch(tell))
-            self.done = replace(found, key="-".join(self.key))
+            self.set_result(_opened(path, layout, key, Watch(tell)))
         except PneudriveError as error:
-            self.error = error
+            self.set_exception(error)
         except OSError as error:  # the file was removed, or the disk is full
-            self.error = unreadable(self.path, error, RecordingError)
+            self.set_exception(unreadable(path, error, RecordingError))
         except BaseException as fault:  # unexpected error; without an end the page would wait forever
-            self.error = fault_of(fault)
+            self.set_exception(fault_of(fault))
 
     def need(self, name: str) -> OpenRecording:
         """Return the recording, once it has been read.
@@ -148,11 +138,9 @@ class Reading(threading.Thread):
         PneudriveError
             The recording cannot be read.
         """
-        if self.error is not None:
-            raise self.error
-        if self.done is None:
+        if not self.done():
             raise CommandError(f"{name} is being read: {100 * self.share:.0f} %")
-        return self.done
+        return self.result()
 
 
 class Recordings:
@@ -178,10 +166,10 @@ class Recordings:
             if found is None:
                 while len(self._open) >= MOST_OPEN:
                     self._open.pop(next(iter(self._open)))
-                found = self._open[key] = Reading(path, layout, key)
+                found = self._open[key] = Reading()
                 self._forget_older(path, key[0])
-                found.start()
-        found.join(0.2)
+                threading.Thread(target=found.read, args=(path, layout, key), daemon=True).start()
+        wait([found], 0.2)
         return found
 
     def _forget_older(self, path: Path, key: str) -> None:
@@ -205,8 +193,10 @@ class Recordings:
         path = self.workspace.path(name, TABLES)
         with self._lock:
             reading = self._open.get(tuple(key.split("-", 1)))  # pyright: ignore[reportArgumentType] - of any length
-        found = None if reading is None else reading.done
-        is_changed = found is not None and found.file.table.path == path and _key(path) != key.partition("-")[0]
+        if reading is None or not reading.done() or reading.exception() is not None:
+            return None
+        found = reading.result()
+        is_changed = found.file.table.path == path and _key(path) != key.partition("-")[0]
         return None if is_changed else found  # a converted file does not change
 
 
@@ -255,7 +245,7 @@ def shown_recording(workspace: Workspace, path: str) -> Plain:
     file = workspace.path(path, TABLES)
     try:
         reading = workspace.state(Recordings).opened(path)
-        if reading.goes_on:
+        if not reading.done():
             return {"share": reading.share}
         found, layout = reading.need(path), layout_in(workspace, file)
     except PneudriveError as error:
@@ -283,21 +273,21 @@ def shown_window(workspace: Workspace, given: Keyed) -> bytes:
         return pack(head, {})
     asked = ViewRequest.of(given)
     columns, span = asked.columns_in(found), asked.span
-    view = found.window(span, asked.pixels, columns)
+    time_s, channels, about = found.window(span, asked.pixels, columns)
     if recordings.version(name, key) is None:  # the file was replaced during the reading
         return pack(head, {})
-    head |= {"key": found.key, "from": span[0], "to": span[1]}
-    head |= {"missing": view.missing, "samples": view.samples, "raw": view.raw}
-    arrays = {"time": view.time_s, **view.channels}
+    head |= {"key": found.key, "from": span[0], "to": span[1], **about}
+    arrays = {"time": time_s, **channels}
     if asked.beside:
         other = recordings.need(str(asked.beside))
         both = [pair for pair in pairs(found.file, other.file) if pair.own.column in columns]
         first, last = span[0] - asked.shift, span[1] - asked.shift
         arrays["beside/time"] = np.empty(0)
         if both and first <= other.span[1] and last >= other.span[0]:
-            beside = other.window((first, last), asked.pixels, [pair.other.column for pair in both])
-            arrays["beside/time"] = beside.time_s + asked.shift
-            arrays |= {f"beside/{pair.own.column}": pair.of(beside.channels[pair.other.column]) for pair in both}
+            names = [pair.other.column for pair in both]
+            time_s, channels, _ = other.window((first, last), asked.pixels, names)
+            arrays["beside/time"] = time_s + asked.shift
+            arrays |= {f"beside/{pair.own.column}": pair.of(channels[pair.other.column]) for pair in both}
     return pack(head, arrays, drawn=True)
 
 
@@ -336,20 +326,21 @@ def shown_strokes(workspace: Workspace, path: str) -> Plain:
     """
     file, nothing = workspace.path(path, TABLES), {"strokes": [], "faults": {}}
     reading = workspace.state(Recordings).opened(path)
-    if reading.goes_on:  # the file was replaced, and the new one is not shown yet
+    if not reading.done():  # the file was replaced, and the new one is not shown yet
         return nothing
     opened, layout = reading.need(path), layout_in(workspace, file)
-    moves = layout is not None or (file.suffix in SUFFIXES and is_trajectory(file))
-    if moves and (note := _hindrance(path, opened, layout)):
-        return {**nothing, "note": note}
-    recording = motion_of(file, layout)
-    if recording is None:
+    if layout is None and not (file.suffix in SUFFIXES and is_trajectory(file)):
         return nothing
+    if note := _hindrance(path, opened, layout):
+        return {**nothing, "note": note}
+    if layout is not None and layout.kind == "fixed-volume":
+        return nothing
+    recording = read_trajectory(file, file.stem) if layout is None else load_recording(file, layout, layout.kind)
     times = recording.time_s
     strokes = [
         {
-            "from": float(times[one.start]),
-            "to": float(times[one.stop - 1]),
+            "from": times[one.start],
+            "to": times[one.stop - 1],
             "direction": one.direction,
             "speed": one.speed_m_s,
         }
@@ -389,37 +380,25 @@ def measured(
         Time shift of the other recording, s.
     """
     recordings, rows = workspace.state(Recordings), list[Plain]()
-
-    def measure(name: str, recording: OpenRecording, behind: float, channels: Keyed) -> None:
-        """Add a row for each channel: column -> label, unit and conversion."""
-        ends = [recording.sample_at(time - behind, list(channels)) for time in at]
-        times = [time + behind for time, _ in ends]
-        for column, (label, unit, convert) in channels.items():
-            first, second = (convert(values[column]) for _, values in ends)
-            between = times[1] - times[0]
-            slope = (second - first) / between if between else None
-            row = {"recording": name, "label": label, "unit": unit, "time_s": times, "values": [first, second]}
-            rows.append({**row, "difference": second - first, "slope": slope})
-
     own = recordings.need(path)
-    shown = {one.column: (one.label, one.unit, float) for one in own.file.channels if one.column in columns}
-    measure(path, own, 0.0, shown)
+    #: Channel of a recording -> label, unit, and conversion of its values.
+    shown: Plain = {one.column: (one.label, one.unit, float) for one in own.file.channels if one.column in columns}
+    sides = [(path, own, 0.0, shown)]
     if beside:
         other = recordings.need(beside)
         both = [pair for pair in pairs(own.file, other.file) if pair.own.column in shown]
         converted = {pair.other.column: (pair.own.label, pair.own.unit, pair.of) for pair in both}
-        measure(beside, other, shift, converted)
+        sides.append((beside, other, shift, converted))
+    for name, recording, behind, channels in sides:
+        ends = [recording.sample_at(time - behind, list(channels)) for time in at]
+        times = [time + behind for time, _ in ends]
+        between = times[1] - times[0]
+        for column, (label, unit, convert) in channels.items():
+            first, second = (convert(values[column]) for _, values in ends)
+            slope = (second - first) / between if between else None
+            row = {"recording": name, "label": label, "unit": unit, "time_s": times, "values": [first, second]}
+            rows.append({**row, "difference": second - first, "slope": slope})
     return {"rows": plain_data(rows)}
-
-
-def motion_of(path: Path, layout: Layout | None) -> Recording | None:
-    """Return a recording of a rig or a drive by its layout, or a trajectory.
-
-    Return None for other files, whose motion is unknown.
-    """
-    if layout is not None:
-        return None if layout.kind == "fixed-volume" else load_recording(path, layout, layout.kind)
-    return read_trajectory(path, path.stem) if path.suffix in SUFFIXES and is_trajectory(path) else None
 
 
 def by_stem(files: Iterable[Listed]) -> dict[str, list[str]]:
@@ -504,8 +483,9 @@ def _key(path: Path) -> str:
     return digest.hexdigest()[:32]
 
 
-def _opened(path: Path, layout: Layout | None, cache: Path, watch: Watch) -> OpenRecording:
+def _opened(path: Path, layout: Layout | None, key: tuple[str, str], watch: Watch) -> OpenRecording:
     """Open a recording. Conversion of a file that is not Parquet, and its blocks, are cached."""
+    cache = cache_folder() / key[0]
     cache.mkdir(mode=0o700, parents=True, exist_ok=True)
     os.utime(cache)  # `forget_unused` reads this time
     file = open_channels(path, layout, cache)
@@ -513,7 +493,7 @@ def _opened(path: Path, layout: Layout | None, cache: Path, watch: Watch) -> Ope
     if pyramid.fall is not None:
         file = file.counted(pyramid.fall)
         pyramid = _blocks(path, file, cache, watch)
-    return OpenRecording(file, pyramid)
+    return OpenRecording(file, pyramid, "-".join(key))
 
 
 def _blocks(path: Path, file: ChannelFile, cache: Path, watch: Watch) -> Pyramid:

@@ -9,52 +9,27 @@ from __future__ import annotations
 
 import json
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from pneudrive.signals.channels import first_fall
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping, Sequence
+    from collections.abc import Callable, Sequence
     from pathlib import Path
 
-    from numpy.typing import NDArray
-
+    from pneudrive.arrays import Array, Columns, Ints, Plain
     from pneudrive.progress import Watch
 
-    Array = NDArray[Any]
     #: Times of samples between two rows, s, and values of columns, by name.
-    Reader = Callable[[Sequence[str], tuple[int, int]], tuple[Array, dict[str, Array]]]
+    Reader = Callable[[Sequence[str], tuple[int, int]], tuple[Array, Columns]]
 
 BLOCK = 256  # samples
 READ = BLOCK << 11  # samples read at once: half a million, 4 MB a channel
 #: Time without a sample that is drawn as a gap, in multiples of a pixel's width.
 PAUSE = 2.0
 _FILES = ("time", "low", "high", "missing")
-
-
-class TileWindow(NamedTuple):
-    """A view: times, and for each channel the values of a line. NaN marks a gap.
-
-    Attributes
-    ----------
-    time_s : ndarray, shape (n,)
-    channels : dict
-        Values by name, shape (n,).
-    missing : int
-        Missing values in the view.
-    samples : int
-        Samples of the recording in the view.
-    raw : bool
-        Whether the values are the samples themselves.
-    """
-
-    time_s: Array
-    channels: dict[str, Array]
-    missing: int
-    samples: int
-    raw: bool
 
 
 @dataclass(frozen=True)
@@ -154,8 +129,11 @@ class Pyramid:
         pixels: int,
         channels: Sequence[str],
         samples: Reader,
-    ) -> TileWindow:
+    ) -> tuple[Array, Columns, Plain]:
         """Return a view of at most two values for each pixel and channel, or the samples if they are fewer.
+
+        The view has times, the values of a line by channel, and counts: ``samples`` of the recording in the view,
+        ``missing`` values in it, and whether the values are the samples themselves (``raw``). NaN marks a gap.
 
         Parameters
         ----------
@@ -175,32 +153,27 @@ class Pyramid:
             begins, ends = self.time[first:last].T
             places = {name: self.names.index(name) for name in channels}
             low, high = ({name: own[at, first:last] for name, at in places.items()} for own in (self.low, self.high))
-            missing = int(sum(self.missing[at, first:last].sum(dtype=np.int64) for at in places.values()))
-            count = rows[1] - rows[0]
+            missing = sum(self.missing[at, first:last].sum(dtype=np.int64) for at in places.values())
+            about: Plain = {"missing": missing, "samples": rows[1] - rows[0], "raw": False}
         else:
             seconds, values = samples(channels, rows)
-            # One sample beyond each end, so that the line leaves the view.
-            begin = max(int(np.searchsorted(seconds, span[0], "left")) - 1, 0)
-            end = min(int(np.searchsorted(seconds, span[1], "right")) + 1, len(seconds))
-            begins = ends = seconds[begin:end]
-            low = high = {name: own[begin:end] for name, own in values.items()}
-            inside = slice(
-                *(int(np.searchsorted(begins, at, side)) for at, side in zip(span, ("left", "right"), strict=True))
-            )
-            missing = sum(int(np.isnan(own[inside]).sum()) for own in low.values())
-            count = inside.stop - inside.start
-            if len(begins) <= 2 * pixels:
-                return TileWindow(begins, low, missing, count, raw=True)
+            begin, end = np.searchsorted(seconds, span[0]), np.searchsorted(seconds, span[1], "right")
+            missing = sum(np.isnan(own[begin:end]).sum() for own in values.values())
+            around = slice(max(begin - 1, 0), end + 1)  # one sample beyond each end, so that the line leaves the view
+            begins = ends = seconds[around]
+            low = high = {name: own[around] for name, own in values.items()}
+            about = {"missing": missing, "samples": end - begin, "raw": len(begins) <= 2 * pixels}
+            if about["raw"]:
+                return begins, low, about
         edges = _edges(begins, span, pixels)
         starts = edges[:-1]
         found = {name: (np.fmin.reduceat(low[name], starts), np.fmax.reduceat(high[name], starts)) for name in channels}
-        time_s, drawn = _with_gaps(begins[starts], ends[edges[1:] - 1], (span[1] - span[0]) / pixels, found)
-        return TileWindow(time_s, drawn, missing, count, raw=False)
+        return *_with_gaps(begins[starts], ends[edges[1:] - 1], (span[1] - span[0]) / pixels, found), about
 
 
 def _with_gaps(
     begins: Array, ends: Array, width: float, found: dict[str, tuple[Array, Array]]
-) -> tuple[Array, dict[str, Array]]:
+) -> tuple[Array, Columns]:
     """Return times and channels of pixel columns, each with its lowest and its highest value side by side.
 
     Pauses of the clock are marked by NaN. A pixel column with samples before and after a pause is drawn on both sides.
@@ -231,28 +204,28 @@ def _with_gaps(
     return time, channels
 
 
-def drawn_columns(columns: Mapping[str, Array], pixels: int) -> dict[str, Array]:
+def drawn_columns(columns: Columns, pixels: int) -> Columns:
     """Return columns over ``time_s``. Long columns are reduced to the lowest and highest value of each pixel.
 
     Reduced columns also have ``NAME/at``: the values at the sent times. The page can therefore show the value of the
     run at the cursor, not an extreme value of a pixel.
     """
-    time = np.asarray(columns["time_s"])
+    time = columns["time_s"]
     if len(time) <= 2 * pixels + 1:
-        return dict(columns)
+        return columns
     edges = np.linspace(0, len(time), pixels + 1).astype(int)
-    sent = np.column_stack([time[edges[:-1]], time[(edges[:-1] + edges[1:]) // 2]]).ravel()
-    values = {name: np.asarray(column) for name, column in columns.items() if name != "time_s"}
-    rows = np.searchsorted(time, sent)
     starts = edges[:-1]
-    pairs = {name: (np.fmin.reduceat(own, starts), np.fmax.reduceat(own, starts)) for name, own in values.items()}
-    drawn = {name: np.column_stack(pair).ravel() for name, pair in pairs.items()}
+    sent = np.column_stack([time[starts], time[(starts + edges[1:]) // 2]]).ravel()
+    values = {name: column for name, column in columns.items() if name != "time_s"}
+    rows = np.searchsorted(time, sent)
+    ends = (np.fmin, np.fmax)
+    drawn = {name: np.stack([end.reduceat(own, starts) for end in ends], 1).ravel() for name, own in values.items()}
     return {"time_s": sent, **drawn, **{f"{name}/at": own[rows] for name, own in values.items()}}
 
 
-def _edges(seconds: Array, span: tuple[float, float], pixels: int) -> NDArray[np.int64]:
+def _edges(seconds: Array, span: tuple[float, float], pixels: int) -> Ints:
     """Return the first sample of each pixel column, at increasing times; columns without a sample are left out."""
-    wanted = np.searchsorted(seconds, np.linspace(*span, pixels + 1)[1:-1], "left")
+    wanted = np.searchsorted(seconds, np.linspace(*span, pixels + 1)[1:-1])
     edges = np.concatenate([[0], wanted, [len(seconds)]])
     return edges[np.diff(edges, prepend=-1) > 0]
 

@@ -13,7 +13,6 @@ from typing import Annotated, Any
 import numpy as np
 from pydantic import Field, StrictInt, StrictStr
 
-from pneudrive import units
 from pneudrive.arrays import Interval, Keyed, Plain
 from pneudrive.describe.all_values import DescribedValue, values_of
 from pneudrive.describe.circuit import Circuit
@@ -28,7 +27,7 @@ from pneudrive.identify.static.result import FrictionFit
 from pneudrive.results import COMPARED, compare_results
 from pneudrive.signals.drive_recording import NEEDED, OPTIONAL, drive_recording
 from pneudrive.simulation.trajectory import columns_in, read_columns
-from pneudrive.units import readable
+from pneudrive.units import readable, write
 from pneudrive.validate.balance import Signals, metrics, run_model
 from pneudrive.validate.validation import CHANNELS
 from pneudrive.views import ShownFigure
@@ -103,7 +102,7 @@ def _suspects(drive: Drive | None, diagnosis: Keyed) -> list[Plain]:
     known = numbers_of(with_shape(drive, keys))
     fields = []
     for one in (known[key] for key in dict.fromkeys(keys) if key in known):
-        value = one.value if one.unit in ("", "1") else units.write(one.value, one.unit, readable(one.unit)[1])
+        value = one.value if one.unit in ("", "1") else write(one.value, one.unit, readable(one.unit)[1])
         fields.append(field_of(DescribedValue(one.name, value, "follows from other values of the file", "given")))
     return fields
 
@@ -187,9 +186,8 @@ def frame_of(workspace: Workspace, asked: Keyed, number: object) -> bytes:
         if changed:
             columns[f"{channel}.changed"] = changed[channel]
             columns[f"{channel}.changed.residual"] = measured - changed[channel]
-    time = columns["time_s"]
-    begin, end = np.searchsorted(time, [span[0], span[1]])
-    rows = slice(max(int(begin) - 1, 0), max(int(end) + 1, int(begin) + 2))
+    begin, end = np.searchsorted(columns["time_s"], span)
+    rows = slice(max(begin - 1, 0), max(end + 1, begin + 2))
     return pack(head, drawn_columns({key: values[rows] for key, values in columns.items()}, request.pixels))
 
 
