@@ -12,7 +12,7 @@ from pneudrive import __version__, own_code
 from pneudrive.campaign.planning.plan import lay_out
 from pneudrive.campaign.planning.preflight import check_levels
 from pneudrive.campaign.planning.protocol import Protocol, read_protocol
-from pneudrive.campaign.running.campaign_run import DONE, ENDED, CampaignRun, Options, Terminal
+from pneudrive.campaign.running.campaign_run import DONE, ENDED, CampaignRun, Options, Subscribers, Terminal
 from pneudrive.campaign.storage.control import FolderLock, make_folder, now
 from pneudrive.campaign.storage.folder import ABOUT, Campaign, create, plan_of
 from pneudrive.errors import CampaignError
@@ -21,7 +21,7 @@ from pneudrive.repr_tables import Shown
 from pneudrive.rig.interface import Identity, Rig, as_json, closed_after
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Mapping, Sequence
+    from collections.abc import Iterator, Mapping
 
     from pneudrive.arrays import Plain
     from pneudrive.campaign.planning.planned import Plan
@@ -58,7 +58,7 @@ def run_campaign(
     pace: float | None = None,
     display: Display | None = None,
     prompt: Terminal | None = None,
-    subscribers: Sequence[Callable[[str, dict], None]] = (),
+    subscribers: Subscribers = (),
     cancel: Flag | None = None,
 ) -> Result:
     """Run a campaign into a folder, or resume it if the folder already contains it.
@@ -133,7 +133,7 @@ def resume_campaign(
     allow_code: str | None = None,
     display: Display | None = None,
     prompt: Terminal | None = None,
-    subscribers: Sequence[Callable[[str, dict], None]] = (),
+    subscribers: Subscribers = (),
     cancel: Flag | None = None,
 ) -> Result:
     """Resume a campaign; see `run_campaign`.

@@ -11,7 +11,7 @@ from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import lru_cache
-from itertools import product
+from itertools import groupby, product
 from typing import Any, TypeVar
 
 from pneudrive.batching import many_objects
@@ -113,9 +113,11 @@ def ordered_cells(protocol: Protocol, block: int) -> list[tuple[Cell, int]]:
     repeats = range(1, protocol.repeats + 1)
     families, kind = cells_of(protocol), protocol.order.kind
     if kind == "as-given":  # a change of pressure is slow: the list is repeated at each pressure
-        order = {pair: index for index, pair in enumerate(protocol.pressure.levels)}
+        levels = protocol.pressure.levels
         listed = ([(cell, repeat) for repeat in repeats for cell in cells] for cells in families)
-        return [entry for entries in listed for entry in sorted(entries, key=lambda entry: order[entry[0].pressures])]
+        return [
+            entry for entries in listed for entry in sorted(entries, key=lambda entry: levels.index(entry[0].pressures))
+        ]
     if kind == "interleaved":
         return [(cell, repeat) for repeat in repeats for cells in families for cell in _interleaved(cells)]
     every = [cell for cells in families for cell in cells]
@@ -148,10 +150,8 @@ def alternate(items: Sequence[T]) -> list[T]:
 
 def _interleaved(cells: list[Cell]) -> list[Cell]:
     """Order the levels of each pressure by `alternate`, and keep the order of the pressures."""
-    by_pressure: dict[str, list[Cell]] = {}
-    for cell in cells:
-        by_pressure.setdefault(cell.pressures.name, []).append(cell)
-    columns = [alternate(group) for group in alternate(list(by_pressure.values()))]
+    by_pressure = [list(group) for _, group in groupby(cells, key=lambda cell: cell.pressures)]
+    columns = [alternate(group) for group in alternate(by_pressure)]
     return [cell for row in zip(*columns, strict=True) for cell in row]
 
 
@@ -384,9 +384,7 @@ def size(count: float) -> str:
 
 
 def _blocks(plan: Plan) -> str:
-    groups: dict[int, list[Planned]] = {}
-    for planned in plan.planned:
-        groups.setdefault(planned.cycle.block, []).append(planned)
+    groups = {block: list(group) for block, group in groupby(plan.planned, key=lambda planned: planned.cycle.block)}
     rows = [["block", "set-up", "cells", "cycles", "strokes", "time, h:min", "data"]]
     for block, group in [*groups.items(), (0, list(plan.planned))]:
         levels = group[0].cycle.levels if block else {}

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -146,7 +146,7 @@ class Plan(Shown):
     identity: Identity
     envelope: Envelope
     planned: tuple[Planned, ...]
-    notes: tuple[str, ...] = field(default=())
+    notes: tuple[str, ...] = ()
 
     @cached_property
     def cycles(self) -> tuple[Cycle, ...]:

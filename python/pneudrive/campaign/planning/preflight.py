@@ -19,7 +19,6 @@ if TYPE_CHECKING:
     from pneudrive.campaign.cycle import Cycle
     from pneudrive.campaign.planning.planned import Plan
     from pneudrive.campaign.planning.protocol import Protocol
-    from pneudrive.rig.motion import Limits
 
 
 #: Relative tolerance of a limit, for rounding.
@@ -78,11 +77,6 @@ class Allowed:
     plan: Plan
 
     @cached_property
-    def axis(self) -> Limits:
-        """Limits of starts and stops of the axis."""
-        return self.plan.way.limits
-
-    @cached_property
     def envelope(self) -> Envelope:
         """Limits of the rig, tightened by the protocol."""
         rig, tight = self.plan.envelope, self.plan.protocol.limits
@@ -97,8 +91,8 @@ class Allowed:
 
     def peak_acceleration_m_s2(self, distance_m: float, speed_m_s: float) -> float:
         """Return the largest acceleration of a move within the limits of acceleration and jerk, m/s2."""
-        speed = min(speed_m_s, self.axis.top_speed_m_s(distance_m))
-        return min(self.axis.acceleration_m_s2, math.sqrt(speed * self.axis.jerk_m_s3))
+        speed = min(speed_m_s, self.plan.way.limits.top_speed_m_s(distance_m))
+        return min(self.plan.way.limits.acceleration_m_s2, math.sqrt(speed * self.plan.way.limits.jerk_m_s3))
 
     def acceleration_of(self, cycle: Cycle) -> float:
         """Return the largest acceleration in a cycle, m/s2."""
@@ -184,9 +178,9 @@ def _motion(cycle: Cycle, allowed: Allowed) -> Iterator[Violation]:
             remedy = "Lower the speed: the rig ramps with its own acceleration, which a protocol cannot change."
             yield "acceleration", f"{peak:.4g} m/s2; at most {top:.4g} m/s2", remedy
     for distance, step, is_before_hold in moves if cycle.kind in MEASURING else ():
-        speed, reached = step.speed_m_s, allowed.axis.top_speed_m_s(distance)
+        speed, reached = step.speed_m_s, allowed.plan.way.limits.top_speed_m_s(distance)
         if (is_before_hold or speed == cycle.speed_m_s) and speed > reached * (1.0 + ROUNDING):  # others only return
-            ramps = millimetres(2.0 * allowed.axis.ramp_distance_m(speed))
+            ramps = millimetres(2.0 * allowed.plan.way.limits.ramp_distance_m(speed))
             limit = f"at most {_mm_s(reached)}, because starting and stopping take {ramps}"
             yield (
                 "ramp",

@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, NamedTuple
+from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple
 
 from pydantic import ConfigDict, Field, PrivateAttr, model_validator
 
@@ -302,7 +302,7 @@ class ProtocolTable(Described):
 class Speeds(ProtocolTable):
     """Speeds of the sweep, with strokes out and back at each speed."""
 
-    table_name: ClassVar[str] = "speed"
+    table_name = "speed"
     list_m_s: Annotated[tuple[float, ...] | None, ListOf(SPEED, "log")] = None
     """one speed or a list; instead of from, to and count"""
     from_m_s: MaybeSpeed = None
@@ -349,16 +349,14 @@ class Speeds(ProtocolTable):
         """All speeds, ascending."""
         if self.list_m_s is not None:
             return self.list_m_s
-        assert self.from_m_s is not None
-        assert self.to_m_s is not None
-        assert self.count is not None
-        return spaced(self.from_m_s, self.to_m_s, self.count, self.spacing, SPEED)
+        ends: Any = (self.from_m_s, self.to_m_s, self.count)  # without a list all are given
+        return spaced(*ends, spacing=self.spacing, mark=SPEED)
 
 
 class Pressures(ProtocolTable):
     """Pressures in the chambers, in exactly one of three ways; default: both open to ambient."""
 
-    table_name: ClassVar[str] = "pressure"
+    table_name = "pressure"
     both: MaybePressures = None
     """the same pressure in both chambers"""
     a: MaybePressures = None
@@ -395,7 +393,7 @@ class Pressures(ProtocolTable):
 class Preconditioning(ProtocolTable):
     """Strokes that bring the contact to the same state before every stop."""
 
-    table_name: ClassVar[str] = "stop.preconditioning"
+    table_name = "stop.preconditioning"
     strokes: CountOrNone = 3
     """full strokes out and back"""
     speed_m_s: Speed = 0.1
@@ -405,7 +403,7 @@ class Preconditioning(ProtocolTable):
 class Stops(ProtocolTable):
     """Stops in the middle of a move: preconditioning strokes, an uninterrupted stroke, and the interrupted stroke."""
 
-    table_name: ClassVar[str] = "stop"
+    table_name = "stop"
     durations_s: Annotated[tuple[float, ...], ListOf(Quantity("s", "s", MAY_LAST), "log")]
     """duration of the stop, a list or { from, to, count, spacing }; 0 s: no stop"""
     axis: Literal["held", "released", "both"] = "held"
@@ -456,25 +454,25 @@ class HardFactor(ProtocolTable):
 class Mounting(HardFactor):
     """Mounting of the drive on the rig."""
 
-    table_name: ClassVar[str] = "mounting"
+    table_name = "mounting"
 
 
 class Seal(HardFactor):
     """Seals in the drive; the run-in follows a change."""
 
-    table_name: ClassVar[str] = "seal"
+    table_name = "seal"
 
 
 class DriveUnderTest(HardFactor):
     """Drive on the rig; the run-in follows a change."""
 
-    table_name: ClassVar[str] = "drive"
+    table_name = "drive"
 
 
 class Order(ProtocolTable):
     """Order in which the points are run."""
 
-    table_name: ClassVar[str] = "order"
+    table_name = "order"
     kind: Literal["as-given", "randomised", "interleaved"] = Field(
         default="as-given",
         description="as-given: pressure, repeat, speed; randomised: each repeat shuffled by the seed; "
@@ -487,7 +485,7 @@ class Order(ProtocolTable):
 class WarmUp(ProtocolTable):
     """Strokes before the points of each block."""
 
-    table_name: ClassVar[str] = "warm_up"
+    table_name = "warm_up"
     cycles: CountOrNone = 10
     """strokes out and back before each block"""
     speed_m_s: Speed = 0.1
@@ -499,7 +497,7 @@ class WarmUp(ProtocolTable):
 class SamplingTable(ProtocolTable):
     """Spacing of the samples; all are kept unfiltered."""
 
-    table_name: ClassVar[str] = "sampling"
+    table_name = "sampling"
     samples_per_stroke: Annotated[int, Whole(at_least=2, bound="samples")] = 5000
     """number of samples, evenly spaced in time over each stroke; the paper has about 5000 a cycle [bracha]"""
     burst_rate_hz: Rate = 5000.0
@@ -515,7 +513,7 @@ class SamplingTable(ProtocolTable):
 class KnownWeight(ProtocolTable):
     """A weight that the operator hangs on the force sensor, with the drive removed, to check the gain of the sensor."""
 
-    table_name: ClassVar[str] = "before_block.known_weight"
+    table_name = "before_block.known_weight"
     mass_kg: Annotated[float, Quantity("kg", "kg", POSITIVE)]
     """mass; the force is m g"""
     time_s: Duration = 10.0
@@ -527,7 +525,7 @@ class KnownWeight(ProtocolTable):
 class BeforeBlock(ProtocolTable):
     """Checks before the points of a block; absent keys: no check."""
 
-    table_name: ClassVar[str] = "before_block"
+    table_name = "before_block"
     tare_s: MaybeDuration = None
     """duration of a zero run of the force sensor: at rest, force released, vented"""
     known_weight: KnownWeight | None = None
@@ -541,7 +539,7 @@ class BeforeBlock(ProtocolTable):
 class Sentinel(ProtocolTable):
     """Control runs: strokes at a reference speed, repeated during a block and at both of its ends, to show drift."""
 
-    table_name: ClassVar[str] = "sentinel"
+    table_name = "sentinel"
     speed_m_s: Speed
     """speed of the strokes out and back"""
     every: Count = 10
@@ -553,7 +551,7 @@ class Sentinel(ProtocolTable):
 class Filter(ProtocolTable):
     """Filters of the analysis; the files keep every raw sample."""
 
-    table_name: ClassVar[str] = "filter"
+    table_name = "filter"
     average: Annotated[int, MovingAverage()] = Field(
         default=1, description='moving average over this many samples, or "none"'
     )
@@ -564,7 +562,7 @@ class Filter(ProtocolTable):
 class Conditions(ProtocolTable):
     """Conditions for measuring; outside them the campaign waits."""
 
-    table_name: ClassVar[str] = "conditions"
+    table_name = "conditions"
     supply_pressure: MaybePressure = None
     """least supply pressure"""
     temperature_k: Annotated[tuple[float, float] | None, marks.Between("K", "degC")] = Field(
@@ -577,7 +575,7 @@ class Conditions(ProtocolTable):
 class Tightened(ProtocolTable):
     """Limits in addition to those of the rig; the tighter one applies."""
 
-    table_name: ClassVar[str] = "limits"
+    table_name = "limits"
     speed_m_s: MaybeSpeed = None
     """highest speed"""
     acceleration_m_s2: Annotated[float | None, Quantity("m/s^2", "m/s2", POSITIVE)] = None
@@ -593,7 +591,7 @@ class Tightened(ProtocolTable):
 class Range(ProtocolTable):
     """Part of the stroke that is used."""
 
-    table_name: ClassVar[str] = "position"
+    table_name = "position"
     range: Annotated[tuple[AxisPosition, AxisPosition] | None, BetweenPositions()] = Field(
         None,
         description='"20 mm .. 280 mm", or "5 % .. 95 %" of the rig\'s range; absent: the range without the margin',

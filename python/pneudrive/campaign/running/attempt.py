@@ -12,7 +12,7 @@ import math
 import threading
 from concurrent.futures import Future, wait
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -141,15 +141,19 @@ class Attempts:
         self._begun[cycle.key] = self._begun.get(cycle.key, 0) + 1
         self._go_to_start(rig, cycle)
         if cycle.steps:
-            self._set_pressures(rig, cycle, settling_s)
+            wanted = (cycle.pressure_a_pa, cycle.pressure_b_pa)
+            rig.set_pressure(*wanted)
+            if settling_s > 0.0 and wanted != self._pressures:  # they settle after a change
+                rig.hold(settling_s)
+            self._pressures = wanted
             began_s = rig.state().time_s
             samples = self._acquire(rig, cycle)
         else:
             factor = cycle.key.rpartition("/")[2]  # b2/operator/seal: other factors stay unchanged
             if has_verbs(rig, Changeable) and factor in cycle.levels:
-                cast("Changeable", rig).change({factor: cycle.levels[factor]})
+                rig.change({factor: cycle.levels[factor]})
             began_s, samples = rig.state().time_s, Samples.join([])
-        memory = as_plain(cast("Reproducible", rig).memory()) if has_verbs(rig, Reproducible) else {}
+        memory = as_plain(rig.memory()) if has_verbs(rig, Reproducible) else {}
         self._whole = True
         return Head(0, cycle, began_s, started, memory=memory, attempts=self._begun[cycle.key]), samples
 
@@ -158,21 +162,12 @@ class Attempts:
             rig.home()
             self.homed = True
         if has_verbs(rig, Reproducible):
-            remembering = cast("Reproducible", rig)
-            self._memory = self._memory or as_plain(remembering.memory())
-            remembering.restore(as_plain(self._memory))
+            self._memory = self._memory or as_plain(rig.memory())
+            rig.restore(as_plain(self._memory))
             self._pressures = self._pressures_after
-            remembering.begin_cycle(cycle.key)
+            rig.begin_cycle(cycle.key)
         if cycle.start_m is not None and abs(rig.state().position_m - cycle.start_m) > AT_START_M:
             rig.move(cycle.start_m, min(TO_START_M_S, rig.limits().speed_m_s))
-
-    def _set_pressures(self, rig: Rig, cycle: Cycle, settling_s: float) -> None:
-        """Set the chambers to the pressures of a cycle; let them settle after a change."""
-        wanted = (cycle.pressure_a_pa, cycle.pressure_b_pa)
-        rig.set_pressure(*wanted)
-        if settling_s > 0.0 and wanted != self._pressures:
-            rig.hold(settling_s)
-        self._pressures = wanted
 
     def _acquire(self, rig: Rig, cycle: Cycle) -> Samples:
         parts: list[Samples] = []
@@ -410,7 +405,7 @@ def _planned_interval(time: Array, step: Ints, cycle: Cycle) -> Array:
         inside = members[:-1]
         early = time[inside + 1] - begin <= sampling.burst_after_s
         late = end - time[inside] <= sampling.burst_before_s
-        burst = (early | late) if sampling.burst_rate_hz > 0.0 else np.zeros(inside.size, dtype=bool)
+        burst = (early | late) & (sampling.burst_rate_hz > 0.0)
         planned[inside[~burst]] = planned_s
     return planned
 
@@ -418,7 +413,7 @@ def _planned_interval(time: Array, step: Ints, cycle: Cycle) -> Array:
 def _sensors(samples: Samples, cycle: Cycle, identity: Identity) -> tuple[int, int]:
     """Count saturated and stuck samples over all sensors."""
     step, position = samples.step, samples.position_m
-    saturated, stuck = np.zeros(step.size, dtype=bool), np.zeros(step.size, dtype=bool)
+    saturated, stuck = np.zeros((2, step.size), dtype=bool)
     if not step.size:
         return 0, 0
     moves = [number for number, one in enumerate(cycle.steps) if isinstance(one, Move)]

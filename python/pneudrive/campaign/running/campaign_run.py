@@ -31,8 +31,8 @@ if TYPE_CHECKING:
     from pneudrive.progress import Flag
     from pneudrive.rig.interface import Rig, Samples
 
-    #: Each is called with the name and the content of a document.
-    Subscribers: TypeAlias = Sequence[Callable[[str, dict], None]]
+#: Each is called with the name and the content of a document.
+Subscribers: TypeAlias = "Sequence[Callable[[str, dict], None]]"
 
 
 class Terminal:

@@ -70,10 +70,8 @@ class Display:
         took = time.monotonic() - self._began
         if self._passed[0] <= 0.0:
             return duration(float(left[0]))
-        in_virtual_time = took < 0.5 * self._passed[0] and self._passed[1] > 0.0
-        return duration(
-            float(left[1] * took / self._passed[1] if in_virtual_time else left[0] * took / self._passed[0])
-        )
+        by_samples = took < 0.5 * self._passed[0] and self._passed[1] > 0.0  # in virtual time
+        return duration(float(left[int(by_samples)] * took / self._passed[int(by_samples)]))
 
     def cycle(self, cycle: Cycle) -> None:
         """Show that a cycle begins."""

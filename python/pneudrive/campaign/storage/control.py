@@ -17,7 +17,7 @@ import socket
 import threading
 import time
 from collections import deque
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -218,7 +218,7 @@ class FolderLock:
 
     def tell(self, **what: str) -> None:
         """Write the ``state``, ``text`` and ``cycle`` of this process for other processes."""
-        self._holder = Holder(**{**asdict(self._holder), **what})
+        self._holder = replace(self._holder, **what)
         if self._file is None:
             return
         text = json.dumps(asdict(self._holder)).encode()
@@ -357,11 +357,7 @@ class Requests:
             return Request(ABORT, "the caller")
         if self._queue:
             return self._queue.popleft()
-        for path in self._waiting():
-            request = self._take_file(path)
-            if request is not None:
-                return request
-        return None
+        return next(filter(None, map(self._take_file, self._waiting())), None)
 
     def wait(self, seconds: float = LOOK_S) -> None:
         """Wait for a request or a call of `wake`, up to a time."""

@@ -547,9 +547,6 @@ def tidy(campaign: Campaign) -> tuple[list[CycleFile], list[str]]:
     return files, done
 
 
-__all__ = ["Campaign", "CycleFile", "Head", "Problem", "create", "read_head", "tidy", "write_cycle"]
-
-
 def plan_of(campaign: Campaign, *, checked: bool = True) -> Plan:
     """Compute the plan of a campaign folder again from its protocol and rig.
 
