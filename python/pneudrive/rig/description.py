@@ -15,7 +15,7 @@ from typing import Annotated, Any
 import numpy as np
 from pydantic import Field, create_model
 
-from pneudrive.arrays import Array, Plain
+from pneudrive.arrays import Array, Pair, Plain
 from pneudrive.describe.base import Described
 from pneudrive.describe.files import toml
 from pneudrive.describe.formulas.law import law_of
@@ -320,9 +320,8 @@ def _plain(name: str, given: Any, sources: dict[str, Source], problems: Problems
         what = f"{name}: {unknown!r} is unknown" if unknown else f"{name} has no source"
         raise wrong(name, what, rule=RULE)
     if isinstance(given.get("value"), list):
-        return [
-            _plain(f"{name}.{number}", _with(one, said), sources, problems) for number, one in enumerate(given["value"])
-        ]
+        each = [(one if isinstance(one, dict) else {"value": one}) | said for one in given["value"]]
+        return [_plain(f"{name}.{number}", one, sources, problems) for number, one in enumerate(each)]
     if "value" in given:
         text = str(given["value"])
         sources[name] = Source(text, str(said["source"]), str(said.get("reason", "")))
@@ -331,11 +330,6 @@ def _plain(name: str, given: Any, sources: dict[str, Source], problems: Problems
         key: problems.take(_plain, f"{name}.{key}", {"value": value} | said if said else value, sources, problems)
         for key, value in inner.items()
     }
-
-
-def _with(given: object, said: Plain) -> Plain:
-    """Add the source of a list to its entry."""
-    return (given if isinstance(given, dict) else {"value": given}) | said
 
 
 DEFAULT = Path(__file__).with_name("default.toml")
@@ -369,7 +363,7 @@ class RigDescription:
     sources: dict[str, Source] = field(repr=False)
 
     @cached_property
-    def areas_m2(self) -> tuple[float, float]:
+    def areas_m2(self) -> Pair:
         """Piston areas in chambers a and b."""
         return piston_areas(self.tables.cylinder.kind, self.tables.cylinder.bore, self.tables.cylinder.rod_diameter)
 

@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field, fields
 from functools import cache
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Protocol, TypeVar, runtime_checkable
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Protocol, TypeGuard, TypeVar, runtime_checkable
 
 import numpy as np
 from pydantic import (
@@ -229,7 +229,7 @@ def closed_after(given: T) -> Iterator[T]:
             close()
 
 
-def has_verbs(rig: object, of: type) -> bool:
+def has_verbs(rig: object, of: type) -> TypeGuard[Any]:
     """Return whether a rig has all methods of a protocol, possibly through a wrapper."""
     return all(callable(getattr(rig, verb, None)) for verb in vars(of) if not verb.startswith("_"))
 
@@ -378,19 +378,15 @@ class Rig(Protocol):
 
     def home(self) -> None:
         """Bring the axis to its home position."""
-        ...
 
     def set_pressure(self, a_pa: float, b_pa: float) -> None:
         """Bring the chambers to these absolute pressures, Pa; ambient pressure vents a chamber."""
-        ...
 
     def move(self, to_m: float, speed_m_s: float) -> None:
         """Move from rest to rest without recording."""
-        ...
 
     def hold(self, duration_s: float, released: bool = False) -> None:
         """Rest for a time without recording."""
-        ...
 
     def acquire(self, steps: Sequence[Step], sampling: Sampling) -> Iterator[Samples]:
         """Run the steps in their order, and yield the samples in parts as they arrive.
@@ -401,7 +397,6 @@ class Rig(Protocol):
 
     def stop(self) -> None:
         """Bring the axis to rest and release the pressure; safe to call at any time, also twice."""
-        ...
 
 
 @runtime_checkable
@@ -410,7 +405,6 @@ class Reproducible(Protocol):
 
     def begin_cycle(self, key: str) -> None:
         """Seed the noise of the next cycle from the rig's seed and this key."""
-        ...
 
     def memory(self) -> Plain:
         """Return the saved state (clock, travel, temperature, age of the contact) as plain data."""
@@ -418,7 +412,6 @@ class Reproducible(Protocol):
 
     def restore(self, memory: Plain) -> None:
         """Restore a saved state from `memory`."""
-        ...
 
 
 @runtime_checkable
@@ -431,7 +424,6 @@ class Changeable(Protocol):
 
     def change(self, levels: dict[str, str]) -> None:
         """Set mounted factor levels: factor -> level, as in `Cycle.levels`. Omitted factors are unchanged."""
-        ...
 
 
 def plain(value: Any) -> Any:  # noqa: ANN401 - any plain data

@@ -64,8 +64,8 @@ def steady_friction_n(
         Friction, N, one-dimensional.
     """
     velocity = np.atleast_1d(np.asarray(velocity_m_s, dtype=float))
-    others = {name: table for name, table in friction.items() if name not in ("law", "parameters", "pressure")}
-    law, parameters, pressure = friction["law"], friction["parameters"], friction.get("pressure")
+    others = dict(friction)
+    law, parameters, pressure = (others.pop(name, None) for name in ("law", "parameters", "pressure"))
     steady = _core.steady_friction(law, parameters, velocity, *gauges_pa, pressure, others, position_m)
     return np.asarray(steady)
 
@@ -258,9 +258,7 @@ def friction_scale(d: RigDescription, past: Past, seed: int) -> float:
     }
     exponent = 0.0
     for factor, words in drawn.items():
-        deviation = getattr(d.tables.repeatability, factor)
-        if deviation > 0.0:
-            exponent += deviation * float(stream(seed, factor, words).standard_normal())
+        exponent += getattr(d.tables.repeatability, factor) * float(stream(seed, factor, words).standard_normal())
     return math.exp(exponent)
 
 
@@ -277,13 +275,12 @@ def friction_in_force(d: RigDescription, past: Past, seed: int) -> Plain:
     levels, viscous = _core.seal_factors(thermal.coulomb, -thermal.viscous, warmer, excess, distance, past.travel_m)
     scale = friction_scale(d, past, seed)
     factor = {"coulomb": scale * levels, "breakaway": scale * levels, "viscous": scale * viscous}
-    out = dict(table)
-    out["parameters"] = {name: value * factor.get(name, 1.0) for name, value in table["parameters"].items()}
+    table["parameters"] = {name: value * factor.get(name, 1.0) for name, value in table["parameters"].items()}
     if table["pressure"] is not None:
-        out["pressure"] = {name: value * scale * levels for name, value in table["pressure"].items()}
+        table["pressure"] = {name: value * scale * levels for name, value in table["pressure"].items()}
     if table.get("dwell") is not None:
-        out["dwell"] = table["dwell"] | {"increment_n": table["dwell"]["increment_n"] * scale}
-    return out
+        table["dwell"] = table["dwell"] | {"increment_n": table["dwell"]["increment_n"] * scale}
+    return table
 
 
 #: Tolerance of the core: force errors are far below the noise of any force sensor.
@@ -382,7 +379,7 @@ class Machine:
         """Return to the beginning of a step, run it up to `time_s`, and brake."""
         self.past = before
         begun = motion.until(time_s)
-        position, speed, acceleration = (float(value) for value in motion.at(time_s))
+        position, speed, acceleration = map(float, motion.at(time_s))
         rest = begun.then(brake(position, speed, acceleration, self.d.limits))
         if rest.durations_s.size:
             self.run(step, rest, np.array([rest.duration_s]))
@@ -397,7 +394,7 @@ class Machine:
         """
         past, a, b = self.past, 0.0, 0.0
 
-        def rest() -> tuple[float, float]:
+        def rest() -> Pair:
             self.run(Hold(LOOK_S), dwell(LOOK_S, past.commanded_m), np.array([LOOK_S]))
             return past.shown["pressure_a_pa"], past.shown["pressure_b_pa"]
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from pydantic import Field, PrivateAttr, StrictBool, model_validator
 
@@ -16,7 +16,7 @@ from pneudrive.describe.files import toml
 from pneudrive.describe.marks import NOT_NEGATIVE, POSITIVE, Between, Mark, PressureBetween, Quantity, Reads, absolute
 from pneudrive.describe.tables.geometry import PistonTable
 from pneudrive.errors import Problems, RigError, WrongValueError, nearest, wrong
-from pneudrive.rig.interface import WORDS, Envelope, Identity, Rig, has_verbs
+from pneudrive.rig.interface import WORDS, Envelope, Identity, Rig
 from pneudrive.signals.force_calibration import ForceCalibration, of_quantities
 
 if TYPE_CHECKING:
@@ -78,7 +78,7 @@ _FREQUENCIES = _channels(lambda _: Quantity("1/s", bounds=POSITIVE))
 class IdentityTable(PistonTable):
     """``[identity]``: identity of the rig and calibration of its sensors. Areas are given by bore, or directly."""
 
-    table_name: ClassVar[str] = "identity"
+    table_name = "identity"
     name: str
     ambient_pressure: Annotated[units.Pressure, marks.StatedPressure(gauge_allowed=False)] = units.Pressure(
         Identity.ambient_pressure_pa, gauge=False
@@ -119,7 +119,7 @@ class IdentityTable(PistonTable):
 class LimitsTable(Described):
     """``[limits]``: limits of the rig."""
 
-    table_name: ClassVar[str] = "limits"
+    table_name = "limits"
     position_m: Annotated[tuple[float, float], Between("m", "mm")]
     speed_m_s: Annotated[float, Quantity("m/s", bounds=POSITIVE)]
     acceleration_m_s2: Annotated[float, Quantity("m/s^2", bounds=POSITIVE)]
@@ -260,8 +260,8 @@ def load_rig(
 def _own_rig(source: str, make: Callable[[], Any]) -> Rig:
     """Call custom code, a function or class, without arguments, and check that it returns a rig."""
     rig: Rig = own_code.guarded(source, RigError, make)
-    if not has_verbs(rig, Rig):
-        missing = [verb for verb in vars(Rig) if not verb.startswith("_") and not callable(getattr(rig, verb, None))]
+    missing = [verb for verb in vars(Rig) if not verb.startswith("_") and not callable(getattr(rig, verb, None))]
+    if missing:
         raise RigError.of("rig.returned", source=source, type=type(rig).__name__, missing=", ".join(missing))
     return rig
 

@@ -22,10 +22,10 @@ from pneudrive.signals.recording import Recording
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Sequence
 
-    from pneudrive.arrays import Array, NamedNumbers, Plain
+    from pneudrive.arrays import Array, NamedNumbers, Pair, Plain
     from pneudrive.rig.interface import Sampling
 
-    Gauges = float | tuple[float, float]  # pressures of both chambers, or of a and b
+    Gauges = float | Pair  # pressures of both chambers, or of a and b
 
     Observer = Callable[[Machine, Past, Step, Motion, dict[str, Array]], None]
 
@@ -171,10 +171,9 @@ class SimulatedRig:
         gauges = [1e-5 * (p - d.ambient_pressure_pa) for p in (trace.pressure_a_pa, trace.pressure_b_pa)]
         shown = f"{gauges[0]:.3g} bar" if gauges[0] == gauges[1] else f"{gauges[0]:.3g} and {gauges[1]:.3g} bar"
         speed = f"{1e3 * trace.speed_m_s:.4g} mm/s"
-        accurate = ("position_m", "force_n", "pressure_a_pa", "pressure_b_pa")
         shared: Plain = {name: getattr(identity, name) for name in SHARED}
         shared |= {"limits": {"force_n": identity.limits["force_n"]}, "calibration": {}}
-        shared["accuracy"] = {channel: identity.accuracy[channel] for channel in accurate}
+        shared["accuracy"] = {channel: identity.accuracy[channel] for channel in CHANNELS[1:-1]}
         return Recording(
             name=name or f"{speed}, {shown}",
             time_s=true["time_s"],
@@ -211,15 +210,14 @@ class SimulatedRig:
     ) -> Array:
         """Return the friction of steady sliding at speeds and absolute pressures (None: ambient), at mid stroke, N."""
         d = self.description
-        a, b = (d.ambient_pressure_pa if p is None else p for p in (pressure_a_pa, pressure_b_pa))
-        gauges = (a - d.ambient_pressure_pa, b - d.ambient_pressure_pa)
-        friction = steady_friction_n(core_friction(d), speed_m_s, gauges, 0.5 * d.stroke_m)
+        a, b = (0.0 if p is None else p - d.ambient_pressure_pa for p in (pressure_a_pa, pressure_b_pa))
+        friction = steady_friction_n(core_friction(d), speed_m_s, (a, b), 0.5 * d.stroke_m)
         return friction if np.ndim(speed_m_s) else friction[0]
 
-    def _absolute(self, gauge_pa: Gauges) -> tuple[float, float]:
+    def _absolute(self, gauge_pa: Gauges) -> Pair:
         pair = gauge_pa if isinstance(gauge_pa, tuple) else (gauge_pa, gauge_pa)
         absolute = tuple(float(p) + self.description.ambient_pressure_pa for p in pair)
-        if len(absolute) != 2 or not all(np.isfinite(p) and p > 0.0 for p in absolute):
+        if len(absolute) != 2 or not all(0.0 < p < np.inf for p in absolute):
             raise CommandError.of("rig.vacuum", pair=pair)
         return absolute[0], absolute[1]
 
@@ -407,10 +405,8 @@ class RigSession:
         )  # fmt: skip
         speed = d.tables.servo.speed or d.limits.top_speed_m_s(d.stroke_m - 2.0 * d.tables.servo.margin)
         room = d.tables.ambient.temperature
-        least, greatest = (
-            getattr(safety, f"{which}_temperature") or room + usual
-            for which, usual in zip(("least", "greatest"), USUAL_TEMPERATURES_K, strict=True)
-        )
+        least = safety.least_temperature or room + USUAL_TEMPERATURES_K[0]
+        greatest = safety.greatest_temperature or room + USUAL_TEMPERATURES_K[1]
         friction = self.rig.true_friction(np.array([CREEP_M_S, speed]), highest, highest)
         return Envelope(
             position_m=(d.tables.servo.margin, d.stroke_m - d.tables.servo.margin),
@@ -429,19 +425,19 @@ class RigSession:
     def state(self) -> RigState:
         """Return the state of the rig, with readings without noise."""
         with self._lock:
-            past, run = self.past, self._running
+            past, run, is_moving = self.past, self._running or _Run(), self._running is not None
             supply = self.rig.description.tables.supply.pressure or max(past.pressure_a_pa, past.pressure_b_pa)
-            began = past if run is None or run.before is None else run.before
-            clock = began.clock_s + (0.0 if run is None else run.reached_s)
-            seen: Plain = self._at_rest(began) if run is None or run.seen is None else run.seen
-            return RigState(**seen, supply_pressure_pa=supply, time_s=clock, moving=run is not None)
+            began = run.before or past
+            seen: Plain = run.seen or self._at_rest(began)
+            clock = began.clock_s + run.reached_s
+            return RigState(**seen, supply_pressure_pa=supply, time_s=clock, moving=is_moving)
 
     def _at_rest(self, past: Past) -> NamedNumbers:
-        true = {"carriage_position_m": past.commanded_m, "sensor_force_n": 0.0}
-        for side, pressure in (("a", past.pressure_a_pa), ("b", past.pressure_b_pa)):
-            true |= {f"pressure_{side}_pa": pressure, f"supply_pressure_{side}_pa": pressure}
-        columns = {name: np.array([value]) for name, value in {**true, **past.shown, "time_s": 0.0}.items()}
-        return {name: float(values[0]) for name, values in self._instruments.read(columns, past, None).items()}
+        a, b = past.pressure_a_pa, past.pressure_b_pa
+        true = {"carriage_position_m": past.commanded_m, "sensor_force_n": 0.0, "pressure_a_pa": a, "pressure_b_pa": b}
+        true |= {"supply_pressure_a_pa": a, "supply_pressure_b_pa": b, **past.shown, "time_s": 0.0}
+        seen = self._instruments.read({name: np.array([value]) for name, value in true.items()}, past, None)
+        return {name: float(values[0]) for name, values in seen.items()}
 
     # --- what it does ------------------------------------------------------------------------
 
@@ -553,17 +549,13 @@ class RigSession:
             for _ in self._acquire([step], None):
                 pass
 
-    def _begin(self) -> _Run:
-        """Reserve the axis."""
-        with self._lock:
+    def _acquire(self, steps: list[Step], sampling: Sampling | None) -> Iterator[Samples]:
+        """Run steps. Without `sampling`, the readings have no noise."""
+        with self._lock:  # reserve the axis
             self._idle()
             self._running = run = _Run()
             self._halted.clear()
-            return run
-
-    def _acquire(self, steps: list[Step], sampling: Sampling | None) -> Iterator[Samples]:
-        """Run steps. Without `sampling`, the readings have no noise."""
-        run, rng = self._begin(), None if sampling is None else self._rng
+        rng = None if sampling is None else self._rng
         began, done_s = time.monotonic(), 0.0
         last = max((i for i, step in enumerate(steps) if getattr(step, "duration_s", 1.0) > 0.0), default=-1)
         try:
@@ -627,7 +619,7 @@ class RigSession:
             borders = list(range(0, times.size, PART_SAMPLES))
         else:
             ends = np.arange(0.0, duration_s, PART_S * self.pace)
-            borders = sorted(set(np.searchsorted(times, ends).tolist()))
+            borders = np.unique(np.searchsorted(times, ends)).tolist()
         for start, stop in zip(borders, [*borders[1:], times.size], strict=True):
             if stop > start:
                 yield slice(start, stop)

@@ -61,7 +61,7 @@ class OpcUaRig:
     """
 
     def __init__(self, link: Link) -> None:
-        self._link = link
+        self._link, self._nodes, self._url = link, link.nodes, link.url
         identity, limits = link.file.described()
         self._finalizer = weakref.finalize(self, link.close)
         self._gone = False
@@ -114,12 +114,12 @@ class OpcUaRig:
     def acquire(self, steps: Sequence[Step], sampling: Sampling) -> Iterator[Samples]:
         """Run the steps in their order, and yield the samples in parts as they arrive."""
         self._check_back()
-        patience = SLACK * self._expected_s(steps) + self._link.nodes.handshake.patience_s
+        patience = SLACK * self._expected_s(steps) + self._nodes.handshake.patience_s
         running = True
         try:
             with self._one_connection("the acquisition") as same:
                 (taken,) = self._link.read("samples.written")
-                known = {name: field for name, field in node_map.SAMPLING.items() if name in self._link.nodes}
+                known = {name: field for name, field in node_map.SAMPLING.items() if name in self._nodes}
                 rates = {name: getattr(sampling, field) for name, field in known.items()}
                 arguments = {**self._program(steps), **rates, "samples.acknowledged": taken}
                 identity = self._start(node_map.Verb.ACQUIRE, arguments)
@@ -127,7 +127,7 @@ class OpcUaRig:
                 while running:
                     running = not self._ended(identity)
                     (written,) = self._link.read("samples.written")
-                    look = FIRST_LOOK_S if written != taken else min(2.0 * look, self._link.nodes.handshake.poll_s)
+                    look = FIRST_LOOK_S if written != taken else min(2.0 * look, self._nodes.handshake.poll_s)
                     while taken < written:
                         same()
                         taken += 1
@@ -157,8 +157,8 @@ class OpcUaRig:
         except LinkError:
             pass
         if not self._back_within(min(STOP_S, self._link.file.reconnect_s)):  # connecting stops the axis
-            beat = self._link.nodes.handshake.heartbeat_s
-            raise RigError.of("rig.stop-lost", where=self._link.url, reason=self._link.lost, beat=beat) from None
+            beat = self._nodes.handshake.heartbeat_s
+            raise RigError.of("rig.stop-lost", where=self._url, reason=self._link.lost, beat=beat) from None
         self._gone = False
 
     def _do(self, verb: node_map.Verb, arguments: Plain | None = None, expected_s: float = 0.0) -> None:
@@ -180,8 +180,7 @@ class OpcUaRig:
     def _run(self, verb: node_map.Verb, arguments: Plain | None = None, expected_s: float = 0.0) -> None:
         """Start a command and wait for its answer."""
         identity = self._start(verb, arguments)
-        look = FIRST_LOOK_S
-        handshake = self._link.nodes.handshake
+        look, handshake = FIRST_LOOK_S, self._nodes.handshake
         deadline = time.monotonic() + SLACK * expected_s + handshake.patience_s
         while not self._ended(identity):
             self._wait(look, deadline, verb)
@@ -192,29 +191,27 @@ class OpcUaRig:
         done, current, stops = self._link.read("answer.done", "command.id", "heartbeat.stops")
         self._link.check_stops(stops)
         if current != identity and current == self._id:
-            raise _EndedError("it was ended by another command of this program", where=self._link.url)
+            raise _EndedError("it was ended by another command of this program", where=self._url)
         if current != identity:
-            raise RigError.of("rig.other-client", where=self._link.url)
+            raise RigError.of("rig.other-client", where=self._url)
         return done == identity
 
     def _wait(self, look: float, deadline: float, verb: node_map.Verb) -> None:
         if time.monotonic() > deadline:
-            raise RigError.of("rig.unfinished", where=self._link.url, verb=_words(verb))
+            raise RigError.of("rig.unfinished", where=self._url, verb=_words(verb))
         time.sleep(look)
 
     def _check_fault(self, verb: node_map.Verb) -> None:
         (fault,) = self._link.read("answer.fault")
         if fault:
             what, *rest = fault.splitlines()
-            raise RigError(
-                f"{_words(verb)} failed: {what}", where=self._link.url, value="\n".join(rest).strip() or None
-            )
+            raise RigError(f"{_words(verb)} failed: {what}", where=self._url, value="\n".join(rest).strip() or None)
 
     def _chunk(self, number: int) -> Samples:
-        slot = self._link.nodes.slot_of(number)
+        slot = self._nodes.slot_of(number)
         sequence, count, *read = self._link.read("samples.sequence", "samples.count", *node_map.SAMPLES, slot=slot)
         if sequence != number:
-            raise RigError.of("rig.lost-samples", where=self._link.url, slot=slot, sequence=sequence, number=number)
+            raise RigError.of("rig.lost-samples", where=self._url, slot=slot, sequence=sequence, number=number)
         columns = [np.full(count, c) if np.ndim(c) == 0 else c[:count] for c in read]
         if any(column.size != count for column in columns):
             sizes = ", ".join(f"{name} {column.size}" for name, column in zip(node_map.SAMPLES, columns, strict=True))
@@ -223,8 +220,7 @@ class OpcUaRig:
 
     def _program(self, steps: Sequence[Step]) -> Plain:
         """Write steps as arrays, within the limits of the rig."""
-        nodes = self._link.nodes
-        most = self._link.served["step.kind"].length or nodes.handshake.steps
+        most = self._link.served["step.kind"].length or self._nodes.handshake.steps
         arrays = {name: [getattr(step, field, 0.0) for step in steps] for name, field in node_map.STEPS.items()}
         kinds = [
             node_map.HOLD | node_map.RELEASED * step.released | node_map.SHUT * step.shut
@@ -234,9 +230,9 @@ class OpcUaRig:
         ]
         if len(steps) > most:
             raise RigError(f"{len(steps)} steps are too many for the rig", rule=f"at most {most} steps in a program")
-        if any(arrays["step.weight"]) and "step.weight" not in nodes:
+        if any(arrays["step.weight"]) and "step.weight" not in self._nodes:
             raise RigError.of("rig.no-weight")
-        known = {name: values for name, values in arrays.items() if name in nodes}
+        known = {name: values for name, values in arrays.items() if name in self._nodes}
         return {"step.count": len(steps), "step.kind": kinds, **known}
 
     def _expected_s(self, steps: Sequence[Step]) -> float:
@@ -247,10 +243,10 @@ class OpcUaRig:
 
     def _described(self, name: str) -> Any:  # noqa: ANN401 - JSON
         table = name.partition(".")[2]
-        if name not in self._link.nodes:
-            raise RigError.of("rig.undescribed", where=self._link.url, table=table)
+        if name not in self._nodes:
+            raise RigError.of("rig.undescribed", where=self._url, table=table)
         (text,) = self._link.read(name)
-        return parse_json(text, self._link.url, RigError)
+        return parse_json(text, self._url, RigError)
 
     def _check_back(self) -> None:
         """Raise an error once if the connection was lost and reopened."""
@@ -287,13 +283,13 @@ class OpcUaRig:
             raise self._back(doing, reason) from None
 
     def _back(self, doing: str, reason: str) -> ConnectionLostError:
-        return ConnectionLostError.of("rig.back", where=self._link.url, verb=doing, reason=reason)
+        return ConnectionLostError.of("rig.back", where=self._url, verb=doing, reason=reason)
 
     def _reconnect(self, reason: str) -> None:
         """Connect again within the allowed time."""
-        seconds, beat_s = self._link.file.reconnect_s, self._link.nodes.handshake.heartbeat_s
+        seconds, beat_s = self._link.file.reconnect_s, self._nodes.handshake.heartbeat_s
         if not self._back_within(seconds):
-            raise RigError.of("rig.lost", where=self._link.url, reason=reason, seconds=seconds, beat=beat_s)
+            raise RigError.of("rig.lost", where=self._url, reason=reason, seconds=seconds, beat=beat_s)
 
     def _back_within(self, limit_s: float) -> bool:
         """Connect again, with growing waits between attempts, and stop the rig; return whether it succeeded."""
@@ -315,13 +311,13 @@ class OpcUaRig:
             self._link.connect()
             self._run(node_map.Verb.STOP)
             if (name := self._told_name()) != self._told:
-                raise RigError(f"another rig is served: {name!r} instead of {self._told!r}", where=self._link.url)
+                raise RigError(f"another rig is served: {name!r} instead of {self._told!r}", where=self._url)
 
     def _told_name(self) -> str:
         """Return the name of the rig as stated by the server; empty without a name."""
-        if "rig.identity" not in self._link.nodes:
+        if "rig.identity" not in self._nodes:
             return ""
-        return identity_of(self._described("rig.identity"), self._link.url)[0].name
+        return identity_of(self._described("rig.identity"), self._url)[0].name
 
     def _halt(self) -> None:
         """Bring the axis to rest now, and keep the pressures."""
@@ -358,7 +354,7 @@ class SimulatedOpcUaRig(OpcUaRig):
             self._run(verb, {"simulation.text": json.dumps(question)})
             (answer,) = self._link.read("simulation.answer")
             same()
-            return parse_json(answer or "null", self._link.url, RigError)
+            return parse_json(answer or "null", self._url, RigError)
 
 
 def load_opcua(source: str | Path, seed: int = 0, pace: float | None = None) -> OpcUaRig:

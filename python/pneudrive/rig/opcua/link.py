@@ -266,9 +266,8 @@ class Link:
         return await self._request(lambda client: client.uaclient.read_attributes(ids, ua.AttributeIds.Value))
 
     async def _write(self, values: dict[str, Any]) -> None:
-        served = [self.served[name] for name in values]
-        ids = [one.ids[0] for one in served]
-        raw = [one.to_raw(value, self.ambient_pa) for one, value in zip(served, values.values(), strict=True)]
+        ids = [self.served[name].ids[0] for name in values]
+        raw = [self.served[name].to_raw(value, self.ambient_pa) for name, value in values.items()]
         data = [ua.DataValue(value, StatusCode=None) for value in raw]  # PLCs reject writing of status or time stamp
         results = await self._request(lambda client: client.uaclient.write_attributes(ids, data, ua.AttributeIds.Value))
         for name, node_id, status in zip(values, ids, results, strict=True):

@@ -21,7 +21,7 @@ from dataclasses import dataclass
 from enum import IntEnum
 from functools import cache
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from pydantic import Field, create_model
@@ -117,7 +117,7 @@ class Node:
 class Handshake(Described):
     """``[handshake]``: times, the ring of slots, and sizes."""
 
-    table_name: ClassVar[str] = "handshake"
+    table_name = "handshake"
     heartbeat_s: Duration = 1.0
     poll_s: Duration = 0.02
     patience_s: Duration = 120.0
