@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import uuid
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 from pneudrive.describe.components import parameter_quantity
@@ -111,7 +111,7 @@ class FmuPlan:
     rtol: float
     variables: tuple[FmuVariable, ...]
     is_actuator: bool = False
-    notes: tuple[str, ...] = field(default=())
+    notes: tuple[str, ...] = ()
     law: Plain | None = None
     code: FmuCode | None = None
 
@@ -265,7 +265,11 @@ def _parameters(described: DriveOrCircuit, form: Plain) -> Iterator[FmuVariable]
         if own.get("friction"):
             prefix = "friction" if described.system.names else f"{own['name']}.friction"
             of_whom: Any = described.circuit.components[own["name"]]
-            yield from _friction(of_whom.friction.entry, own["friction"], prefix, f"/components/{i}/friction")
+            rows = {row["key"]: row for row in of_whom.friction.entry["parameters"]}
+            for key, value in own["friction"]["parameters"].items():
+                unit = "1" if rows[key]["unit"] in ("-", "") else rows[key]["unit"]
+                role = {"role": "parameter", "of": f"/components/{i}/friction/parameters/{key}"}
+                yield FmuVariable(f"{prefix}.{key}", unit, rows[key]["meaning"], "parameter", role, float(value))
     for key, unit, what in (
         ("pressure", "Pa", "Ambient pressure, absolute"),
         ("temperature", "K", "Ambient temperature"),
@@ -273,15 +277,6 @@ def _parameters(described: DriveOrCircuit, form: Plain) -> Iterator[FmuVariable]
         place = f"{key}_{unit.lower()}"
         role = {"role": "parameter", "of": f"/ambient/{place}"}
         yield FmuVariable(f"ambient.{key}", unit, what, "parameter", role, float(form["ambient"][place]))
-
-
-def _friction(entry: Plain, own: Plain, prefix: str, path: str) -> Iterator[FmuVariable]:
-    rows = {row["key"]: row for row in entry["parameters"]}
-    for key, value in own["parameters"].items():
-        row = rows[key]
-        unit = "1" if row["unit"] in ("-", "") else row["unit"]
-        role = {"role": "parameter", "of": f"{path}/parameters/{key}"}
-        yield FmuVariable(f"{prefix}.{key}", unit, row["meaning"], "parameter", role, float(value))
 
 
 def _starts(start: NamedNumbers, is_short: bool, actuator: bool) -> Iterator[FmuVariable]:
@@ -309,9 +304,7 @@ def _results(session: CoreSession, described: DriveOrCircuit, actuator: bool) ->
         last = core.rpartition(".")[2]
         name, unit, what = _named(core, is_short)
         foreign = hides and "." in name
-        if last in ("time_s", "command") or core in moved or foreign:
-            continue
-        if actuator and last == "acceleration_m_s2":
+        if last in ("time_s", "command") or core in moved or foreign or (actuator and last == "acceleration_m_s2"):
             continue
         seen.add(core)
         names.add(name)

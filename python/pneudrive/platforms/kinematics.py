@@ -119,7 +119,7 @@ class Platform(Viewed):
         components = json.loads(circuit.core_json())["components"]
         supplies = [one["numbers"]["pressure"] for one in components if one["kind"].startswith("reservoir")]
         self.supply_pa = max(supplies, default=np.nan)
-        middle = np.array([0.0 if np.isnan(leg.stroke_m) else 0.5 * leg.stroke_m for leg in self.legs])
+        middle = np.nan_to_num([0.5 * leg.stroke_m for leg in self.legs])
         self.home = angles(core, core.locate(middle[None])[0])[0]
 
     def view(self) -> View:

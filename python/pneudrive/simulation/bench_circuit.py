@@ -160,7 +160,7 @@ class Dragged:
         durations_s: Sequence[float] | Array,
         jerks_m_s3: Sequence[float] | Array,
         times_s: Sequence[float] | Array,
-        begin: float | Sequence[float],
+        begin: float | Sequence[float] | Mapping[str, float],
         rtol: float,
         *,
         released: bool = False,
@@ -175,8 +175,8 @@ class Dragged:
             Jerk of the carriage's commanded motion, m/s3, and its duration, s.
         times_s : sequence of float
             Times of the samples, s, ascending.
-        begin : float or sequence of float
-            Start position, at rest with an unstressed sensor; or the state at the end of an earlier motion.
+        begin : float, sequence of float or mapping
+            Start position, at rest with an unstressed sensor; or the state at the end of an earlier motion, or by name.
         rtol : float
         released : bool
             Whether the carriage first moves freely until the sensor force is zero. Its position is then the command.
@@ -193,14 +193,11 @@ class Dragged:
         from pneudrive import _core
 
         core = _core.Circuit(self.core_json())
-        start: Mapping[str, float] | Sequence[float]
         if isinstance(begin, float | int):
             at = {"position_m": float(begin), "velocity_m_s": 0.0}
             axes = {f"{own}.{name}": value for own in ("carriage", "piston") for name, value in at.items()}
-            start = self.start | axes
-        else:
-            start = begin
-        session = core.start(start, rtol)
+            begin = self.start | axes
+        session = core.start(begin, rtol)
         for name in self.shutters if shut else ():
             session.set(f"{name}.opening", 0.0)
         session.set("carriage.giving_way", float(released))

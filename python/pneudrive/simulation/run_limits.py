@@ -143,16 +143,16 @@ def _second_share(coefficients: list[float], pressure_pa: float, temperature_k: 
 
 def _pistons(described: DriveOrCircuit, columns: Keyed) -> Iterator[str]:
     """Yield a warning for each piston without end stops that leaves its stroke."""
+    import numpy as np
+
     for name, component in getattr(described, "components", {}).items():
         position = columns.get(f"{name}.position_m")
         if component.kind != "piston" or position is None:
             continue
-        stroke, row = float(component.stroke_m), None  # type: ignore[attr-defined] - of this kind
-        if position.min() < -ROUNDED * stroke:
-            row = int(position.argmin())
-        if position.max() > (1.0 + ROUNDED) * stroke and (row is None or position.max() - stroke > -position[row]):
-            row = int(position.argmax())
-        if row is not None:
+        stroke = float(component.stroke_m)  # type: ignore[attr-defined] - of this kind
+        beyond = np.maximum(-position, position - stroke)
+        row = int(beyond.argmax())
+        if beyond[row] > ROUNDED * stroke:
             when = columns["time_s"][row]
             yield (
                 f"{name} leaves its stroke: it is at {1e3 * position[row]:.6g} mm at {when:.4g} s, and its stroke is "

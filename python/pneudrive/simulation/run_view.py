@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from pneudrive.constants import ANR_DENSITY_KG_M3
 from pneudrive.errors import is_severe
-from pneudrive.simulation.trajectory import meaning
+from pneudrive.simulation.trajectory import TABLE, meaning
 from pneudrive.views import Finding, LeadingValue, ShownValue, View
 
 if TYPE_CHECKING:
@@ -103,12 +103,10 @@ def _positions(columns: Keyed) -> Iterator[ShownValue]:
 def _impacts(impacts: list[Keyed], begun: Sequence[float | None]) -> Iterator[ShownValue]:
     for number, (impact, at) in enumerate(zip(impacts, begun, strict=True), start=1):
         label = f"impact {number}" + (f", {impact['cylinder']}" if impact.get("cylinder") else "")
-        values = {"end of chamber": (impact["end"], ""), "time": (impact["time_s"], "s")}
-        values |= {} if at is None else {"stroke time": (impact["time_s"] - at, "s")}
-        values |= {"speed": (impact["speed_m_s"], "m/s"), "energy": (impact["energy_j"], "J")}
-        values |= {"depth": (impact["depth_m"], "m"), "peak force": (impact["peak_force_n"], "N")}
-        for name, (value, unit) in values.items():
-            yield ShownValue(f"{label}.{name}", label, name, value, unit)
+        values = {**impact, "stroke_time_s": None if at is None else impact["time_s"] - at}
+        for key, (name, unit) in TABLE["impact"].items():
+            if values[key] is not None:
+                yield ShownValue(f"{label}.{name}", label, name, values[key], unit)
 
 
 def _peaks(columns: Keyed) -> Iterator[ShownValue]:

@@ -224,18 +224,9 @@ def run(
     core, start = ready(drive, initial)
     watch.look()
     try:
-        result: SimulationResult = core.simulate(
-            *(
-                [(name, list(times), list(values)) for name, (times, values) in plans],
-                seconds,
-                rate,
-                start,
-                rtol,
-                ledger,
-                budget,
-            ),
-            lambda t: watch.tell(t, seconds, "seconds simulated"),
-        )
+        inputs = [(name, list(times), list(values)) for name, (times, values) in plans]
+        options = (rate, start, rtol, ledger, budget, lambda t: watch.tell(t, seconds, "seconds simulated"))
+        result: SimulationResult = core.simulate(inputs, seconds, *options)
     except (ValueError, RuntimeError) as error:
         raise core_error(error, SimulationError) from None
     result["warnings"] += _open_ledger(result["ledger"], rtol) + run_limits.warnings(drive, result["columns"])

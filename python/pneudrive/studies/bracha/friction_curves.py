@@ -54,7 +54,7 @@ def figure_5(run: Campaign) -> PaperFigure:
     time_s = result.recording.time_s
     turn = int(np.searchsorted(time_s, time_s[stroke.start] - stroke.dwell_s))
     part = slice(min(turn, stroke.start), stroke.stop)  # with the rest before the stroke
-    time = result.recording.time_s[part] - result.recording.time_s[part.start]
+    time = time_s[part] - time_s[part.start]
     raw = stroke.direction * (result.balance_n[part] - result.levels[0].offset_n)
     smooth = moving_average(raw, AVERAGE)
     share = np.abs(result.recording.position_m[part] - stroke.from_m) / abs(stroke.to_m - stroke.from_m)

@@ -19,7 +19,7 @@ from pneudrive.studies.bracha.figure import PaperFigure, judge
 if TYPE_CHECKING:
     import xarray as xr
 
-    from pneudrive.arrays import Array, Row
+    from pneudrive.arrays import Array, Interval, Row
     from pneudrive.campaign.storage.folder import Campaign
 
 
@@ -293,7 +293,7 @@ def _rig_of(run: Campaign) -> tuple[Identity, Envelope]:
     return run.identity, envelope_of(run.about["envelope"], str(run.path))
 
 
-def _ran(run: Campaign) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _ran(run: Campaign) -> tuple[Array, Array, Array]:
     """Return measured speed and pressure, and number of evenly spaced samples, of each cycle."""
     rows = []
     ambient = run.identity.ambient_pressure_pa
@@ -308,7 +308,7 @@ def _ran(run: Campaign) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     return speeds, gauges, sizes
 
 
-def _spans(values: np.ndarray, ends: tuple[float, float], zero_error: float = 0.0) -> bool:
+def _spans(values: Array, ends: Interval, zero_error: float = 0.0) -> bool:
     """Return whether the values reach both ends of a range, within the error of the sensors."""
     low, high = values.min(), values.max()
     return low <= ends[0] * (1.0 + REACHED) + zero_error and high >= ends[1] * (1.0 - REACHED) - zero_error
