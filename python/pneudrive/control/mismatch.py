@@ -22,7 +22,7 @@ from pneudrive.errors import CommandError, WrongValueError, invalid
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from pneudrive.arrays import Keyed, NamedNumbers, Plain
+    from pneudrive.arrays import Interval, Keyed, NamedNumbers, Plain
     from pneudrive.control.tuning import Plant
 
 READY = Path(__file__).with_name("mismatches")
@@ -41,7 +41,7 @@ class ValueOrRange(Mark):
     written: str = ""
     bounds: Bounds = ABOVE_ZERO
 
-    def read(self, given: object) -> tuple[float, float]:
+    def read(self, given: object) -> Interval:
         """Convert and check."""
         ends = given.split("..") if isinstance(given, str) else [given]
         if len(ends) > 2:
@@ -60,7 +60,7 @@ class ValueOrRange(Mark):
             raise WrongValueError(f'"{given}" is not a number', remedy='Write 1.2, or "0.8 .. 1.2".') from None
         return number(plain, self.bounds)
 
-    def show(self, value: tuple[float, float]) -> str | float:
+    def show(self, value: Interval) -> str | float:
         """Write the value as users would."""
         if not self.si_unit:
             return value[0] if value[0] == value[1] else f"{value[0]:g} .. {value[1]:g}"

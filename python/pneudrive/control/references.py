@@ -6,7 +6,7 @@ import re
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from pydantic import Field, model_validator
@@ -58,7 +58,7 @@ class MoveTable(PointTable):
 class LimitTable(Described):
     """Limits of moves without a duration. Such a move has 15 segments of constant snap."""
 
-    table_name: ClassVar[str] = "limits"
+    table_name = "limits"
     velocity_m_s: Annotated[float, Quantity("m/s", "m/s", _Over)]
     acceleration_m_s2: Annotated[float, Quantity("m/s^2", "m/s2", _Over)]
     jerk_m_s3: Annotated[float, Quantity("m/s^3", "m/s3", _Over)]

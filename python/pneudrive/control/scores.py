@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
     import xarray as xr
 
-    from pneudrive.arrays import Array, Keyed, NamedNumbers, Plain
+    from pneudrive.arrays import Array, Keyed, NamedNumbers, Pair, Plain
 
 #: Initial time that is scored separately, and final time of a sine that is scored, s.
 FIRST_S, LAST_S = 4.0, 4.0
@@ -262,9 +262,9 @@ def _last_s(motion: Keyed) -> float:
 
 def air_of(
     mass_kg: float,
-    supply: tuple[float, float],
-    ambient: tuple[float, float],
-    gas: tuple[float, float],
+    supply: Pair,
+    ambient: Pair,
+    gas: Pair,
 ) -> NamedNumbers:
     """Return volume and exergy of the air, or other gas, drawn from a reservoir.
 

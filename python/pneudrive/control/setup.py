@@ -44,7 +44,7 @@ Seconds = Annotated[float, marks.Quantity("s", bounds=NOT_NEGATIVE)]
 class PositionSensor(Described):
     """Encoder: position with noise, rounded to whole counts."""
 
-    table_name: ClassVar[str] = "sensors.position"
+    table_name = "sensors.position"
     resolution_m: Annotated[float | None, _mark("encoder", "resolution")] = Field(
         default=None, description="distance of two counts; absent: it shows the position itself"
     )
@@ -79,7 +79,7 @@ class PressureSensor(Described):
 class ControlSensors(Described):
     """Sensors of the controller. Without pressure sensors, the controller simulates the pressures by its model."""
 
-    table_name: ClassVar[str] = "sensors"
+    table_name = "sensors"
     position: PositionSensor = PositionSensor()
     pressure_a: PressureSensor | None = None
     pressure_b: PressureSensor | None = None
@@ -95,14 +95,14 @@ class ControlSensors(Described):
 class CommandConverter(Described):
     """Converter of the command."""
 
-    table_name: ClassVar[str] = "converter"
+    table_name = "converter"
     bits: Bits = Field(default=None, description="resolution over -1 .. 1; absent: none")
 
 
 class ControlComputer(Described):
     """Computer of the law."""
 
-    table_name: ClassVar[str] = "computer"
+    table_name = "computer"
     time_s: Seconds = Field(default=0.0, description="from a sample to its command; shorter than the period")
     jitter_s: Seconds = Field(default=0.0, description="standard deviation of that time, which only grows by it")
 
@@ -110,7 +110,7 @@ class ControlComputer(Described):
 class LimitSwitches(Described):
     """Limit switches. Beyond them, only commands that lead away are allowed."""
 
-    table_name: ClassVar[str] = "switches"
+    table_name = "switches"
     low_m: marks.Position
     high_m: marks.Position
 
@@ -344,7 +344,7 @@ class KnownWord(marks.Choice):
 class ControlLimits(Described):
     """Limits of a drive under control. A reference beyond them is rejected, and a drive beyond them is stopped."""
 
-    table_name: ClassVar[str] = "limits"
+    table_name = "limits"
     position: Annotated[Interval | None, marks.Between("m", "mm")] = Field(
         default=None, description="positions that it may reach; absent: its stroke"
     )
@@ -360,7 +360,7 @@ class ControlLimits(Described):
 class MotionComplete(Described):
     """Conditions of a complete motion, and the time after which an incomplete motion is reported."""
 
-    table_name: ClassVar[str] = "motion"
+    table_name = "motion"
     tolerance_m: marks.Length = Field(default=1e-4, description="error within which it has settled; assumed")
     settled_for_s: Annotated[float, _SECONDS] = Field(default=0.05, description="for how long; assumed")
     timeout_s: Annotated[float, _SECONDS] = Field(
@@ -371,7 +371,7 @@ class MotionComplete(Described):
 class OnFault(Described):
     """Reaction to a fault: it is reported, the drive is stopped by a ramp, or the valve is shut."""
 
-    table_name: ClassVar[str] = "on_fault"
+    table_name = "on_fault"
     position: Annotated[str, marks.Choice(("stop", "block"))] = Field(
         default="block", description="position sensor lost; block: a ramp stops a moving drive first"
     )

@@ -44,7 +44,7 @@ PERIOD_S, BAND_M, AFTER_S = 1e-3, 30e-6, 20e-3
 class HoldBand(Described):
     """Band for holding. Once the reference rests and the error stays in the band, the pressure force is kept."""
 
-    table_name: ClassVar[str] = "hold"
+    table_name = "hold"
     band_m: Annotated[float, Quantity("m", "um", Bounds(above=0.0))] = Field(
         default=BAND_M, description="error below which it begins"
     )
@@ -84,7 +84,7 @@ class Factors(Described):
     (2.0, 1.0, 1.0)
     """
 
-    table_name: ClassVar[str] = "factors"
+    table_name = "factors"
     gain: _Factor = Field(default=1.0, description="k_p of pid and fuzzy, the bandwidth of others")
     damping: _Factor = Field(default=1.0, description="T_d of pid and fuzzy, what makes others calmer")
     filter: _Factor = Field(default=1.0, description="filter time of pid and fuzzy")

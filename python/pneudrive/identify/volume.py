@@ -13,7 +13,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from itertools import product
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar
+from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
 from scipy.optimize import OptimizeResult, least_squares
@@ -479,7 +479,7 @@ DELAYS = np.linspace(0.0, 3.0, 7)  # dead times that are tried, in sampling inte
 class RegulatorTable(Described):
     """``[regulator]``: start values of a regulator; `full_pressure` belongs to the command 1."""
 
-    table_name: ClassVar[str] = "regulator"
+    table_name = "regulator"
     full_pressure: Annotated[Any, StatedPressure()]
     zero_pressure: Annotated[Any, StatedPressure()] = None
     lag_s: Annotated[float, Quantity("s", "ms", Bounds(above=0.0))] = 0.1

@@ -205,7 +205,7 @@ ASSUMED_PARALLEL_AREA = 0.05
 class GeometryTable(PistonTable):
     """``[geometry]``: the areas of the piston and their standard uncertainty."""
 
-    table_name: ClassVar[str] = "geometry"
+    table_name = "geometry"
     bore_accuracy: Annotated[float | None, Reads(partial(uncertainty, si_unit="m"))] = None
     area_accuracy: Annotated[float | None, Percent(bounds=Bounds(at_least=0.0, below=100.0))] = None
 
@@ -220,7 +220,7 @@ class ChamberTable(Described):
 class RigTable(Described):
     """``[rig]``: the rig of the drive."""
 
-    table_name: ClassVar[str] = "rig"
+    table_name = "rig"
     ambient_pressure: Annotated[units.Pressure, marks.StatedPressure(gauge_allowed=False)] = units.Pressure(
         STANDARD_ATMOSPHERE_PA, gauge=False
     )
@@ -233,7 +233,7 @@ class RigTable(Described):
 class WindowTable(Described):
     """``[window]``: the part of the stroke in which friction is averaged."""
 
-    table_name: ClassVar[str] = "window"
+    table_name = "window"
     position: Annotated[tuple[float, float] | None, Between("m", "mm")] = None
 
 
@@ -244,7 +244,7 @@ class ParallelTable(Described):
     ``area_accuracy`` is a relative standard uncertainty. All accuracies of a layout are standard uncertainties.
     """
 
-    table_name: ClassVar[str] = "force"
+    table_name = "force"
     name: Text = "parallel force"
     area_m2: Annotated[float, Quantity("m2", "cm2", POSITIVE)]
     area_accuracy: marks.Accuracy = ASSUMED_PARALLEL_AREA

@@ -167,7 +167,7 @@ class SizingResult(Viewed):
     savings: tuple[Saving, ...] = ()
     checks: tuple[MachineCheck, ...] = ()
     interrupted: bool = False
-    notes: tuple[str, ...] = field(default=())
+    notes: tuple[str, ...] = ()
     asked: Mapping[str, int] = field(default_factory=dict)
 
     #: Kind of the result in words.

@@ -58,7 +58,7 @@ class _Factors(Between):
 class TaskSupply(Described):
     """Supply at the valve, with its spread."""
 
-    table_name: ClassVar[str] = "supply"
+    table_name = "supply"
     pressure: Annotated[units.Pressure, Stated()] = Field(examples=["6 bar gauge"])
     spread_pa: Annotated[float, Quantity("Pa", "bar", NOT_NEGATIVE)] = Field(
         default=0.5e5, description="largest deviation of the pressure, +-"
@@ -68,7 +68,7 @@ class TaskSupply(Described):
 class TaskSpreads(Described):
     """Ranges of values that vary between drives or over time; samples are uniform over each range."""
 
-    table_name: ClassVar[str] = "spread"
+    table_name = "spread"
     mass: Share = Field(default=0.1, description="of the load, +-")
     friction: Annotated[tuple[float, float], _Factors("")] = Field(
         default=(0.7, 1.5), description="factors of the friction of cylinder and guide"

@@ -133,7 +133,7 @@ class Validation(Viewed):
     drive: Drive
     records: tuple[RecordResult, ...]
     window_s: float = WINDOW_S
-    notes: tuple[str, ...] = field(default=())
+    notes: tuple[str, ...] = ()
     fitted: Mapping[str, str] = field(default_factory=dict)
 
     def badge(self, record: RecordResult) -> str:

@@ -29,7 +29,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pneudrive.arrays import Array, Bools, Row, evenly
+from pneudrive.arrays import Array, Bools, Pair, Row, evenly
 from pneudrive.batching import share_out
 from pneudrive.campaign.storage.folder import Campaign, CycleFile, recording_of, steps_of
 from pneudrive.estimate.estimates import robust_deviation
@@ -292,9 +292,7 @@ FINE = 8  # points per sample for the maximum of a fitted corner
 RISE_LAGS, FALL_LAGS, FEWEST_ON_A_SIDE, LEAST_LAG = (1.0, 6.0), (2.0, 7.0), 3, 3.0
 
 
-def corner_height(
-    friction_n: Array, top: int, excess_n: float, one_n: float, many_n: float
-) -> tuple[float, float] | None:
+def corner_height(friction_n: Array, top: int, excess_n: float, one_n: float, many_n: float) -> Pair | None:
     """Return height and standard error of the peak.
 
     Parameters
@@ -360,7 +358,7 @@ def _window(friction: Array, top: int, depth: float) -> slice | None:
     return slice(begin, end) if begin >= 0 and end - top >= FEWEST_BEHIND else None
 
 
-def _fit(friction: Array, top: int, one_n: float, many_n: float) -> tuple[float, float] | None:
+def _fit(friction: Array, top: int, one_n: float, many_n: float) -> Pair | None:
     found, weight = _places(friction, top, many_n)
     if found.cost[found.best] > FITS * (friction.size - 6.0) * one_n**2 or found.shape[found.best, 1] > SHARP:
         return None
