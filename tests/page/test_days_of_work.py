@@ -9,7 +9,7 @@ from playwright.sync_api import expect
 from page.conftest import Server, Tab
 from page.test_journeys import Open
 from page.test_nothing_lost import EDITOR, go
-from pneudrive.sizing.folder import SizingFolder
+from pneudrive.sizing.result import SizingFolder
 from pneudrive.sizing.task import SizingTask
 from web.test_lineage import PROTOCOL
 from web.test_sizing import TASK

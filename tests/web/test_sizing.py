@@ -12,8 +12,7 @@ import pneudrive as pn
 from pneudrive.cli.main import run as run_command
 from pneudrive.errors import CommandError
 from pneudrive.figures import plain_data
-from pneudrive.sizing.folder import SizingFolder
-from pneudrive.sizing.result import SizingResult
+from pneudrive.sizing.result import SizingFolder, SizingResult
 from pneudrive.sizing.task import SizingTask
 from pneudrive.web.drive.sizing import FIRST
 from waiting import until

@@ -19,9 +19,8 @@ from pneudrive.errors import Cancelled, CommandError
 from pneudrive.progress import Flag, Progress, Watch
 from pneudrive.sizing.candidate import Dropped, SizingCandidate, TubedCylinder
 from pneudrive.sizing.checks import Provisional, SizedDrive, hardest, machine_checks, simulated
-from pneudrive.sizing.folder import SizingFolder
 from pneudrive.sizing.prune import Pruning, nearest_possible
-from pneudrive.sizing.result import Saving, SizingResult, nearest_miss, savings
+from pneudrive.sizing.result import Saving, SizingFolder, SizingResult, nearest_miss, savings
 from pneudrive.sizing.strokes import COARSE, RTOL, points, run_all
 from pneudrive.sizing.task import SizingTask
 from pneudrive.sizing.tune import tune_all

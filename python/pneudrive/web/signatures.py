@@ -24,7 +24,7 @@ from pneudrive.identify.static.model import CANDIDATES, PRESSURE_FORMS
 from pneudrive.signals.drive_recording import NEEDED
 from pneudrive.signals.load import is_trajectory
 from pneudrive.simulation.trajectory import SUFFIXES, columns_in, meaning
-from pneudrive.sizing.folder import LOCK
+from pneudrive.sizing.result import LOCK
 from pneudrive.sizing.search import DRAWS_BEST_OF
 from pneudrive.web.drive.run_request import described_at
 from pneudrive.web.jobs import RESULTS, RIG, JobRequest, PageJobs, existing_folder, folder_name

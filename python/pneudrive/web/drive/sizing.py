@@ -15,8 +15,17 @@ from pneudrive.files.content import read_json, read_text
 from pneudrive.files.writing import is_held
 from pneudrive.lazy_names import upper
 from pneudrive.sizing.checks import READ, SizedDrive
-from pneudrive.sizing.folder import ABOUT, LINES, LOCK, PROVISIONAL, read_choices
-from pneudrive.sizing.result import SUMMARY, WRITTEN, SizingResult, maker_type
+from pneudrive.sizing.result import (
+    ABOUT,
+    LINES,
+    LOCK,
+    PROVISIONAL,
+    SUMMARY,
+    WRITTEN,
+    SizingResult,
+    maker_type,
+    read_choices,
+)
 from pneudrive.sizing.search import is_of_command
 from pneudrive.sizing.task import SizingTask, follows_from, values_of
 from pneudrive.web.messages import problems_of
