@@ -31,7 +31,7 @@ from pneudrive.lazy_names import used_later
 
 with used_later(__name__):
     from pneudrive import platforms
-    from pneudrive.control import benchmarks, demand, loop, references, scores, source_code, tuning
+    from pneudrive.control import benchmarks, loop, references, scores, source_code, tuning
     from pneudrive.describe.files import load
     from pneudrive.report import control as control_page
     from pneudrive.simulation import trajectory
@@ -67,8 +67,8 @@ def tune(drive: str, *, law: str = "nmpc", setup: str = "real", out: Path | None
     found = tuning.tune(described, law, setup=setup)
     show_view(found.view())
     _try_out(described, found, setup)
-    show_view(demand.suitability(described, setup))
-    if (lag := demand.view_of_lag(described, found, setup)) is not None:
+    show_view(loop.suitability(described, setup))
+    if (lag := loop.view_of_lag(described, found, setup)) is not None:
         show_view(lag)
     write_outputs((out, replace(found, source=drive).save))
 
@@ -76,7 +76,7 @@ def tune(drive: str, *, law: str = "nmpc", setup: str = "real", out: Path | None
 def _try_out(drive: pn.Drive | pn.Circuit, found: tuning.Tuning, setup: str) -> None:
     """Run the tuned controller on its assumed drive, and warn if it does not follow."""
     try:
-        prepared = loop.prepare(drive, None, demand.ALONG, setup=setup, controller=found)
+        prepared = loop.prepare(drive, None, loop.ALONG, setup=setup, controller=found)
         run = loop.run_prepared(prepared, seed=1)
     except PneudriveError as error:
         warn(f"the controller was not tested on this drive: {error.what}")
@@ -84,7 +84,7 @@ def _try_out(drive: pn.Drive | pn.Circuit, found: tuning.Tuning, setup: str) -> 
     title = f"Simulated on this drive as described, along {prepared.reference.text}"
     show_view(replace(scores.view_of_score(run.provenance), title=title))
     score, reach = run.provenance["score"], prepared.reference.reach()
-    if score["lost"] or score["max_error_m"] > demand.MOST * (reach.highest_m - reach.lowest_m):
+    if score["lost"] or score["max_error_m"] > loop.MOST * (reach.highest_m - reach.lowest_m):
         missed = f"{found.law} has an error of up to {1e3 * score['max_error_m']:.3g} mm in this test"
         warn(f"{missed}: choose another controller or drive")
 
@@ -241,7 +241,7 @@ def reference(along: str, *, drive: str, plot: Path | None = None) -> None:
     check_outputs(None, plot=plot)
     tuned = tuning.tune(load.load_described(drive))
     path = references.named_or_read(along, *tuned.reach)
-    show_view(demand.feasibility(tuned, path).view())
+    show_view(loop.feasibility(tuned, path).view())
     write_outputs((plot, partial(control_page.plot_reference, path, tuned)))
     references.check_reach(path, *tuned.reach)
 

@@ -18,9 +18,9 @@ with lazily(__name__):
     from pneudrive.control.benchmarks import benchmark as benchmark
     from pneudrive.control.benchmarks import read_comparison as read_comparison
     from pneudrive.control.benchmarks import standard as standard
-    from pneudrive.control.demand import feasibility as feasibility
-    from pneudrive.control.demand import suitability as suitability
+    from pneudrive.control.loop import feasibility as feasibility
     from pneudrive.control.loop import run as run
+    from pneudrive.control.loop import suitability as suitability
     from pneudrive.control.mismatch import Mismatch as Mismatch
     from pneudrive.control.mismatch import read_mismatch as read_mismatch
     from pneudrive.control.mismatch import ready_mismatches as ready_mismatches
