@@ -17,9 +17,8 @@ from pneudrive.errors import DescriptionError
 from pneudrive.sizing.checks import simulated
 from pneudrive.sizing.choices import choices, combined
 from pneudrive.sizing.prune import SafeBounds
-from pneudrive.sizing.strokes import DRAWN, DriveStrokes, points
+from pneudrive.sizing.strokes import DRAWN, DriveStrokes, points, tune
 from pneudrive.sizing.task import SizingTask
-from pneudrive.sizing.tune import tune
 
 NEAREST = 5
 SEED = 5

@@ -24,9 +24,8 @@ from pneudrive.sizing.choices import SLOTS, choices, combined
 from pneudrive.sizing.prune import SafeBounds, misfit
 from pneudrive.sizing.result import SizingResult
 from pneudrive.sizing.search import size
-from pneudrive.sizing.strokes import DRAWN, RTOL, DriveStrokes, Setting, points
+from pneudrive.sizing.strokes import DRAWN, RTOL, DriveStrokes, Setting, points, tune
 from pneudrive.sizing.task import SizingTask
-from pneudrive.sizing.tune import tune
 
 SMALL = ["parker*", "pneumax*", "smc-c[my]*", "ckd*", "festo-[dm]*", "smc-sy[79]*", "smc-tu0[46]*", "smc-tu1*"]
 SMALL += ["smc-cd8*", "smc-cp*", "smc-c5*", "smc-mg*", "festo-gr-m3", "festo-gr-qs-3", "festo-gr-3-4"]
@@ -64,7 +63,7 @@ def test_the_best_of_full_enumeration_is_found_and_margins_are_monotone(found: S
 def test_tuning_runs_fewer_cases_with_the_result_of_all(found: SizingResult, monkeypatch: pytest.MonkeyPatch):
     strokes, _ = nominal_strokes(found.best.parts, SizingTask(**TASK))
     few = tune(strokes)
-    monkeypatch.setattr("pneudrive.sizing.tune._next_runs", lambda table, is_run, openings: ~is_run)
+    monkeypatch.setattr("pneudrive.sizing.strokes._next_runs", lambda table, is_run, openings: ~is_run)
     assert tune(strokes) == few
 
 

@@ -24,9 +24,8 @@ from pneudrive.sizing.checks import PROBABILITY, SizedDrive, simulated
 from pneudrive.sizing.choices import SLOTS, choices, combined
 from pneudrive.sizing.prune import SafeBounds
 from pneudrive.sizing.search import size
-from pneudrive.sizing.strokes import RTOL, DriveStrokes, Setting, points
+from pneudrive.sizing.strokes import RTOL, DriveStrokes, Setting, points, tune
 from pneudrive.sizing.task import SizingTask
-from pneudrive.sizing.tune import tune
 
 DRAWS, FIRST = 1024, 64
 BOUNDS = ("force", "time")

@@ -16,8 +16,7 @@ import numpy as np
 
 from pneudrive.sizing.checks import PROBABILITY, DrawResults, Hardest, Provisional, Shortage, SizedDrive, rank_of
 from pneudrive.sizing.choices import NO_FLOW_CONTROL, DriveChoice, PartChoice
-from pneudrive.sizing.strokes import DriveStrokes, StrokeResults, StrokeRuns
-from pneudrive.sizing.tune import NEVER, Tuned, cases, is_worth_more
+from pneudrive.sizing.strokes import NEVER, DriveStrokes, StrokeResults, StrokeRuns, Tuned, cases, is_worth_more
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence

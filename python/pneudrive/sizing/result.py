@@ -24,9 +24,8 @@ from pneudrive.numbers import plain as three
 from pneudrive.simulation.trajectory import write_whole
 from pneudrive.sizing.checks import READ, MachineCheck, Provisional, SizedDrive, simulated
 from pneudrive.sizing.choices import SLOTS, WITHOUT, choices
-from pneudrive.sizing.strokes import DriveStrokes, Setting, circuit_of, cycle_s
+from pneudrive.sizing.strokes import DriveStrokes, Setting, Tuned, circuit_of, cycle_s, tune
 from pneudrive.sizing.task import SizingTask
-from pneudrive.sizing.tune import Tuned, tune
 from pneudrive.views import Finding, ShownValue, View, Viewed
 
 if TYPE_CHECKING:

@@ -21,9 +21,8 @@ from pneudrive.sizing.candidate import Dropped, SizingCandidate, TubedCylinder
 from pneudrive.sizing.checks import Provisional, SizedDrive, hardest, machine_checks, simulated
 from pneudrive.sizing.prune import Pruning, nearest_possible
 from pneudrive.sizing.result import Saving, SizingFolder, SizingResult, nearest_miss, savings
-from pneudrive.sizing.strokes import COARSE, RTOL, points, run_all
+from pneudrive.sizing.strokes import COARSE, RTOL, points, run_all, tune_all
 from pneudrive.sizing.task import SizingTask
-from pneudrive.sizing.tune import tune_all
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping, Sequence
