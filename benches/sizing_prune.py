@@ -15,10 +15,9 @@ import numpy as np
 
 from pneudrive.errors import DescriptionError
 from pneudrive.sizing.checks import simulated
-from pneudrive.sizing.choices import choices, combined
 from pneudrive.sizing.prune import SafeBounds
 from pneudrive.sizing.strokes import DRAWN, DriveStrokes, points, tune
-from pneudrive.sizing.task import SizingTask
+from pneudrive.sizing.task import SizingTask, choices, combined
 
 NEAREST = 5
 SEED = 5

@@ -20,12 +20,11 @@ from pneudrive.describe.circuit import Circuit
 from pneudrive.errors import CommandError
 from pneudrive.report.page import reference
 from pneudrive.sizing.checks import SAME_AIR, simulated
-from pneudrive.sizing.choices import SLOTS, choices, combined
 from pneudrive.sizing.prune import SafeBounds, misfit
 from pneudrive.sizing.result import SizingResult
 from pneudrive.sizing.search import size
 from pneudrive.sizing.strokes import DRAWN, RTOL, DriveStrokes, Setting, points, tune
-from pneudrive.sizing.task import SizingTask
+from pneudrive.sizing.task import SLOTS, SizingTask, choices, combined
 
 SMALL = ["parker*", "pneumax*", "smc-c[my]*", "ckd*", "festo-[dm]*", "smc-sy[79]*", "smc-tu0[46]*", "smc-tu1*"]
 SMALL += ["smc-cd8*", "smc-cp*", "smc-c5*", "smc-mg*", "festo-gr-m3", "festo-gr-qs-3", "festo-gr-3-4"]

@@ -18,10 +18,9 @@ from pneudrive.errors import DescriptionError, PneudriveWarning, warn
 from pneudrive.report.page import Items, Report, Section
 from pneudrive.report.sizing import sizing_sheet
 from pneudrive.sizing import checks
-from pneudrive.sizing.choices import choices
 from pneudrive.sizing.result import SizingResult
 from pneudrive.sizing.search import size
-from pneudrive.sizing.task import SizingTask
+from pneudrive.sizing.task import SizingTask, choices
 from pneudrive.views import ShownTable
 
 DRAWS: dict[str, Any] = {"draws": 16, "draws_best": 32}

@@ -21,11 +21,10 @@ sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 from oracle.shares import options
 from pneudrive.describe.files.catalogue import entries
 from pneudrive.sizing.checks import PROBABILITY, SizedDrive, simulated
-from pneudrive.sizing.choices import SLOTS, choices, combined
 from pneudrive.sizing.prune import SafeBounds
 from pneudrive.sizing.search import size
 from pneudrive.sizing.strokes import RTOL, DriveStrokes, Setting, points, tune
-from pneudrive.sizing.task import SizingTask
+from pneudrive.sizing.task import SLOTS, SizingTask, choices, combined
 
 DRAWS, FIRST = 1024, 64
 BOUNDS = ("force", "time")

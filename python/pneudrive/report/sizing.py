@@ -20,11 +20,10 @@ from pneudrive.report.layout_figure import sketch
 from pneudrive.report.page import Items, Paragraph, Report, Section, Topic, figure_of, references, view_section
 from pneudrive.report.render import DrawnFigure, draw_figure
 from pneudrive.sizing.checks import READ, SizedDrive, read
-from pneudrive.sizing.choices import WITHOUT
 from pneudrive.sizing.result import WRITTEN, SizingResult, in_words, maker_type, yearly
 from pneudrive.sizing.result import values_of as drive_values
 from pneudrive.sizing.search import MOST, is_of_command
-from pneudrive.sizing.task import GUIDES, follows_from
+from pneudrive.sizing.task import GUIDES, WITHOUT, follows_from
 from pneudrive.sizing.task import values_of as task_values
 from pneudrive.views import Finding, LeadingValue, ShownFigure, ShownTable, ShownValue, View
 

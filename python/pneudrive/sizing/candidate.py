@@ -15,8 +15,8 @@ from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 import numpy as np
 
 from pneudrive.sizing.checks import PROBABILITY, DrawResults, Hardest, Provisional, Shortage, SizedDrive, rank_of
-from pneudrive.sizing.choices import NO_FLOW_CONTROL, DriveChoice, PartChoice
 from pneudrive.sizing.strokes import NEVER, DriveStrokes, StrokeResults, StrokeRuns, Tuned, cases, is_worth_more
+from pneudrive.sizing.task import NO_FLOW_CONTROL, DriveChoice, PartChoice
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence

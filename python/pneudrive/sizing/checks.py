@@ -12,12 +12,12 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from pneudrive.constants import ANR_LITRES_PER_KG, IMPACT_ENERGY_J_M2, STANDARD_GRAVITY_M_S2
+from pneudrive.constants import ANR_LITRES_PER_KG, STANDARD_GRAVITY_M_S2
 from pneudrive.describe.components import USUAL, unusual_sizes
 from pneudrive.errors import OPEN_CHECK
 from pneudrive.numbers import plain as three
-from pneudrive.sizing.choices import WITHOUT, DriveChoice, PartChoice
 from pneudrive.sizing.strokes import COARSE, DRAWN, RTOL, DriveStrokes, Setting, StrokeResults
+from pneudrive.sizing.task import WITHOUT, DriveChoice, PartChoice, energy_limit, peak_limit
 from pneudrive.views import Finding
 
 if TYPE_CHECKING:
@@ -98,25 +98,6 @@ def limits(task: SizingTask, choice: DriveChoice, out: StrokeResults, back: Stro
         margins = np.where(np.isfinite(out.time), held * keep - 1.0, NEVER)
         found.append(LimitMargin("holding force", "N", task.holding_force_n, -worst(-out.force), margins, out.force))
     return found
-
-
-def peak_limit(task: SizingTask, choice: DriveChoice) -> float | None:
-    """Return the largest allowed absolute pressure in the cylinder: from the task, or from its sheet."""
-    ambient = task.ambient.pressure_pa
-    if task.peak_pressure is not None:
-        return task.peak_pressure.absolute_pa(ambient)
-    printed = choice.cylinder.printed_si("maximum_pressure", "Pa")
-    return None if printed is None else printed + ambient
-
-
-def energy_limit(task: SizingTask, choice: DriveChoice) -> tuple[float, str]:
-    """Return the largest allowed energy at an end, J, and its origin: task and data sheet, or an assumed rule."""
-    stated = (task.impact_energy_j, "task"), (choice.cylinder.printed_si("cushion_energy", "J"), "data sheet")
-    known = [(limit, origin) for limit, origin in stated if limit is not None]
-    if known:
-        return min(known)
-    rule = f"assumed: {1e-3 * IMPACT_ENERGY_J_M2:g} mJ for each mm2 of piston; neither task nor data sheet has a limit"
-    return IMPACT_ENERGY_J_M2 * max(choice.areas_m2), rule
 
 
 def worst(values: Array) -> float:

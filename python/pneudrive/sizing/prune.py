@@ -17,7 +17,7 @@ from pneudrive.describe.tables.parts import Gas
 from pneudrive.simulation.bench_circuit import VACUUM, steady_flow
 from pneudrive.sizing.candidate import Dropped, TubedCylinder
 from pneudrive.sizing.checks import Shortage, count_open, mechanical_checks
-from pneudrive.sizing.choices import NO_FLOW_CONTROL, SAME_STROKE, SLOTS, DriveChoice, PartChoice, choices, grouped
+from pneudrive.sizing.task import NO_FLOW_CONTROL, SAME_STROKE, SLOTS, DriveChoice, PartChoice, choices, grouped
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence

@@ -23,9 +23,8 @@ from pneudrive.lazy_names import upper
 from pneudrive.numbers import plain as three
 from pneudrive.simulation.trajectory import write_whole
 from pneudrive.sizing.checks import READ, MachineCheck, Provisional, SizedDrive, simulated
-from pneudrive.sizing.choices import SLOTS, WITHOUT, choices
 from pneudrive.sizing.strokes import DriveStrokes, Setting, Tuned, circuit_of, cycle_s, tune
-from pneudrive.sizing.task import SizingTask
+from pneudrive.sizing.task import SLOTS, WITHOUT, SizingTask, choices
 from pneudrive.views import Finding, ShownValue, View, Viewed
 
 if TYPE_CHECKING:

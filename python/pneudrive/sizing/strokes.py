@@ -23,8 +23,7 @@ from pneudrive.describe.system import System
 from pneudrive.ensemble import engine
 from pneudrive.ensemble.outputs import MemberPlans, Reduction
 from pneudrive.ensemble.variation import CoreMembers
-from pneudrive.sizing.checks import energy_limit, peak_limit
-from pneudrive.sizing.choices import PROPORTIONAL, SLOTS, DriveChoice, PartChoice, choices
+from pneudrive.sizing.task import PROPORTIONAL, SLOTS, DriveChoice, PartChoice, choices, energy_limit, peak_limit
 
 if TYPE_CHECKING:
     from collections.abc import Generator, Iterable, Mapping, Sequence
