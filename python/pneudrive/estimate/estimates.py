@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
+from threadpoolctl import threadpool_limits
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from numpy.typing import ArrayLike
 
-    from pneudrive.arrays import Array
+    from pneudrive.arrays import Array, ArrayPair, Interval
+
 
 CONFIDENCE = 0.95  # confidence of every interval
 #: Two-sided 95 % quantile of the normal distribution.
@@ -196,3 +200,244 @@ def changed(values: Array, stderr: float = 0.0) -> bool:
 def robust_deviation(residual: Array) -> float:
     """Return the standard deviation of normal residuals from their median absolute value, robust to outliers."""
     return float(np.median(np.abs(residual))) / 0.6745
+
+
+# --- Transformation of bounded values to unbounded coordinates, and intervals by profile likelihood.
+
+# --- Transforms between bounded values and the unbounded coordinates of a search.
+#
+#     signed                x = size q
+#     above a bound         x = lower + exp(q)
+#     between two bounds    x = lower + (upper - lower) / (1 + exp(-q))
+#     an excess             x = base + exp(q), base another value or a number
+#
+# The Jacobians are exact. First-order intervals are computed on the scale of the coordinate: the logarithm of a
+# positive value, the logit of a value between two bounds [bates1988].
+
+#: Smallest distance from a bound, as a fraction of the range between two bounds.
+MARGIN = 1e-6
+#: Largest exponent in the factors of an interval, to avoid overflow.
+MOST_EXPONENT = 700.0
+
+
+class Transforms:
+    """Transformation between p bounded values and unbounded coordinates.
+
+    Parameters
+    ----------
+    lower, upper : array_like, shape (p,)
+        Open bounds. A value without a lower bound may be negative.
+    size : array_like, shape (p,)
+        Typical change of a value that may be negative.
+    excess : int, optional
+        Index of a value that must exceed another value.
+    over : int or float
+        The other value, as an index or a constant.
+    least_excess : float
+        Smallest excess, relative to the other value. A smaller excess is increased to it.
+
+    Examples
+    --------
+    >>> scales = Transforms([0.0, 0.0], excess=1, over=0)
+    >>> q = scales.internal([30.0, 40.0])
+    >>> q.round(3), scales.natural(q).round(9)
+    (array([3.401, 2.303]), array([30., 40.]))
+    >>> scales.jacobian(q).round(9)
+    array([[30.,  0.],
+           [30., 10.]])
+    """
+
+    def __init__(
+        self,
+        lower: ArrayLike,
+        upper: ArrayLike = np.inf,
+        size: ArrayLike = 1.0,
+        *,
+        excess: int | None = None,
+        over: float = 0,
+        least_excess: float = 1e-9,
+    ) -> None:
+        lower = np.array(lower, dtype=float)
+        self.lower, self.upper, self.size = (np.array(np.broadcast_to(x, lower.shape)) for x in (lower, upper, size))
+        self.excess, self.over, self.least_excess = excess, over, least_excess
+        if excess is not None:
+            self.lower[excess], self.upper[excess] = 0.0, np.inf
+        self.signed = np.isinf(self.lower)
+        self._odds = ~self.signed & np.isfinite(self.upper)
+        self._log = ~self.signed & ~self._odds
+
+    def _base(self, values: Array) -> Any:  # noqa: ANN401 - a number, or one for each point
+        return values[..., self.over] if isinstance(self.over, int) else self.over
+
+    def internal(self, values: ArrayLike) -> Array:
+        """Return the coordinates of values, shape (p,)."""
+        x = np.array(values, dtype=float)
+        if self.excess is not None:
+            base = self._base(x)
+            x[self.excess] = max(x[self.excess] - base, self.least_excess * max(abs(base), 1e-12))
+        q = x / self.size
+        q[self._log] = np.log((x - self.lower)[self._log])
+        if self._odds.any():
+            low, high = self.lower[self._odds], self.upper[self._odds]
+            inside = np.clip(x[self._odds], low + MARGIN * (high - low), high - MARGIN * (high - low))
+            q[self._odds] = np.log((inside - low) / (high - inside))
+        return q
+
+    def natural(self, q: Array) -> Array:
+        """Return the values at coordinates, shape (p,), or at many points, shape (n, p)."""
+        x = self.size * q
+        x[..., self._log] = self.lower[self._log] + _exp(q[..., self._log])
+        if self._odds.any():
+            low, high = self.lower[self._odds], self.upper[self._odds]
+            x[..., self._odds] = low + (high - low) * (1.0 / (1.0 + _exp(-q[..., self._odds])))
+        if self.excess is not None:
+            x[..., self.excess] += self._base(x)
+        return x
+
+    def jacobian(self, q: Array) -> Array:
+        """Return the derivatives of the values with respect to the coordinates, shape (p, p)."""
+        slope = self.size.copy()
+        slope[self._log] = _exp(q[self._log])
+        if self._odds.any():
+            share = 1.0 / (1.0 + _exp(-q[self._odds]))
+            slope[self._odds] = (self.upper - self.lower)[self._odds] * share * (1.0 - share)
+        out = np.diag(slope)
+        if self.excess is not None and isinstance(self.over, int):
+            out[self.excess, self.over] = slope[self.over]
+        return out
+
+
+def _exp(q: Array) -> Array:
+    """Return exp(q); infinite beyond the largest number, without a warning."""
+    with np.errstate(over="ignore"):
+        return np.exp(q)
+
+
+def intervals(values: Array, reach: Array, lower: ArrayLike, upper: ArrayLike = np.inf) -> ArrayPair:
+    """Return first-order intervals on the scales of the coordinates, shape (p,) for each end.
+
+    Parameters
+    ----------
+    values, reach : ndarray, shape (p,)
+        Values within their bounds, and half widths of their first-order intervals.
+    lower, upper : array_like, shape (p,)
+        Bounds, as for `Transforms`.
+
+    Examples
+    --------
+    >>> low, high = intervals(np.array([10.0, -1.0]), np.array([2.0, 3.0]), [0.0, -np.inf])
+    >>> low.round(3), high.round(3)
+    (array([ 8.187, -4.   ]), array([12.214,  2.   ]))
+    """
+    lower, upper = (np.broadcast_to(np.asarray(x, dtype=float), values.shape) for x in (lower, upper))
+    low, high = values - reach, values + reach
+    for k in np.flatnonzero(np.isfinite(lower)):
+        above = values[k] - lower[k]
+        if np.isinf(upper[k]):
+            factor = np.exp(min(reach[k] / above, MOST_EXPONENT))
+            low[k], high[k] = lower[k] + above / factor, lower[k] + above * factor
+            continue
+        room, below = upper[k] - lower[k], upper[k] - values[k]
+        factor = np.exp(min(reach[k] * room / (above * below), MOST_EXPONENT))
+        odds = above / below
+        low[k], high[k] = (lower[k] + room * (o / (1.0 + o)) for o in (odds / factor, odds * factor))
+    return low, high
+
+
+# --- Intervals by profile likelihood: one coordinate is held, all others are fitted again [bates1988].
+
+Point = TypeVar("Point")
+
+#: Largest number of steps to find a bound, and tolerance of the square root of the cost increase there.
+STEPS, ROOT_ERROR = 12, 0.02
+#: Distance from the estimate after which a side without sufficient cost increase counts as open.
+FARTHEST = 50.0
+#: Least distance of a step from the ends of the bracket, as a fraction of the bracket, and largest growth factor of a
+#: step.
+INSET, GROWTH = 0.1, 3.0
+
+
+def profile_interval(
+    held: Callable[[float, Point], tuple[float, Point]],
+    point: Point,
+    estimate: float,
+    step: float,
+    least: float,
+    allowed: float,
+    farthest: float = FARTHEST,
+) -> Interval:
+    """Return the interval of one coordinate in which the cost grows by no more than `allowed`.
+
+    For a linear model, the square root of the cost increase is linear in the coordinate, so a secant method finds each
+    bound. Steps stay within a bracket: the farthest point below the limit and the nearest point beyond the limit. The
+    bracket makes the method robust against scatter of incompletely minimised costs. A side is open only if no point is
+    beyond the limit.
+
+    Parameters
+    ----------
+    held : callable
+        ``held(value, start)`` fixes the coordinate at a value, fits all others from a start, and returns the cost and
+        the final point. A step starts from the last point below the limit. The cost may be infinite.
+    point : object
+        Point of the estimate, the start of the first step to either side.
+    estimate : float
+        Coordinate at the estimate.
+    step : float
+        First step; the half width of the first-order interval.
+    least, allowed : float
+        Cost at the estimate, and allowed cost increase at the bounds.
+    farthest : float
+        Distance from the estimate beyond which a side is open.
+
+    Returns
+    -------
+    float, float
+        Ends of the interval; infinite if the cost does not grow by `allowed`.
+
+    Examples
+    --------
+    The cost of the model 3 x, 6 x, 9 x of the values 3, 6 and 9 grows by (3^2 + 6^2 + 9^2) (x - 1)^2 about x = 1.
+
+    >>> low, high = profile_interval(lambda x, _: (126.0 * (x - 1.0) ** 2, None), None, 1.0, 0.1, 0.0, 126.0)
+    >>> round(low, 6), round(high, 6)
+    (0.0, 2.0)
+    """
+    first = min(step if step > 0.0 else 1.0, farthest)
+
+    def end(sign: float) -> float:
+        """Return the signed distance to one end; infinite if no point up to `farthest` is beyond the limit."""
+        away, begin = first, point
+        below, beyond = [(0.0, 0.0)], (np.inf, np.inf)  # distances, and roots of the cost's growth
+        for _ in range(STEPS):
+            cost, ended = held(estimate + sign * away, begin)
+            root = float(np.sqrt(max(cost - least, 0.0) / allowed)) if np.isfinite(cost) else np.inf
+            if abs(root - 1.0) < ROOT_ERROR:
+                return sign * away
+            if root < 1.0:
+                below.append((away, root))
+                begin = ended
+            else:
+                beyond = (away, root)
+            last, root_last = below[-1]
+            if np.isfinite(beyond[0]):
+                share = (1.0 - root_last) / (beyond[1] - root_last) if np.isfinite(beyond[1]) else 0.5
+                away = last + (beyond[0] - last) * float(np.clip(share, INSET, 1.0 - INSET))
+            elif last >= farthest:
+                break
+            else:
+                before, root_before = below[-2]
+                slope = (root_last - root_before) / (last - before)
+                away = last + (1.0 - root_last) / slope if slope > 0.0 else np.inf
+                away = min(max(away, (1.0 + INSET) * last), GROWTH * last, farthest)
+        return sign * (away if np.isfinite(beyond[0]) else np.inf)
+
+    return estimate + end(-1.0), estimate + end(1.0)
+
+
+def one_thread() -> threadpool_limits:
+    """Let linear algebra use one thread inside a block.
+
+    The matrices are small. On a busy machine, waiting threads cost more time than they save: 47 s instead of 3 s on two
+    busy processors.
+    """
+    return threadpool_limits(limits=1, user_api="blas")

@@ -26,8 +26,7 @@ from pneudrive.describe.files import toml
 from pneudrive.describe.marks import Bounds, Quantity, StatedPressure
 from pneudrive.describe.tank import Tank
 from pneudrive.errors import DescriptionError, FitError, nearest
-from pneudrive.estimate.estimates import rms, student
-from pneudrive.estimate.profile import Transforms
+from pneudrive.estimate.estimates import Transforms, rms, student
 from pneudrive.files.inputs import origin
 from pneudrive.free.parameters import DriveFamily, Parameter
 from pneudrive.identify.base import Fit, FitFile, Undetermined, recording_tables

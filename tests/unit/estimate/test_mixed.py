@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from pneudrive.estimate.estimates import one_thread
 from pneudrive.estimate.mixed import MixedModel, RandomEffect, independent
-from pneudrive.estimate.profile import one_thread
 
 GROUPS, REPEATS = 12, 6
 

@@ -12,8 +12,7 @@ import numpy as np
 from pneudrive.arrays import Interval, by_name, evenly
 from pneudrive.batching import many_objects
 from pneudrive.campaign.storage.folder import Campaign
-from pneudrive.estimate.estimates import Estimate, mean_estimate
-from pneudrive.estimate.profile import one_thread
+from pneudrive.estimate.estimates import Estimate, mean_estimate, one_thread
 from pneudrive.friction.campaign import curves as campaign_curves
 from pneudrive.friction.campaign import trends
 from pneudrive.friction.campaign.files import friction_map

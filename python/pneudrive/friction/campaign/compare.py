@@ -25,9 +25,8 @@ from pneudrive.constants import ZERO_CELSIUS_K
 from pneudrive.describe.files.toml import read
 from pneudrive.errors import CampaignError
 from pneudrive.estimate.autocorrelation import cells, centred_walk, levels
-from pneudrive.estimate.estimates import CHANCE, Estimate, FTest
+from pneudrive.estimate.estimates import CHANCE, Estimate, FTest, one_thread
 from pneudrive.estimate.mixed import MixedModel, RandomEffect, independent
-from pneudrive.estimate.profile import one_thread
 from pneudrive.friction.campaign.cycles import stated_gain
 from pneudrive.friction.campaign.points import MOST_CELLS, MOST_CYCLES, grouped, shares_of
 from pneudrive.friction.friction_map import LEVELS, PA_PER_BAR

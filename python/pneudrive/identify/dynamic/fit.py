@@ -12,8 +12,7 @@ from pneudrive.constants import STANDARD_ATMOSPHERE_PA
 from pneudrive.describe import Circuit
 from pneudrive.describe.system import PISTON
 from pneudrive.errors import FitError
-from pneudrive.estimate.estimates import rms, student
-from pneudrive.estimate.profile import Transforms
+from pneudrive.estimate.estimates import Transforms, rms, student
 from pneudrive.files.inputs import origin
 from pneudrive.free.parameters import Parameter, chosen, family_of, numbers_of, with_shape
 from pneudrive.identify.base import SIMULATED, Fit, Undetermined

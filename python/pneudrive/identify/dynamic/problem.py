@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from pneudrive._core import Shooting
     from pneudrive._core import Shot as CoreShot
     from pneudrive.describe.drive import Drive
-    from pneudrive.estimate.profile import Transforms
+    from pneudrive.estimate.estimates import Transforms
     from pneudrive.signals.drive_recording import DriveRecording
 
 

@@ -27,8 +27,8 @@ from pneudrive import __version__, _core
 from pneudrive.arrays import Array, Interval, Keyed, NamedNumbers, Pair, Plain, by_name
 from pneudrive.describe import Circuit, Drive
 from pneudrive.errors import FitError, PneudriveError, warn
+from pneudrive.estimate.estimates import intervals as intervals_at
 from pneudrive.estimate.estimates import rms, student
-from pneudrive.estimate.profile import intervals as intervals_at
 from pneudrive.files.inputs import INPUTS, inputs_of
 from pneudrive.free.parameters import DriveFamily, Parameter, family_of, numbers_of
 from pneudrive.identify.base import HASH_DIGITS, SIMULATED, Fit, FitFile, Undetermined, recording_tables

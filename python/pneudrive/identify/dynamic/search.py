@@ -17,8 +17,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pneudrive.errors import FitError
-from pneudrive.estimate.estimates import student
-from pneudrive.estimate.profile import profile_interval
+from pneudrive.estimate.estimates import profile_interval, student
 from pneudrive.identify.dynamic.problem import FitProblem, Iterate, Shot
 from pneudrive.identify.identified import stated
 from pneudrive.progress import Watch

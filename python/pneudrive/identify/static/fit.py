@@ -19,8 +19,7 @@ from pneudrive import __version__
 from pneudrive.arrays import Array, Interval, NamedNumbers, by_name
 from pneudrive.errors import FitError, nearest
 from pneudrive.estimate.autocorrelation import distinct_levels, weak_coordinates
-from pneudrive.estimate.estimates import changed, student
-from pneudrive.estimate.profile import intervals, profile_interval
+from pneudrive.estimate.estimates import changed, intervals, profile_interval, student
 from pneudrive.friction.friction_map import ALL_RECORDINGS, assemblies_of
 from pneudrive.friction.pressure import CONFOUNDED, MINIMUM_RANGE_PA
 from pneudrive.identify.identified import sentence

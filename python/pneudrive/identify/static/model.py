@@ -22,7 +22,7 @@ from pneudrive import _core
 from pneudrive.arrays import Array, ArrayPair, Bools, Ints, Keyed, NamedNumbers, Plain, by_name
 from pneudrive.errors import FitError
 from pneudrive.estimate.autocorrelation import moderate
-from pneudrive.estimate.profile import Transforms
+from pneudrive.estimate.estimates import Transforms
 from pneudrive.files.inputs import INPUTS, stored_input
 from pneudrive.friction.friction_map import FILE
 from pneudrive.identify.base import SIMULATED

@@ -14,7 +14,7 @@ from pneudrive.campaign.cycle import Cycle
 from pneudrive.campaign.storage.folder import Campaign
 from pneudrive.characteristics import campaign_friction
 from pneudrive.errors import CampaignError
-from pneudrive.estimate.profile import one_thread
+from pneudrive.estimate.estimates import one_thread
 from pneudrive.friction.campaign.stops.course import Phases, find_phases
 from pneudrive.friction.campaign.stops.dwell_law import fit_dwell
 from pneudrive.friction.campaign.stops.stop import find_breakaway, find_stops
