@@ -10,7 +10,7 @@ import pytest
 from pneudrive.campaign.planning.protocol import ready_protocols
 from pneudrive.studies.bracha import stick_slip as ss
 from pneudrive.studies.bracha.figure import EXPERIMENTS, run_experiment
-from pneudrive.studies.bracha.figures import paper_figures
+from pneudrive.studies.bracha.reproduction import paper_figures
 
 #: Breakaway no higher than sliding, no effect of pressure, no ageing: nothing of what the paper shows.
 FLAT = (Path(__file__).parents[2] / "data/flat_rig.toml").read_text("utf-8")
