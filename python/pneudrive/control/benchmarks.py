@@ -25,7 +25,7 @@ from pneudrive.control.references import USUAL, reference, standard_references
 from pneudrive.control.scores import SHOWN, SPREAD_SHOWN, Score, written
 from pneudrive.control.setup import Setup, read_setup
 from pneudrive.control.tuning import Tuning, laws, tune
-from pneudrive.ensemble.engine import processors
+from pneudrive.ensemble.variation import processors
 from pneudrive.errors import CommandError, RecordingError, SimulationError
 from pneudrive.files.content import read_json, read_text
 from pneudrive.files.inputs import INPUTS, inputs_of, stored_beside

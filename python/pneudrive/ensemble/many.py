@@ -17,10 +17,9 @@ from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 import numpy as np
 
 from pneudrive import __version__
-from pneudrive.ensemble import engine
 from pneudrive.ensemble.design import EnsembleDesign, Rows, design_of
 from pneudrive.ensemble.outputs import SignalNames, member_plans, parted_starts, reductions
-from pneudrive.ensemble.variation import CircuitVariation, Variation
+from pneudrive.ensemble.variation import DONE, CircuitVariation, Variation, run_members
 from pneudrive.errors import CommandError, SimulationError, warn
 from pneudrive.files import seal
 from pneudrive.files.writing import make_result_folder
@@ -138,7 +137,7 @@ class EnsembleStudy:
         plans = self.plans.part(chunk.start - self.begin, chunk.stop - self.begin)
         members = self.variation.members(rows)
         system = self.variation.drive.system
-        seen, status, failed = engine.run(system, members, plans, self.rtol, requests, self.threads, look)
+        seen, status, failed = run_members(system, members, plans, self.rtol, requests, self.threads, look)
         values, reasons = iter(seen), [failed.get(k, "") for k in range(len(rows))]
         columns: Plain = {"member": np.arange(chunk.start, chunk.stop), "status": status}
         columns["reason"] = pl.Series(reasons, dtype=pl.String)
@@ -152,7 +151,7 @@ class EnsembleStudy:
     def _own(self, output: Reduction, seen: list[Array], status: NDArray[np.uint8]) -> Array:
         """Call a user function for the finished members."""
         assert output.function is not None
-        done = status == engine.DONE
+        done = status == DONE
         out = np.full(len(status), np.nan)
         if not done.any():
             return out
@@ -180,7 +179,7 @@ class Members:
         import polars as pl
 
         frame = pl.concat(frames).sort("member")
-        return cls(study, frame, int((frame["status"] != engine.DONE).sum()))
+        return cls(study, frame, int((frame["status"] != DONE).sum()))
 
     @property
     def values(self) -> list[Array]:
@@ -419,7 +418,7 @@ class ChunkStore:
         import polars as pl
 
         frames = (pl.read_parquet(self.path(chunk.start), columns=["status"]) for chunk in self.chunks)
-        return sum(int((frame["status"] != engine.DONE).sum()) for frame in frames)
+        return sum(int((frame["status"] != DONE).sum()) for frame in frames)
 
     def remove(self) -> None:
         """Remove the folder with all chunks."""

@@ -20,9 +20,8 @@ from pneudrive import units
 from pneudrive.constants import AIR_GAS_CONSTANT_J_KG_K, ANR_DENSITY_KG_M3, ANR_TEMPERATURE_K, STANDARD_GRAVITY_M_S2
 from pneudrive.describe.circuit import Circuit
 from pneudrive.describe.system import System
-from pneudrive.ensemble import engine
 from pneudrive.ensemble.outputs import MemberPlans, Reduction
-from pneudrive.ensemble.variation import CoreMembers
+from pneudrive.ensemble.variation import DONE, CoreMembers, processors, run_members
 from pneudrive.sizing.task import PROPORTIONAL, SLOTS, DriveChoice, PartChoice, choices, energy_limit, peak_limit
 
 if TYPE_CHECKING:
@@ -320,7 +319,7 @@ def run_all(asked: Sequence[StrokeRuns], rtol: float = COARSE) -> list[StrokeRes
         return _run_alike([asked[place] for place in places], rtol)
 
     found: dict[int, StrokeResults] = {}
-    with ThreadPoolExecutor(engine.processors()) as pool:  # one group is often too small for all processors
+    with ThreadPoolExecutor(processors()) as pool:  # one group is often too small for all processors
         runs = pool.map(run, groups.values())
         for places, results in zip(groups.values(), runs, strict=True):
             found |= dict(zip(places, results, strict=True))
@@ -342,13 +341,13 @@ def _run_alike(asked: Sequence[StrokeRuns], rtol: float) -> list[StrokeResults]:
     members = CoreMembers(each[0].paths, np.concatenate([one.values for one in each]), starts)
     plans = MemberPlans({}, np.array([held_s(limit)]))
     system, reductions = first.template(outward)[0], _reductions(first.task.stroke_m, outward)
-    (arrived, speed, *peaks, air, force), status, _ = engine.run(system, members, plans, rtol, reductions, None)
+    (arrived, speed, *peaks, air, force), status, _ = run_members(system, members, plans, rtol, reductions, None)
     late = np.concatenate([one.strokes.opens_after(outward, one.draws) for one in asked])
     time = np.where(np.isnan(arrived), np.inf, arrived + late)
     speed = np.where(np.isfinite(time), speed, 0.0)
     columns = dict(zip(members.paths, members.values.T, strict=True))
     mass = columns["cylinder.moving_mass"] + columns["load.mass"]
-    failed = status != engine.DONE
+    failed = status != DONE
     for values in (time, *peaks, air):
         values[failed] = np.inf
     force = np.where(np.isfinite(time), np.nan_to_num(force if outward else -force), 0.0)

@@ -140,8 +140,8 @@ class ExtrasRequest(RunRequest):
         self, workspace: Workspace, described: Described, shown: Sequence[str], limit: RunLimit
     ) -> tuple[Plain, Columns]:
         from pneudrive.ensemble.design import Rows, design_of
-        from pneudrive.ensemble.engine import DONE
         from pneudrive.ensemble.many import Members, results, study_of
+        from pneudrive.ensemble.variation import DONE
 
         study = study_of(
             described,
