@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
     import xarray as xr
 
-    from pneudrive.arrays import Array, Keyed, NamedNumbers
+    from pneudrive.arrays import Array, Columns, Keyed, NamedNumbers
     from pneudrive.describe.drive import Drive
 
 #: Fractions of the travel: end of the dead time, begin and end of the rise time, and `time_99` (conventions).
@@ -203,7 +203,7 @@ def stroke_numbers(
     )
 
 
-def _samples(columns: Keyed, begin_s: float, end_s: float) -> dict[str, Array]:
+def _samples(columns: Keyed, begin_s: float, end_s: float) -> Columns:
     """Return the samples of a stroke. The first one is at its beginning, interpolated if necessary."""
     every = {name: np.asarray(values, dtype=float) for name, values in columns.items() if np.ndim(values)}
     time = every["time_s"]

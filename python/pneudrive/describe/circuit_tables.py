@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from typing import Any
 
+from pneudrive.arrays import Plain
 from pneudrive.describe.components import Component, component, component_class, within_component
 from pneudrive.describe.connections import AMBIENT, Part
 from pneudrive.describe.files import catalogue
@@ -22,7 +23,7 @@ def part_of(table: object, key: str, read: Component | None) -> Part:
     return Part(component_kinds().get(kind) if isinstance(kind, str) else None, key, stated)
 
 
-def completed(data: dict[str, Any], short: Short, problems: Problems) -> dict[str, Any]:
+def completed(data: Plain, short: Short, problems: Problems) -> Plain:
     """Replace the tables of a drive file by components and connections."""
     out = {key: value for key, value in data.items() if key not in TABLES}
     given = out.get("components", {})
@@ -73,9 +74,9 @@ def used(given: object, problems: Problems) -> object:
     return out
 
 
-def copied(given: object, problems: Problems) -> tuple[dict[str, Any], dict[str, str], dict[str, list[str]]]:
+def copied(given: object, problems: Problems) -> tuple[Plain, dict[str, str], dict[str, list[str]]]:
     """Return table and key of each component by name, and the names of copies for each table that has copies."""
-    tables: dict[str, Any] = {}
+    tables: Plain = {}
     keys: dict[str, str] = {}
     templates: dict[str, list[str]] = {}
     if not isinstance(given, dict) or not given:

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
     from typing_extensions import Self
 
-    from pneudrive.arrays import Array, Keyed, Plain
+    from pneudrive.arrays import Array, Columns, Keyed, Plain
 
 
 # --- Variation of one number of a drive: distributions and grid values, in SI or as written quantities.
@@ -314,7 +314,7 @@ class Rows:
         return cls(tuple(names), len(values), about, partial(_part, values, 0))
 
     @classmethod
-    def grid(cls, axes: dict[str, Array]) -> Rows:
+    def grid(cls, axes: Columns) -> Rows:
         """Return all combinations of the values of each number. The last number varies fastest."""
         shape = tuple(len(axis) for axis in axes.values())
 

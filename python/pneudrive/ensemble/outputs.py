@@ -22,7 +22,7 @@ from pneudrive.simulation.simulate import positive
 from pneudrive.simulation.trajectory import meaning
 
 if TYPE_CHECKING:
-    from pneudrive.arrays import Array, Plain
+    from pneudrive.arrays import Array, Columns, Plain
     from pneudrive.simulation.command import CommandInput, Steps
 
     EachSteps = list[Steps]
@@ -432,7 +432,7 @@ def _settling(signals: SignalNames, signal: str, band: str, rate: str = "1 kHz")
     return Reduction("own", (column,), f"settling_time_{name}", "s", about, half, _rate(rate), function=function)
 
 
-def _settled(half: float, signals: dict[str, Array], times: Array) -> Array:
+def _settled(half: float, signals: Columns, times: Array) -> Array:
     """Return the time at which a signal finally enters the band around its last value, by linear interpolation."""
     (x,) = signals.values()
     away = np.abs(x - x[:, -1:])

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from pneudrive import units
-from pneudrive.arrays import Array, Plain, by_name
+from pneudrive.arrays import Array, Columns, Plain, by_name
 from pneudrive.describe.marks import StatedPressure
 from pneudrive.describe.tables.parts import Initial
 from pneudrive.describe.tables.starts import read_initial, start_state, start_values
@@ -117,7 +117,7 @@ class Variation:
         """Names of the numbers that vary."""
         return [number.name for number in self.numbers]
 
-    def columns(self, rows: Array) -> dict[str, Array]:
+    def columns(self, rows: Array) -> Columns:
         """Return the values of each number in the given rows, SI, by name."""
         return by_name(self.names, list(rows.T))
 

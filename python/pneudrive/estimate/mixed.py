@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from pneudrive.arrays import Array, ArrayPair, Interval
+    from pneudrive.arrays import Array, ArrayPair, Columns, Interval
 
 
 # --- Least squares of laws that are linear except for shape parameters: grid of shapes, and intervals by profile.
@@ -354,9 +354,7 @@ class MixedFit:
     weights: Array
     states: tuple[_State, ...]
 
-    def predict(
-        self, x: Array, kernels: dict[str, Array] | None = None, prior: dict[str, Array] | None = None
-    ) -> Predicted:
+    def predict(self, x: Array, kernels: Columns | None = None, prior: Columns | None = None) -> Predicted:
         """Predict X* b + sum_i g_i*.
 
         Parameters

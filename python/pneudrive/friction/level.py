@@ -34,7 +34,7 @@ from pneudrive.signals.recording import PRESSURES_PA, SLOWEST_M_S, SPEEDS_M_S, R
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
-    from pneudrive.arrays import Array, Bools, Interval, NamedNumbers, Row
+    from pneudrive.arrays import Array, Bools, Columns, Interval, NamedNumbers, Row
     from pneudrive.signals.load import LongFile
 
     Part = tuple[RecordedMotion, tuple[Stroke, ...]]
@@ -457,7 +457,7 @@ def _parts(file: LongFile, choice: SampleChoice, watch: Watch) -> Iterator[Part]
     """Read a recording part by part, each with its counted strokes; the next part is read in the background."""
     name, first, count = file.name, file.first, file.count
     blocks = [(begin, min(begin + PART_SAMPLES, count)) for begin in range(first, count, PART_SAMPLES)]
-    left: dict[str, Array] = {}
+    left: Columns = {}
     is_first = True
     for block, read in zip(blocks, in_advance(file.rows, blocks, 1, ahead=1), strict=True):
         watch.tell(block[0], count, f"rows of {name}")

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pneudrive.arrays import Array, Interval, NamedNumbers, Pair, by_name, evenly
+from pneudrive.arrays import Array, Columns, Interval, NamedNumbers, Pair, by_name, evenly
 from pneudrive.estimate.estimates import Estimate, changed, rms, student
 from pneudrive.friction.sentences import sentence
 from pneudrive.numbers import with_u
@@ -195,9 +195,7 @@ def _contradiction(points: list[LevelPoint], residual_n: Array) -> str:
     return ""
 
 
-def _factors(
-    gauge: dict[str, Array], push: dict[str, Array], unsure: NamedNumbers, area: float
-) -> list[tuple[str, ...]]:
+def _factors(gauge: Columns, push: Columns, unsure: NamedNumbers, area: float) -> list[tuple[str, ...]]:
     """Return the determined areas: each separately, both by a common factor, or none."""
     sides = [side for side in ("a", "b") if np.ptp(gauge[side]) > MINIMUM_RANGE_PA]
     if len(sides) < 2:

@@ -19,7 +19,7 @@ import numpy as np
 from scipy.optimize import OptimizeResult, least_squares
 
 from pneudrive import units
-from pneudrive.arrays import Array, Interval, NamedNumbers, Plain, by_name
+from pneudrive.arrays import Array, Columns, Interval, NamedNumbers, Plain, by_name
 from pneudrive.constants import STANDARD_ATMOSPHERE_PA
 from pneudrive.describe.base import Described
 from pneudrive.describe.files import toml
@@ -662,7 +662,7 @@ def _simulate(point: Array, record: VolumeRecording, dead_s: float) -> Array:
 
 
 def _intervals(
-    records: Sequence[VolumeRecording], best: OptimizeResult, own: dict[str, Array]
+    records: Sequence[VolumeRecording], best: OptimizeResult, own: Columns
 ) -> tuple[dict[str, Interval], float]:
     """Return intervals, by blocks of time or by runs, whichever is wider; and the correlation of gain and offset."""
     inverse = np.linalg.pinv(best.jac.T @ best.jac)

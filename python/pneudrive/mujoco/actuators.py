@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
     from pathlib import Path
 
-    from pneudrive.arrays import Array, Keyed, NamedNumbers, Plain
+    from pneudrive.arrays import Array, Columns, Keyed, NamedNumbers, Plain
     from pneudrive.describe import Circuit, Drive
 
     Described = Drive | Circuit
@@ -508,7 +508,7 @@ class Actuators:
         commands: Mapping[str, Commands],
         duration: str | float,
         signals: Sequence[str] = SIGNALS,
-    ) -> dict[str, Array]:
+    ) -> Columns:
         """Run the model under commands of the drives. Warn of large gaps in closed loops.
 
         Parameters

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
     from pneudrive._core import Platform as CorePlatform
-    from pneudrive.arrays import Array, Pair
+    from pneudrive.arrays import Array, ArrayPair, Columns, Pair
     from pneudrive.describe import Circuit, Drive
 
     Pose = Mapping[str, str | float] | ArrayLike
@@ -197,7 +197,7 @@ class Platform(Viewed):
             raise CommandError(what, remedy=f"Give {', '.join(self.coordinates)}.")
         return out
 
-    def evaluate(self, pose: Pose, rates: ArrayLike | None = None) -> dict[str, Array]:
+    def evaluate(self, pose: Pose, rates: ArrayLike | None = None) -> Columns:
         """Evaluate the mechanism at poses: positions, Jacobian, mass matrix and forces of the core, one row per pose.
 
         Parameters
@@ -517,7 +517,7 @@ def motion_of(platform: Platform, columns: Mapping[str, Array]) -> tuple[Array, 
     return pose, rate, acceleration
 
 
-def platform_outputs(platform: Platform, columns: Mapping[str, Array]) -> dict[str, Array]:
+def platform_outputs(platform: Platform, columns: Mapping[str, Array]) -> Columns:
     """Return outputs of a platform along a run that the columns do not contain.
 
     ``tripod.smallest_singular_value`` has no unit. ``tripod.leg_1_force_n`` is the force in +x along leg 1 that carries
@@ -613,7 +613,7 @@ class MovingPlatform(NamedTuple):
         velocity, rate = self.turn[:, :, None]
         return self.origin[1][:, None] + np.cross(rate, arms) + np.cross(velocity, np.cross(velocity, arms))
 
-    def needed(self) -> tuple[Array, Array]:
+    def needed(self) -> ArrayPair:
         """Return the force, N, and the moment about the origin, N m, that accelerate and carry platform and payload."""
         masses = self.masses
         arms = np.stack([masses["centre"] @ self.axes, masses["payload_at"] @ self.axes], axis=1)

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
     from PIL import Image
 
-    from pneudrive.arrays import Array
+    from pneudrive.arrays import Array, Columns
 
 
 # --- A platform on legs as lines in one isometric projection, for SVG text, figures and the page.
@@ -326,7 +326,7 @@ def run_columns(platform: Platform) -> list[str]:
     return ["time_s", *(name for row in pose_columns(platform) for name in row), *own]
 
 
-def read_platform_run(platform: Platform, path: str | Path) -> dict[str, Array]:
+def read_platform_run(platform: Platform, path: str | Path) -> Columns:
     """Return the columns of a file of a run that the pictures of a platform use.
 
     Raises
@@ -460,7 +460,7 @@ def _answer(platform: Platform, columns: Mapping[str, Array]) -> tuple[list[str]
     return sentences, (*leading, LeadingValue(value, limit, "good" if is_held else "open"))
 
 
-def _panels(platform: Platform, columns: Mapping[str, Array]) -> list[tuple[str, dict[str, Array]]]:
+def _panels(platform: Platform, columns: Mapping[str, Array]) -> list[tuple[str, Columns]]:
     """Return the label and the named curves of each panel."""
     pose, units = pose_columns(platform)[0], platform.units
     panels = []

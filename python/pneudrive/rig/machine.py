@@ -25,7 +25,7 @@ from pneudrive.simulation.bench_circuit import AMBIENT, Dragged
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from pneudrive.arrays import Array, Pair, Plain
+    from pneudrive.arrays import Array, Columns, Pair, Plain
     from pneudrive.simulation.bench_circuit import MotionResult
 
     Numbers = float | Array
@@ -344,9 +344,7 @@ class Machine:
         gauges = (past.pressure_a_pa - d.ambient_pressure_pa, past.pressure_b_pa - d.ambient_pressure_pa)
         return float(abs(steady_friction_n(friction, velocity_m_s, gauges, past.commanded_m)[0]))
 
-    def run(
-        self, step: Step, motion: Motion, times: Array, look: Callable[[], object] | None = None
-    ) -> dict[str, Array]:
+    def run(self, step: Step, motion: Motion, times: Array, look: Callable[[], object] | None = None) -> Columns:
         """Run one step and update `past`. `look` is called regularly. An exception in `look` ends the step.
 
         Raises

@@ -22,7 +22,7 @@ from pneudrive.signals.recording import Recording
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Sequence
 
-    from pneudrive.arrays import Array, NamedNumbers, Pair, Plain
+    from pneudrive.arrays import Array, Columns, NamedNumbers, Pair, Plain
     from pneudrive.rig.interface import Sampling
 
     Gauges = float | Pair  # pressures of both chambers, or of a and b
@@ -300,9 +300,7 @@ class Instruments:
         shift = sensor.zero + accuracy * zero - relative * ambient
         return replace(sensor, gain_error=relative, zero=shift)
 
-    def read(
-        self, true: dict[str, Array], past: Past, rng: np.random.Generator | None, weight_n: float = 0.0
-    ) -> dict[str, Array]:
+    def read(self, true: Columns, past: Past, rng: np.random.Generator | None, weight_n: float = 0.0) -> Columns:
         """Return the readings for true signals.
 
         Parameters
@@ -593,7 +591,7 @@ class RigSession:
             times = np.arange(1, int(duration_s / (PART_S * self.pace)) + 1) * (PART_S * self.pace)
         return np.append(times, duration_s)
 
-    def _ahead(self, run: _Run, step: Step, motion: Motion, times: Array) -> tuple[Machine, Past, dict[str, Array]]:
+    def _ahead(self, run: _Run, step: Step, motion: Motion, times: Array) -> tuple[Machine, Past, Columns]:
         """Run a step on a copy of the machine. At the end, use the copy unless the axis was stopped.
 
         During the step, no lock is held, so that other threads can stop or display the axis.

@@ -23,7 +23,7 @@ from pneudrive.simulation.trajectory import columns_in, meaning, read_columns
 if TYPE_CHECKING:
     import xarray as xr
 
-    from pneudrive.arrays import Array, Bools, Interval, Keyed, Plain
+    from pneudrive.arrays import Array, ArrayPair, Bools, Columns, Interval, Keyed, Plain
 
     Given = str | Path | xr.Dataset | Mapping[str, Any]
 
@@ -104,7 +104,7 @@ class DriveRecording(Shown):
         return float(self.time_s[-1])
 
     @property
-    def steps(self) -> tuple[Array, Array]:
+    def steps(self) -> ArrayPair:
         """Times at which the command changes, and its new values.
 
         As in a run, a valve begins at rest. If the piston moves at the first sample, the valve has settled at the
@@ -140,7 +140,7 @@ class VolumeRecording(DriveRecording):
         return self.columns["command"]
 
     @property
-    def measured(self) -> dict[str, Array]:
+    def measured(self) -> Columns:
         """Recorded pressures, under the names of a simulated tank's outputs."""
         return {name: self.columns[name] for name in ("pressure_pa", "inlet_pressure_pa") if name in self}
 
@@ -252,7 +252,7 @@ def _arrays(
     where: str,
     rule: str,
     remedy: str | None = None,
-) -> dict[str, Array]:
+) -> Columns:
     """Return the known columns as arrays of one length; reject missing columns."""
     if missing := [column for column in needed if column not in columns]:
         shown = f"columns: {', '.join(map(str, columns))}"

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     import xarray as xr
     from numpy.typing import NDArray
 
-    from pneudrive.arrays import Array, Ints, Plain
+    from pneudrive.arrays import Columns, Ints, Plain
 
 
 HASHED_ROWS = 1 << 18  # of a long file at a time
@@ -58,7 +58,7 @@ class RecordingFile:
             return read_trajectory(self.path, self.name)
         return to_recording(self.name, self.path, self.said, *import_file(self.path, self.said))
 
-    def part(self, raw: dict[str, Array], name: str = "") -> Recording:
+    def part(self, raw: Columns, name: str = "") -> Recording:
         """Return a recording from some rows of the raw columns, without the hash of the file."""
         if self.said is None:
             return from_trajectory(raw, self.name, self.path, is_part=True)
@@ -180,7 +180,7 @@ class LongFile(RecordingFile):
         """First row that is used."""
         return 0 if self.said is None else self.said.skip_samples
 
-    def rows(self, rows: tuple[int, int]) -> dict[str, Array]:
+    def rows(self, rows: tuple[int, int]) -> Columns:
         """Read some rows of the raw columns, by channel."""
         if self.said is None:
             return read_columns(self.path, MEASURED, rows, self.table)

@@ -14,7 +14,7 @@ from pneudrive.errors import RecordingError
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from pneudrive.arrays import Array, Bools, Ints, Pair
+    from pneudrive.arrays import Array, ArrayPair, Bools, Ints, Pair
 
     Levels = list[list["Stroke"]]  # strokes of one speed, slowest first
 
@@ -465,7 +465,7 @@ class Directions:
 
     def correlation(self, force: Array, pressure: Array) -> float:
         """Return the correlation of force and pressure within one direction, where friction does not change sign."""
-        parts: list[tuple[Array, Array]] = []
+        parts: list[ArrayPair] = []
         for moving in (self.up, self.down):
             there = moving & np.isfinite(force) & np.isfinite(pressure)
             if there.sum() >= FEWEST:

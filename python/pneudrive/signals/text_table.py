@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
     import polars as pl
 
-    from pneudrive.arrays import Array, Bools
+    from pneudrive.arrays import Array, Bools, Columns
 
     Lines = list[str]  # of a file
     Fields = list[str]  # of a line
@@ -311,7 +311,7 @@ def column_number(column: int | str, names: Fields, width: int, path: Path, *, i
 
 def _parse(
     fields: pl.DataFrame, form: TextForm, needed: list[str], dates: dict[str, str], path: Path
-) -> tuple[dict[str, Array], Bools]:
+) -> tuple[Columns, Bools]:
     """Return the numbers of readable rows by column, and whether each row is readable: it has all needed numbers.
 
     `dates` gives the format of columns of dates and times.

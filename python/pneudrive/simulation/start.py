@@ -4,19 +4,17 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, TypeAlias
 
+from pneudrive.describe.tables.starts import StartState as StartState
 from pneudrive.errors import CommandError
 from pneudrive.simulation.session import Session
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
-
     from pneudrive._core import Circuit as CoreCircuit
     from pneudrive.arrays import NamedNumbers
-    from pneudrive.describe import Circuit, Drive, Initial
+    from pneudrive.describe import Circuit, Drive
 
-#: What a simulation takes, and the start states that it reads.
+#: What a simulation takes.
 DriveOrCircuit: TypeAlias = "Drive | Circuit"
-StartState: TypeAlias = "Initial | Mapping[str, object] | str | None"
 RTOL_BOUNDS = (1e-13, 1e-1)
 
 

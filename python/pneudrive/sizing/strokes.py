@@ -27,7 +27,7 @@ from pneudrive.sizing.task import PROPORTIONAL, SLOTS, DriveChoice, PartChoice, 
 if TYPE_CHECKING:
     from collections.abc import Generator, Iterable, Mapping, Sequence
 
-    from pneudrive.arrays import Array, Bools, Keyed, NamedNumbers, Plain
+    from pneudrive.arrays import Array, Bools, Columns, Keyed, NamedNumbers, Plain
     from pneudrive.sizing.task import SizingTask
 
     Search = Generator["StrokeRuns", "StrokeResults", Any]
@@ -230,7 +230,7 @@ class DriveStrokes:
             starts[name] = np.broadcast_to(np.asarray(own, dtype=float), rows)
         return CoreMembers(paths, values, starts)
 
-    def _factors(self, draws: Array) -> dict[str, Array]:
+    def _factors(self, draws: Array) -> Columns:
         """Return the factor of each number in the core's form."""
         spread = self.task.spread
         share = {name: _both_ways(column) for name, column in zip(DRAWN, draws.T, strict=True)}
@@ -396,7 +396,7 @@ def points(n: int) -> Array:
 
 
 #: Structure of a circuit -> the circuit in the core's form, and its start state.
-_TEMPLATES: dict[tuple[Any, ...], tuple[System, dict[str, float]]] = {}
+_TEMPLATES: dict[tuple[Any, ...], tuple[System, NamedNumbers]] = {}
 
 
 def _is_size(key: str) -> bool:

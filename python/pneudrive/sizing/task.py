@@ -60,7 +60,7 @@ class _Factors(Between):
         """Write the range."""
         return f"{value[0]:g} .. {value[1]:g}"
 
-    def schema(self) -> dict[str, Any]:
+    def schema(self) -> Plain:
         """Return the JSON schema of the form that users write."""
         return {"type": "string", "pattern": r"^.+ \.\. .+$"}
 
@@ -239,7 +239,7 @@ class SizingTask(Described):
         return GUIDES[self.guide] * self.across_n
 
 
-def task_schema() -> dict[str, Any]:
+def task_schema() -> Plain:
     """Return the JSON schema (draft 2020-12) of a task."""
     schema = SizingTask.model_json_schema(by_alias=True)
     timed = [{"required": ["time"]}, {"required": ["speed"]}]

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
 
     from pneudrive._core import Shooting, Shot
-    from pneudrive.arrays import Array, ArrayPair, Bools, Ints, Keyed, NamedNumbers
+    from pneudrive.arrays import Array, ArrayPair, Bools, Columns, Ints, Keyed, NamedNumbers
     from pneudrive.describe.drive import Drive
     from pneudrive.signals.drive_recording import DriveRecording
 
@@ -411,7 +411,7 @@ class Scene:
         return replace(self, explained=self.explained + values)
 
     @cached_property
-    def terms(self) -> dict[str, Array]:
+    def terms(self) -> Columns:
         """Terms of the balances at each sample: forces of the drive; flows and pressure rates without lines.
 
         ``force_n`` has all forces in +x except friction: pressures, weight, load, spring, end stops. ``friction_n`` is

@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pneudrive.arrays import Array, Interval, NamedNumbers, by_name
+from pneudrive.arrays import Array, Columns, Interval, NamedNumbers, by_name
 from pneudrive.errors import DescriptionError, SimulationError
 from pneudrive.estimate.estimates import NORMAL_95
 from pneudrive.numbers import plain, with_u
@@ -295,7 +295,7 @@ class _Regression:
         """Return whether a cause leaves only noise, or a residual close to that of the best cause."""
         return 1.0 - fit.share <= RIVAL * (1.0 - best.share) or not self.is_dirty(fit.after)
 
-    def columns(self, task: str) -> dict[str, Array]:
+    def columns(self, task: str) -> Columns:
         """Return the linear effect of a unit of each cause that has an effect on the residual."""
         out = {}
         for cause in self.watch.each(list(self.causes.values()), task):
@@ -325,7 +325,7 @@ class _Regression:
         joint = self.together(alone[0].share, wanted, columns) if alone and self.is_dirty(alone[0].after) else []
         return [*joint, *alone]
 
-    def together(self, share: float, wanted: list[Cause], columns: dict[str, Array]) -> list[_Fit]:
+    def together(self, share: float, wanted: list[Cause], columns: Columns) -> list[_Fit]:
         """Fit each cause together with compensating values.
 
         Return these fits only if one of them leaves a much smaller residual than any single cause. A fit of the

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from pneudrive.arrays import Array, Bools, NamedNumbers, Pair, Plain, by_name
+from pneudrive.arrays import Array, Bools, Columns, NamedNumbers, Pair, Plain, by_name
 from pneudrive.describe.circuit import Circuit
 from pneudrive.describe.files import toml
 from pneudrive.errors import CommandError, RecordingError
@@ -394,7 +394,7 @@ def _gas(recording: Recording) -> Array:
 
 
 def _free_gains(
-    time_s: Array, sliding: _Sliding, balance: Array, extra: dict[str, Array]
+    time_s: Array, sliding: _Sliding, balance: Array, extra: Columns
 ) -> tuple[dict[str, Estimate], Estimate, float | None]:
     """Return gains of forces relative to their stated areas. Their covariance comes from blocks of time."""
     base, names = sliding.base, sliding.names

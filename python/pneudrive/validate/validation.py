@@ -33,7 +33,7 @@ from pneudrive.views import View, Viewed
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
 
-    from pneudrive.arrays import Array, Keyed, NamedNumbers, Plain
+    from pneudrive.arrays import Array, Columns, Keyed, NamedNumbers, Plain
     from pneudrive.describe import Drive
     from pneudrive.identify.dynamic.sensors import Sensor
     from pneudrive.signals.drive_recording import DriveRecording, Given
@@ -455,7 +455,7 @@ def run_name(number: int) -> str:
     return f"run-{number + 1}.parquet"
 
 
-def run_columns(record: RecordResult) -> dict[str, Array]:
+def run_columns(record: RecordResult) -> Columns:
     """Return the columns of a recording and of its runs; see `Validation.write`."""
     signals, recording = record.signals, record.recording
     table = {name: getattr(signals, name) for name in NEEDED}

@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 
     import xarray as xr
 
-    from pneudrive.arrays import Array, Interval, NamedNumbers, Plain
+    from pneudrive.arrays import Array, Columns, Interval, NamedNumbers, Plain
     from pneudrive.platforms import LegDynamics, Platform
 
 
@@ -382,7 +382,7 @@ class _Legs:
 
     def run(
         self, payload: str | None, mismatch: Mismatch | str | Path | None, seed: int, watch: Watch
-    ) -> tuple[dict[str, Array], float, list[Plain]]:
+    ) -> tuple[Columns, float, list[Plain]]:
         """Return columns, consumed air, kg, and events of one run with a payload."""
         loaded = json.loads(self.circuit.core_json())
         if payload is not None:

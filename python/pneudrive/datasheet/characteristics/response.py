@@ -21,7 +21,7 @@ from pneudrive.simulation.trajectory import columns as columns_of
 if TYPE_CHECKING:
     import xarray as xr
 
-    from pneudrive.arrays import Array, Pair, Plain
+    from pneudrive.arrays import Array, ArrayPair, Columns, Pair, Plain
     from pneudrive.datasheet.plant import HeldDrive
     from pneudrive.simulation.command import Commands
 
@@ -56,7 +56,7 @@ def simulate_plant(plant: HeldDrive, plans: Commands, duration: float, rate: flo
         return simulate(plant.circuit, plans, duration, sample_rate=rate, **more)
 
 
-def short_columns(plant: HeldDrive, run: xr.Dataset) -> dict[str, Array]:
+def short_columns(plant: HeldDrive, run: xr.Dataset) -> Columns:
     """Return the columns of a circuit's run under the names of a drive file."""
     return {short_name(name, plant.piston): values for name, values in columns_of(run).items()}
 
@@ -433,7 +433,7 @@ def _times(plant: HeldDrive) -> Found:
     }
 
 
-def _run(plant: HeldDrive, table: Plain) -> tuple[Array, Array]:
+def _run(plant: HeldDrive, table: Plain) -> ArrayPair:
     """Command the valve on and off; return times and the pressure of a volume at its working port."""
     ports = [port["name"] for port in plant.circuit.components[plant.valve].entry["ports"]]
     outlet = "4" if "4" in ports else "2"

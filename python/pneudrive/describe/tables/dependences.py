@@ -7,6 +7,7 @@ from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import Field, model_validator
 
+from pneudrive.arrays import Plain
 from pneudrive.describe import marks
 from pneudrive.describe.base import Described
 from pneudrive.describe.marks import NOT_NEGATIVE, POSITIVE, Bounds, EachChamber, Length, PerChamber, Position, Quantity
@@ -23,9 +24,9 @@ MOST_POINTS = 50
 class Acting(Described):
     """Table of a friction modifier."""
 
-    def core(self) -> dict[str, Any]:
+    def core(self) -> Plain:
         """Return the table in the core's form: SI values, one for each chamber and each entry of a list."""
-        out: dict[str, Any] = {}
+        out: Plain = {}
         for name, field in type(self).model_fields.items():
             value, key = getattr(self, name), field.alias or name
             if isinstance(value, PerChamber):
@@ -120,13 +121,13 @@ class PositionDependence(Acting):
                 raise invalid(key, "describe.positions-not-rising", key=key, after_mm=after_mm, before_mm=before_mm)
         return self
 
-    def core(self) -> dict[str, Any]:
+    def core(self) -> Plain:
         """Return the table in the core's form."""
         out = super().core()
         return out if self.points else {key: value for key, value in out.items() if key != "table"}
 
     @classmethod
-    def __get_pydantic_json_schema__(cls, schema: Any, handler: Any) -> dict[str, Any]:  # noqa: ANN401 - pydantic's own
+    def __get_pydantic_json_schema__(cls, schema: Any, handler: Any) -> Plain:  # noqa: ANN401 - pydantic's own
         """Return the JSON schema with the harmonics inline, because the schema cannot refer to the friction table."""
         out = super().__get_pydantic_json_schema__(schema, handler)
         one = Harmonic.model_json_schema(by_alias=True)

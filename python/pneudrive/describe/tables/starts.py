@@ -20,9 +20,8 @@ if TYPE_CHECKING:
     from pneudrive.describe.components import Component
     from pneudrive.describe.tables.parts import Ambient, Initial
 
-    #: A start state as users give it.
-    StartState: TypeAlias = Initial | Keyed | str | None
-
+#: A start state as users give it.
+StartState: TypeAlias = "Initial | Keyed | str | None"
 
 # --- Start poses of platforms: positions of their legs from heave, tilt and place.
 

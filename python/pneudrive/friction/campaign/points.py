@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from pneudrive.arrays import Array, Bools, Ints
+    from pneudrive.arrays import Array, Bools, Columns, Ints
     from pneudrive.friction.campaign.reading import CampaignData
 
 
@@ -167,7 +167,7 @@ class Pattern:
         return friction, offset
 
 
-def reduce(cycles: CycleTable, edges_m: Array, steady: Bools) -> tuple[Pattern, dict[str, Array]]:
+def reduce(cycles: CycleTable, edges_m: Array, steady: Bools) -> tuple[Pattern, Columns]:
     """Convert the means of cycles with both directions to the common range of position.
 
     Parameters

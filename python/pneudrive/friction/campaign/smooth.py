@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from pneudrive.arrays import Array, Ints
+    from pneudrive.arrays import Array, Columns, Ints
 
 
 #: Speed above which the stretched speed is proportional to speed; below, it is logarithmic (assumed).
@@ -135,7 +135,7 @@ class CurveData:
         zero = np.full((curve.size, int((self.curve < 0).any())), float(observed))
         return np.column_stack([zero, self.levels(curve), slope])
 
-    def kernels(self, first: tuple[Array, Ints], second: tuple[Array, Ints]) -> dict[str, Array]:
+    def kernels(self, first: tuple[Array, Ints], second: tuple[Array, Ints]) -> Columns:
         """Return the covariance of the smooth deviations between speeds on curves."""
         (s, i), (t, j) = first, second
         s, t = self.place(s), self.place(t)

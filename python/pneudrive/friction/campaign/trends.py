@@ -24,7 +24,7 @@ from pneudrive.friction.sentences import Statement, say
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
-    from pneudrive.arrays import Array, Bools, Ints
+    from pneudrive.arrays import Array, ArrayPair, Bools, Columns, Ints
     from pneudrive.friction.campaign.curves import Fits
 
 
@@ -39,7 +39,7 @@ ENOUGH_FOR_LINE = 3  # degrees of freedom above which a line over the campaign i
 TOGETHER = 0.95  # correlation above which two causes cannot be separated
 
 
-def causes(fits: Fits) -> dict[str, Array]:
+def causes(fits: Fits) -> Columns:
     """Return possible causes of a drift, at the points of F(v), that vary enough to have an effect.
 
     The causes are time (h), travel (decades), temperature (K), and interruption (1 after a long rest or a cycle with a
@@ -253,7 +253,7 @@ def _trend(
     return fit.contrast(np.array([1.0, 0.0]), "1/m"), fit.contrast(np.array([0.0, 1.0])).value / usual
 
 
-def _slopes(position: Array, rows: Array, waves: Sequence[float], length: float) -> tuple[Array, Array]:
+def _slopes(position: Array, rows: Array, waves: Sequence[float], length: float) -> ArrayPair:
     """Return the relative trend of friction along x in each cycle, and its variance from noise within the cycle."""
     columns = _columns(position, waves, length)
     columns = np.hstack([columns, _stretches(position, np.nanmean(rows, axis=0), columns, length)])

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from pneudrive.arrays import Array, ArrayPair, NamedNumbers, Pair, Plain
+    from pneudrive.arrays import Array, ArrayPair, Columns, NamedNumbers, Pair, Plain
     from pneudrive.signals.layout import Layout
 
 MOST_GRID = 4500  # times at which pressures are compared
@@ -370,7 +370,7 @@ class DrivenCircuit:
             return None
         return float(numbers["heat_transfer"]) * (float(numbers.get("wall_area", 0.0)) + faces)
 
-    def volumes_m3(self, position_m: Array) -> dict[str, Array]:
+    def volumes_m3(self, position_m: Array) -> Columns:
         """Return the volume of each chamber at these positions."""
         a, b = self.areas_m2
         return {"a": self._dead("a") + a * position_m, "b": self._dead("b") + b * (self.stroke_m - position_m)}
@@ -395,7 +395,7 @@ class DrivenCircuit:
             out[place, : found[column].size] = found[column]
         return out
 
-    def trajectory(self, record: DrivenRecording) -> dict[str, Array]:
+    def trajectory(self, record: DrivenRecording) -> Columns:
         """Return all columns of a run along a recording, at its grid of times.
 
         The run starts with the measured pressures at wall temperature.
@@ -413,7 +413,7 @@ class DrivenCircuit:
         start: Sequence[float] | Array,
         until: float,
         columns: list[str],
-    ) -> dict[str, Array]:
+    ) -> Columns:
         nodes_t, nodes_x = record.nodes
         velocities = np.diff(nodes_x) / np.diff(nodes_t)
         state = {f"{self.piston}.position_m": float(nodes_x[0]), f"{self.piston}.velocity_m_s": float(velocities[0])}

@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pneudrive import _core
-from pneudrive.arrays import Array, ArrayPair, Bools, Ints, Keyed, NamedNumbers, Plain, by_name
+from pneudrive.arrays import Array, ArrayPair, Bools, Columns, Ints, Keyed, NamedNumbers, Plain, by_name
 from pneudrive.errors import FitError
 from pneudrive.estimate.autocorrelation import moderate
 from pneudrive.estimate.estimates import Transforms
@@ -245,7 +245,7 @@ class FrictionModel(StaticLaw):
 
     # -- values and derivatives -------------------------------------------------------------------------------
 
-    def _curve(self, speed: Array, velocity: float, exponent: float | None) -> dict[str, Array]:
+    def _curve(self, speed: Array, velocity: float, exponent: float | None) -> Columns:
         """Return the core's derivatives with respect to forces and shape parameters, for an excess Fs - Fc of 1 N."""
         values, choices, names = {"coulomb": 1.0, "viscous": 0.0}, None, ["coulomb"]
         if self.stribeck:
@@ -264,7 +264,7 @@ class FrictionModel(StaticLaw):
             slopes[slopes[:, 1] == 0.0, 2:] = 0.0
         return dict(zip(names, slopes.T, strict=True))
 
-    def _by_force(self, curve: dict[str, Array], data: Observations) -> dict[str, Array]:
+    def _by_force(self, curve: Columns, data: Observations) -> Columns:
         """Return the derivatives with respect to forces, pressure terms and viscous coefficient, shape (..., n)."""
         out = {"viscous": np.broadcast_to(data.speed_m_s, curve["coulomb"].shape)}
         for term, pressure in self._pressures(data).items():
@@ -354,7 +354,7 @@ class FrictionModel(StaticLaw):
         q = self.internal(np.array([value[n] for n in self.names]))
         return float(np.sum(np.abs(residual))), q
 
-    def _pressures(self, data: Observations) -> dict[str, Array]:
+    def _pressures(self, data: Observations) -> Columns:
         """Return the factors of a force and of its pressure terms, by suffix of the parameter name."""
         a, b = data.gauge_a_pa, data.gauge_b_pa
         of = {"a": a, "b": b}

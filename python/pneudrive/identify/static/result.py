@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     import xarray as xr
     from numpy.typing import ArrayLike
 
-    from pneudrive.arrays import Array, Keyed, NamedNumbers, Pair, Plain
+    from pneudrive.arrays import Array, Columns, Keyed, NamedNumbers, Pair, Plain
     from pneudrive.describe.drive import Drive
 
 
@@ -545,7 +545,7 @@ def _values(fit: SlidingFit, friction_map: xr.Dataset) -> sliding.Observations:
     return data
 
 
-def profiles(fit: FrictionFit, friction_map: xr.Dataset) -> dict[str, Array]:
+def profiles(fit: FrictionFit, friction_map: xr.Dataset) -> Columns:
     """Return intervals by profile likelihood for the probabilities `PROBABILITIES`.
 
     The intervals show how well the data determine each value.

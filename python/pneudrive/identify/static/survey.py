@@ -23,7 +23,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pneudrive.arrays import Array, ArrayPair, Interval, Ints, Keyed, by_name
+from pneudrive.arrays import Array, ArrayPair, Columns, Interval, Ints, Keyed, by_name
 from pneudrive.errors import FitError, nearest
 from pneudrive.estimate.autocorrelation import integrated_wiener
 from pneudrive.identify.identified import sentence
@@ -270,7 +270,7 @@ def survey_values(
     )
 
 
-def _posterior(logs: dict[str, Array]) -> tuple[dict[str, Array], Array]:
+def _posterior(logs: Columns) -> tuple[Columns, Array]:
     """Return posteriors from log likelihoods (11, 9, 20): of each seal, (11, 9, 20), and common, (11, 9).
 
     The squared scatter of a seal is distributed as nu tau^2 / chi2(nu): the density in ln sigma is proportional to

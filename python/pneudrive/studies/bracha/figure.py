@@ -18,7 +18,7 @@ from pneudrive.rig.interface import Move, Step
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from pneudrive.arrays import Array, Keyed, Plain
+    from pneudrive.arrays import Array, Columns, Keyed, Plain
     from pneudrive.campaign.storage.folder import Campaign
     from pneudrive.rig import Envelope, Identity
     from pneudrive.rig.machine import Machine, Past
@@ -206,7 +206,7 @@ class PaperFigure:
         number: int,
         verdicts: Mapping[str, str],
         quantities: Keyed,
-        columns: dict[str, Array],
+        columns: Columns,
         rig: tuple[Identity, Envelope] | None = None,
         **more: object,
     ) -> PaperFigure:

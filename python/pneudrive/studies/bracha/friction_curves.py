@@ -13,7 +13,7 @@ from pneudrive.friction.strokes import moving_average
 from pneudrive.studies.bracha.figure import PaperFigure, judge, true_strokes
 
 if TYPE_CHECKING:
-    from pneudrive.arrays import Array
+    from pneudrive.arrays import Array, Columns
     from pneudrive.campaign.storage.folder import Campaign
     from pneudrive.characteristics import CampaignCharacteristics
     from pneudrive.friction.campaign.result import AirShare
@@ -231,7 +231,7 @@ def _by_pressure(found: CampaignCharacteristics) -> list[AirShare]:
     return sorted(found.air, key=lambda share: share.condition.pressure_a_pa)
 
 
-def _shares(found: CampaignCharacteristics) -> list[dict[str, Array]]:
+def _shares(found: CampaignCharacteristics) -> list[Columns]:
     """Return forces of sensor, air and seal at the measured speeds, in the order of pressure."""
     measured = {c.condition: c.measured for c in found.curves if c.direction == BOTH}
     names = ("speed_m_s", "total_n", "air_n", "seal_n")

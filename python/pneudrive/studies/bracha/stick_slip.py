@@ -19,7 +19,7 @@ from pneudrive.studies.bracha.figure import PaperFigure, judge
 if TYPE_CHECKING:
     import xarray as xr
 
-    from pneudrive.arrays import Array, Interval, Row
+    from pneudrive.arrays import Array, Columns, Interval, Row
     from pneudrive.campaign.storage.folder import Campaign
 
 
@@ -140,7 +140,7 @@ def figure_3() -> PaperFigure:
     return PaperFigure.make(3, verdicts, _quantities(found) | {"rest_share": still}, columns)
 
 
-def _columns(run: xr.Dataset) -> dict[str, Array]:
+def _columns(run: xr.Dataset) -> Columns:
     return {
         "time_s": run.time.to_numpy(),
         "position_m": run.position.to_numpy(),
@@ -151,7 +151,7 @@ def _columns(run: xr.Dataset) -> dict[str, Array]:
     }
 
 
-def whole_periods(columns: dict[str, Array]) -> StickSlip:
+def whole_periods(columns: Columns) -> StickSlip:
     """Measure stick-slip between the first and the last onset of a slip, so that the mean covers whole periods."""
     time, position, velocity = columns["time_s"], columns["position_m"], columns["velocity_m_s"]
     mean = (position[-1] - position[0]) / (time[-1] - time[0])

@@ -29,7 +29,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pneudrive.arrays import Array, Bools, Pair, Row, evenly
+from pneudrive.arrays import Array, ArrayPair, Bools, Pair, Row, evenly
 from pneudrive.batching import share_out
 from pneudrive.campaign.storage.folder import Campaign, CycleFile, recording_of, steps_of
 from pneudrive.estimate.estimates import robust_deviation
@@ -623,7 +623,7 @@ def _search_end(
         end = min(2 * end, most)  # still rising: look further
 
 
-def _even(time: Array, friction: Array) -> tuple[Array, Array]:
+def _even(time: Array, friction: Array) -> ArrayPair:
     """Return samples of a single rate around the highest sample.
 
     If the sampling rate changes among these samples, thin the denser ones.
