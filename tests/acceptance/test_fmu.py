@@ -25,7 +25,7 @@ from pneudrive import _core
 from pneudrive.cli.main import run as command_line
 from pneudrive.describe.system import compiled
 from pneudrive.errors import CommandError, DescriptionError
-from pneudrive.fmu import description, package
+from pneudrive.fmu import package
 from pneudrive.fmu.variables import plan_of
 from pneudrive.simulation.trajectory import meaning
 
@@ -305,9 +305,9 @@ def test_variables_of_circuits_of_all_kinds_have_one_name_and_the_unit_of_the_co
             core = units.get(str(own.role.get("of")))
             if core is not None:
                 rate = {"s": -1} if own.rate_of else {}
-                powers = description.exponents(core)
+                powers = package.exponents(core)
                 wanted = {base: powers.get(base, 0) + rate.get(base, 0) for base in {*powers, *rate}}
-                assert description.exponents(own.unit) == {base: p for base, p in wanted.items() if p}, own.name
+                assert package.exponents(own.unit) == {base: p for base, p in wanted.items() if p}, own.name
     assert {"regulator/electro-pneumatic", "valve/proportional-5/3", "carriage"} <= seen
     columns = ("valve.speed_1_s", "reg.acting_set_pressure_rate_pa_s", "axis.jerk_m_s3")
     assert [meaning(one)[:2] for one in columns] == [

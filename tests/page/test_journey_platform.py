@@ -6,7 +6,7 @@ import pneudrive as pn
 from page.conftest import Server
 from page.hands import MOST_CLICKS, Hand
 from page.test_journeys import Open
-from pneudrive.fmu.description import read_fmu
+from pneudrive.fmu.package import read_fmu
 
 COMMANDS = {f"valve_{i}": f"0 s: {0.05 * i:.2f}, 0.2 s: 0" for i in (1, 2, 3)}
 TYPED = "\n".join(f"{name}: {text}" for name, text in COMMANDS.items())

@@ -11,7 +11,7 @@ import pytest
 
 import pneudrive as pn
 from pneudrive.errors import CommandError, FitError
-from pneudrive.fmu.description import read_fmu
+from pneudrive.fmu.package import read_fmu
 from pneudrive.simulation.trajectory import meaning
 
 XML = (

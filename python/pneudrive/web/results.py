@@ -13,7 +13,7 @@ from pneudrive.describe.drive import Drive
 from pneudrive.describe.files import toml
 from pneudrive.errors import CommandError, PneudriveError
 from pneudrive.files.content import read_json
-from pneudrive.fmu.description import read_fmu
+from pneudrive.fmu.package import read_fmu
 from pneudrive.friction.friction_map import ALL_RECORDINGS, group_of
 from pneudrive.sizing.result import SUMMARY, SizingResult
 from pneudrive.sizing.task import SizingTask

@@ -23,7 +23,7 @@ from pneudrive.describe.kinds import COMMAND
 from pneudrive.describe.short import expanded
 from pneudrive.errors import CommandError, PneudriveError, Problems
 from pneudrive.files.content import read_bytes
-from pneudrive.fmu.description import SeenVariable, read_fmu
+from pneudrive.fmu.package import SeenVariable, read_fmu
 from pneudrive.simulation.start import start
 from pneudrive.units import in_unit, like
 from pneudrive.views import ShownTable, View
