@@ -200,7 +200,8 @@ class Pneu:
         time, command = (self._run[name].to_numpy() for name in ("time", "command"))
         steps = self._run.attrs.get("command_steps")
         if steps is None:
-            changes = [(float(time[k + 1]), float(time[k + 1] - time[k])) for k in np.flatnonzero(np.diff(command))]
+            before = np.flatnonzero(np.diff(command))
+            changes = [(float(time[k + 1]), float(time[k + 1] - time[k])) for k in before]
         else:
             changes = [(at, 0.0) for at, _ in steps if time[0] < at < time[-1]]
         begins, within = zip((float(time[0]), 0.0), *changes, strict=True)

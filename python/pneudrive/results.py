@@ -15,7 +15,7 @@ import numpy as np
 import polars as pl
 import xarray as xr
 
-from pneudrive.arrays import Array, Keyed, Plain
+from pneudrive.arrays import Array, ArrayPair, Columns, Keyed, Plain
 from pneudrive.campaign.planning.protocol import read_protocol
 from pneudrive.control.benchmarks import read_comparison
 from pneudrive.describe import Circuit, Drive
@@ -206,7 +206,7 @@ def _dataset(frame: pl.DataFrame, attrs: Plain) -> xr.Dataset:
 def _validation_view(stored: StoredResult) -> View:
     names = [name if run == "" else f"{run}.{name}" for run in ("", "free", "restarted") for name in CHANNELS]
 
-    def run(number: int) -> dict[str, Array] | None:
+    def run(number: int) -> Columns | None:
         path = stored.path.parent / stored.content["record"][number].get("run", "")
         return read_columns(path, ["time_s", *names]) if path.is_file() else None
 
@@ -227,7 +227,7 @@ def _characterisation_view(stored: StoredResult) -> View:
 
 
 def _curve(
-    label: str, x: Array, y: Array, axes: tuple[str, str, str, str], band: tuple[Array, Array] | None = None
+    label: str, x: Array, y: Array, axes: tuple[str, str, str, str], band: ArrayPair | None = None
 ) -> ShownCurve:
     return ShownCurve(label, label, x, y, *axes, band, np.ones(len(x), dtype=bool))
 
@@ -598,5 +598,6 @@ def _curve_pair(first: ShownCurve, second: ShownCurve) -> CurvePair:
     both, x = (first, second), np.unique(np.concatenate([first.x, second.x]))
     x = x[(x >= max(curve.x.min() for curve in both)) & (x <= min(curve.x.max() for curve in both))]
     before, after = (np.interp(x, curve.x, curve.y) for curve in both)
-    bands = [np.interp(x, curve.x, (curve.band[1] - curve.band[0]) / 2.0) for curve in both if curve.band is not None]
+    known = ((curve.x, curve.band) for curve in both if curve.band is not None)
+    bands = [np.interp(x, at, (high - low) / 2.0) for at, (low, high) in known]
     return CurvePair(first, second, x, after - before, JOINT * np.hypot(*bands) if len(bands) == 2 else None)

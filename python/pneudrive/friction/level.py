@@ -245,7 +245,8 @@ class Level(Shown):
     def speed_stderr_m_s(self) -> float:
         """Standard error of ``speed_m_s``: scatter of the strokes' speeds, the larger one of both directions."""
         speeds = [[r.stroke.speed_m_s for r in self.table.rows if r.stroke.direction == d] for d in (1, -1)]
-        return max((float(np.std(v, ddof=1)) / float(np.sqrt(len(v))) for v in speeds if len(v) > 1), default=0.0)
+        errors = (float(np.std(v, ddof=1)) / float(np.sqrt(len(v))) for v in speeds if len(v) > 1)
+        return max(errors, default=0.0)
 
     @property
     def gauge_pa(self) -> NamedNumbers:

@@ -232,7 +232,8 @@ def _extreme(one: Reduction, times: Array, x: Array, by: Array) -> ArrayPair:
     # at the vertex of the parabola, where a shift in time changes nothing
     at = 0.5 * (times[k - 1] + times[k]) - slopes[0] * 0.5 * (before + after) / (slopes[1] - slopes[0])
     t = times[k - 1 : k + 2]
-    weights = np.array([np.prod((at - np.delete(t, i)) / (t[i] - np.delete(t, i))) for i in range(3)])
+    others = [np.delete(t, i) for i in range(3)]
+    weights = np.array([np.prod((at - rest) / (own - rest)) for own, rest in zip(t, others, strict=True)])
     return np.array([weights @ x[k - 1 : k + 2]]), (weights @ by[k - 1 : k + 2])[None]
 
 

@@ -609,7 +609,8 @@ def identify_regulator(
         others = ([other for other in records if other is not r] for r in records)
         predicted = [_residual(_fit(rest, best.x).x, [r]) for rest, r in zip(others, records, strict=True)]
         rests["predicted"] = np.concatenate(predicted)
-        spread = {n: float(np.std([run[n] for run in runs.values()], ddof=1) / abs(v)) for n, v in values.items()}
+        each = {name: [run[name] for run in runs.values()] for name in values}
+        spread = {name: float(np.std(each[name], ddof=1) / abs(value)) for name, value in values.items()}
     turned = ((name, 100 * value) for name, value in spread.items() if value > TURNED)
     lost += [sentence("regulator", "turned", name=name, percent=percent) for name, percent in turned]
     statistics = {key: 1e5 * rms(rest) / span for key, rest in rests.items()}

@@ -439,7 +439,8 @@ def _increments(found: CampaignCharacteristics, s: DwellSeries) -> Panel:
         durations = members["dwell_s"].to_numpy() * (1.0 + 0.04 * index)
         label = condition_names(found)(condition)
         marks.append(Markers(durations, members["increment_n"].to_numpy(), label, own, size=3.4))
-    for law, dash in ((best_of(s.laws, saturates=False), (0, (6, 2))), (best_of(s.laws, saturates=True), ":")):
+    growing, saturating = (best_of(s.laws, saturates=saturates) for saturates in (False, True))
+    for law, dash in ((growing, (0, (6, 2))), (saturating, ":")):
         if law is not None:
             title = f"{law.form.title} (ΔAICc {law.delta:.0f})" if np.isfinite(law.delta) else law.form.title
             marks.append(Line(s.duration_s, law.increment_n(s.duration_s, 0), title, Look("orange", dash), 1.4))

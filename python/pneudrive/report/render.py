@@ -411,13 +411,15 @@ def _points(mark: Markers, axis: Axes, x: Axis, y: Axis) -> Handle:
         axis.annotate(name, where, NAME_PT, textcoords="offset points", fontsize=5.5)
     if mark.low is None:
         return axis.plot(at, values, **shown)[0]
-    reach = [np.maximum(np.nan_to_num(part), 0.0) for part in (values - y.shown(mark.low), y.shown(mark.high) - values)]
+    sides = (values - y.shown(mark.low), y.shown(mark.high) - values)
+    reach = [np.maximum(np.nan_to_num(side), 0.0) for side in sides]
     return axis.errorbar(at, values, yerr=reach, elinewidth=0.8, capsize=min(mark.size / 2.0, 2.0), **shown)
 
 
 def _rule(mark: Rule, axis: Axes, x: Axis, y: Axis) -> Handle:
     handle = None
-    for own, value, line, span in ((x, mark.x, axis.axvline, axis.axvspan), (y, mark.y, axis.axhline, axis.axhspan)):
+    ways = ((x, mark.x, axis.axvline, axis.axvspan), (y, mark.y, axis.axhline, axis.axhspan))
+    for own, value, line, span in ways:
         if isinstance(value, tuple):
             color = ink(mark.look.color if mark.look.color in TINTS else "shade")
             handle = span(*own.shown(value), color=color, lw=0, zorder=0)

@@ -600,7 +600,9 @@ def labels_from_name(pattern: str, name: str) -> dict[str, str] | None:
     """
     parts = _FIELD.split(pattern)
     found = _matched(parts, name, "$")
-    return None if found is None else {part[1:-1]: text for part, text in zip(parts[1::2], found[1::2], strict=False)}
+    if found is None:
+        return None
+    return {part[1:-1]: text for part, text in zip(parts[1::2], found[1::2], strict=False)}
 
 
 def where_pattern_ends(pattern: str, name: str) -> tuple[str, str]:

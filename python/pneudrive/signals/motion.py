@@ -385,7 +385,8 @@ def same_signal(first: Array, second: Array) -> bool:
         return False
     slope, intercept = np.polyfit(first, second, 1)
     rest = float(np.std(second - slope * first - intercept))
-    steps = [float(np.min(s[s > 0], initial=np.inf)) for s in (np.diff(np.unique(v)) for v in (first, second))]
+    spacings = (np.diff(np.unique(values)) for values in (first, second))
+    steps = [float(np.min(s[s > 0], initial=np.inf)) for s in spacings]
     return rest <= max(abs(slope) * steps[0], steps[1])
 
 

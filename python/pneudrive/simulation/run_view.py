@@ -96,7 +96,8 @@ def _positions(columns: Keyed) -> Iterator[ShownValue]:
     for column, x in columns.items():
         if column.rpartition(".")[2] == "position_m":
             label = meaning(column)[0]
-            for name, value in (("start", x[0]), ("end", x[-1]), ("lowest", x.min()), ("highest", x.max())):
+            ends = {"start": x[0], "end": x[-1], "lowest": x.min(), "highest": x.max()}
+            for name, value in ends.items():
                 yield ShownValue(f"{label}.{name}", label, name, f"{1e3 * value:.3f} mm")
 
 

@@ -362,7 +362,8 @@ def _repetitions(samples: Samples) -> Bools:
     """Mark the samples that repeat an earlier sample in every channel."""
     order = np.argsort(samples.time_s, kind="stable")
     ordered = np.stack([values[order] for values in vars(samples).values()])
-    same = (ordered[:, 1:] == ordered[:, :-1]) | (np.isnan(ordered[:, 1:]) & np.isnan(ordered[:, :-1]))
+    missing = np.isnan(ordered)
+    same = (ordered[:, 1:] == ordered[:, :-1]) | (missing[:, 1:] & missing[:, :-1])
     again = np.zeros(len(samples), dtype=bool)
     again[order[1:]] = same.all(axis=0)
     return again

@@ -214,7 +214,8 @@ def compare_curves(
     # Level, slope and bend over log speed; pressures of both chambers, or their sum if they are always equal.
     shape = np.column_stack([np.ones(m), away, away**2 - np.mean(away**2)])
     shape = shape[:, : 1 + (speeds > 1) + (speeds >= BEND_SPEEDS)]
-    pressure = (bar - bar.mean(axis=0))[:, : 1 if np.allclose(bar[:, 0], bar[:, 1], atol=0.02) else 2]
+    always_equal = np.allclose(bar[:, 0], bar[:, 1], atol=0.02)
+    pressure = (bar - bar.mean(axis=0))[:, : 1 if always_equal else 2]
     x = np.c_[dummies, shape[point] * sign, pressure[point] * sign]
     kept = independent(x)
     rows = np.eye(x.shape[1])[:, kept]

@@ -282,8 +282,9 @@ def with_doubt(fitted: CurveFit, readings: Sequence[NDArray[np.intp]], spread: f
 def curve_model(data: CurveData) -> mixed.MixedModel:
     """Return the model that `fit_curves` fits."""
     on, observed = data.curve >= 0, (data.speed_m_s, data.curve)
-    spread = max(float(np.std(data.y[on])), 1e-9 * float(np.abs(data.y[on]).max() + 1e-12), 1e-12)
-    usual = CYCLE_SCALE if data.logarithmic else CYCLE_SCALE * max(np.abs(data.y[on]).mean(), spread)
+    y = data.y[on]
+    spread = max(float(np.std(y)), 1e-9 * float(np.abs(y).max() + 1e-12), 1e-12)
+    usual = CYCLE_SCALE if data.logarithmic else CYCLE_SCALE * max(np.abs(y).mean(), spread)
     scales = {"shape": 5.0 * spread, "own shape": spread, "local": usual}
     kernels = data.kernels(observed, observed)
     components = [mixed.RandomEffect(name, kernel, scales[name]) for name, kernel in kernels.items()]

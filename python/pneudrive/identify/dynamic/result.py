@@ -296,7 +296,8 @@ def model_errors(drive: Drive | Circuit, solved: Solved) -> NamedNumbers:
     held = _held(drive, free, solved)
     family = family_of(drive, [*free, *held])
     values = np.array([p.value for p in (*free, *held)])
-    steps = np.array([MODEL_SHARE * max(abs(p.value), p.size if np.isinf(p.lower) else 0.0) for p in (*free, *held)])
+    sizes = (max(abs(p.value), p.size if np.isinf(p.lower) else 0.0) for p in (*free, *held))
+    steps = np.array([MODEL_SHARE * size for size in sizes])
     try:
         every = [_balances(solved, index, family, values) for index in range(len(solved.problem.experiments))]
         scale = np.sqrt([sum(np.sum(terms[b] ** 2) for _, _, terms in every) for b in range(3)])

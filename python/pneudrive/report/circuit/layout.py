@@ -707,8 +707,10 @@ def _range(block: Block, axis: int) -> str:
 
 
 def _overlap(one: Block, other: Block) -> bool:
-    a, b = one.rectangle(), other.rectangle()
-    return a[0] - 1 < b[2] and b[0] - 1 < a[2] and a[1] - 1 < b[3] and b[1] - 1 < a[3]
+    left, top, right, bottom = one.rectangle()
+    other_left, other_top, other_right, other_bottom = other.rectangle()
+    in_width = left - 1 < other_right and other_left - 1 < right
+    return in_width and top - 1 < other_bottom and other_top - 1 < bottom
 
 
 #: Factors on the room between blocks, tried in turn until all lines have a path.

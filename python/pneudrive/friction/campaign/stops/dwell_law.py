@@ -327,7 +327,8 @@ def dwell_statements(series: DwellSeries, stops: pl.DataFrame) -> Iterator[State
     columns = series.stops.select("stop_s", "direction", "increment_n").iter_rows()
     for condition, (stop_s, direction, increment) in zip(conditions_of(series.stops), columns, strict=True):
         cells.setdefault((condition, round(stop_s, 6)), {1: [], -1: []})[direction].append(increment)
-    pairs = np.array([float(np.mean(c[1]) - np.mean(c[-1])) for c in cells.values() if c[1] and c[-1]])
+    both = ((cell[1], cell[-1]) for cell in cells.values() if cell[1] and cell[-1])
+    pairs = np.array([float(np.mean(out) - np.mean(back)) for out, back in both])
     if pairs.size >= FEWEST_PAIRS and (found := mean_estimate(pairs)).differs:
         yield say("stops.directions", where=where, found=found)
     if slope is None or slope.differs:  # else there is no effect
