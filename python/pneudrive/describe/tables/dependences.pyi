@@ -7,6 +7,7 @@ from pneudrive.units import Pressure as _Pressure, UnitFloat as _UnitFloat
 
 _Given: _TypeAlias = str | float | _UnitFloat | _Mapping[str, _Any]
 from _typeshed import Incomplete
+from pneudrive.arrays import Plain as Plain
 from pneudrive.describe import marks as marks
 from pneudrive.describe.base import Described as Described
 from pneudrive.describe.marks import (
@@ -28,7 +29,7 @@ MOST_HARMONICS: int
 MOST_POINTS: int
 
 class Acting(Described):
-    def core(self) -> dict[str, Any]: ...
+    def core(self) -> Plain: ...
 
 class SealPressure(Acting):
     table_name: ClassVar[str]
@@ -111,9 +112,9 @@ class PositionDependence(Acting):
     slope_per_m: float
     reference_m: Position
 
-    def core(self) -> dict[str, Any]: ...
+    def core(self) -> Plain: ...
     @classmethod
-    def __get_pydantic_json_schema__(cls, schema: Any, handler: Any) -> dict[str, Any]: ...
+    def __get_pydantic_json_schema__(cls, schema: Any, handler: Any) -> Plain: ...
     @property
     def table(self) -> _Any: ...
     @property
