@@ -16,10 +16,10 @@ import pneudrive as pn
 from pneudrive import _core
 from pneudrive.cli.commands import command_paths
 from pneudrive.cli.main import COMMANDS, HIDDEN, app, run
-from pneudrive.describe import circuit as circuits
 from pneudrive.describe.components import component_class
 from pneudrive.describe.files.load import circuit_schema
 from pneudrive.describe.kinds import component_kinds
+from pneudrive.describe.system import compiled
 
 ROOT = Path(__file__).parents[2]
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
@@ -143,7 +143,7 @@ def listed(by_formula, monkeypatch):
                 one |= {"kind": "restriction/formula", "formula": written}
         return core(json.dumps(form), names)
 
-    caches = (component_kinds, component_class, circuits.compiled)
+    caches = (component_kinds, component_class, compiled)
     monkeypatch.setattr(_core, "components", lambda: [*components, entry])
     monkeypatch.setattr(_core, "Circuit", known)
     for cache in caches:

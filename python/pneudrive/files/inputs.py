@@ -8,12 +8,11 @@ labels of a description therefore do not change an input.
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
 from pneudrive import __version__
-from pneudrive.arrays import Keyed, Plain
 
 #: Key of the list in a provenance.
 INPUTS = "inputs"
@@ -32,12 +31,12 @@ def inputs_of(described: Any, recordings: Iterable[Any] = ()) -> list[dict[str, 
     return [stored_input("drive", described.name, file, digest), *read]
 
 
-def origin(described: Any, read: Iterable[Any] = (), /, **about: Any) -> Plain:  # noqa: ANN401 - plain data
+def origin(described: Any, read: Iterable[Any] = (), /, **about: Any) -> dict[str, Any]:  # noqa: ANN401 - plain data
     """Return the provenance of a result: version, further entries, and its inputs."""
     return {"version": __version__, **about, INPUTS: inputs_of(described, read)}
 
 
-def stored_beside(provenance: Keyed, folder: Path) -> Plain:
+def stored_beside(provenance: Mapping[str, Any], folder: Path) -> dict[str, Any]:
     """Return a provenance for a file in a folder: full paths of inputs become relative to this folder."""
     if INPUTS not in provenance:
         return dict(provenance)
@@ -51,7 +50,7 @@ def path_from(file: str, folder: Path) -> str:
     return Path(os.path.relpath(file, start)).as_posix() if is_near else file
 
 
-def located(provenance: Keyed, folder: Path) -> Plain:
+def located(provenance: Mapping[str, Any], folder: Path) -> dict[str, Any]:
     """Return a provenance from a file in a folder, with the full paths of its inputs."""
     inputs = []
     for one in provenance.get(INPUTS, ()):

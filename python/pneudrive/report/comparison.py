@@ -140,9 +140,9 @@ def curve_figure(c: Comparison, curves: CurveComparison) -> Figure:
     for i, at in enumerate(zip(map(tuple, gauges.round(-2)), curves.points["title"], strict=True)):
         groups.setdefault(at, []).append(i)
     above, below = [], []
-    for at in spread_evenly(list(groups), MOST_PANELS):
-        chosen = sorted(groups[at], key=lambda i: speed[i])
-        above.append(Panel(_both(c, curves, chosen), Condition(at[0][0], at[0][1], at[1]).label(0.0), y="friction / N"))
+    for (pressures, title), members in spread_evenly(list(groups.items()), MOST_PANELS):
+        chosen = sorted(members, key=lambda i: speed[i])
+        above.append(Panel(_both(c, curves, chosen), Condition(*pressures, title).label(0.0), y="friction / N"))
         below.append(Panel(_differences(curves, chosen), y="second minus first / N"))
     return figure_of("both-curves", [*above, *below], columns=len(above))
 

@@ -250,7 +250,7 @@ def survey_values(
     freedom = sum(len(s.data) - s.theta.size for s in seals.values())
     if freedom < LEAST_FREEDOM:
         raise FitError.of("identify.few_recordings", freedom=freedom, seals=len(seals), least=LEAST_FREEDOM)
-    span = max(max(float(np.ptp(s.data.gauge_a_pa)), float(np.ptp(s.data.gauge_b_pa))) for s in seals.values())
+    span = max(float(np.ptp(gauge)) for s in seals.values() for gauge in (s.data.gauge_a_pa, s.data.gauge_b_pa))
     span = span if span > 0.0 else 1e5
     logs = {name: _restricted(one, span) for name, one in seals.items()}
     weights, shared = _posterior(logs)

@@ -495,7 +495,8 @@ def recover(bins: Array, running_stderr_n: float, speed_m_s: float) -> Row:
     reach = student(freedom) * level
     # Beyond the observed travel, at the speed of the move.
     ends = np.array([value, low, high])
-    times = np.interp(ends, np.r_[0.0, s], np.r_[0.0, time]) + np.maximum(ends - seen, 0.0) / max(speed_m_s, 1e-9)
+    beyond = np.maximum(ends - seen, 0.0)
+    times = np.interp(ends, np.r_[0.0, s], np.r_[0.0, time]) + beyond / max(speed_m_s, 1e-9)
     return {
         **_interval("recovery_m", *ends.tolist()),
         **_interval("recovery_s", *times.tolist()),
