@@ -202,8 +202,6 @@ def robust_deviation(residual: Array) -> float:
     return float(np.median(np.abs(residual))) / 0.6745
 
 
-# --- Transformation of bounded values to unbounded coordinates, and intervals by profile likelihood.
-
 # --- Transforms between bounded values and the unbounded coordinates of a search.
 #
 #     signed                x = size q

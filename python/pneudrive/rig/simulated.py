@@ -173,6 +173,7 @@ class SimulatedRig:
         speed = f"{1e3 * trace.speed_m_s:.4g} mm/s"
         shared: Plain = {name: getattr(identity, name) for name in SHARED}
         shared |= {"limits": {"force_n": identity.limits["force_n"]}, "calibration": {}}
+        # Of all channels but time and temperature.
         shared["accuracy"] = {channel: identity.accuracy[channel] for channel in CHANNELS[1:-1]}
         return Recording(
             name=name or f"{speed}, {shown}",

@@ -429,7 +429,7 @@ def _gives(name: str, limit: float, value: float, unit: str, source: str) -> str
     )
 
 
-# --- The folder.
+# --- Files of the result.
 
 #: Fields of a result that its file stores unchanged.
 _STORED = ("feasible", "ready", "complete", "enumerated", "left", "pruned", "tuned", "interrupted", "notes", "asked")
