@@ -19,7 +19,8 @@ import numpy as np
 from benches.problem import A
 from benches.tables import text
 from pneudrive import _core
-from pneudrive.describe.system import System, without_unit
+from pneudrive.describe.base import key_of
+from pneudrive.describe.system import System
 
 if TYPE_CHECKING:
     from pneudrive._core import Outcome
@@ -72,7 +73,7 @@ def ours(n: int, threads: int, tol: float = LOOSEST["pneudrive"]) -> np.ndarray:
 
 def _path(name: str) -> str:
     """Return the path in the circuit; the numbers of the ambient air keep their units."""
-    return name if name.startswith("ambient.") else without_unit(name)
+    return name if name.startswith("ambient.") else key_of(name)
 
 
 def outcome(n: int, threads: int, tol: float = LOOSEST["pneudrive"]) -> Outcome:
@@ -98,7 +99,7 @@ def outcome(n: int, threads: int, tol: float = LOOSEST["pneudrive"]) -> Outcome:
             "outputs": [
                 {"column": "position_m", "what": "final"},
                 {"column": "velocity_m_s", "what": "final"},
-                {"column": "position_m", "what": "time_above", "value": stroke},
+                {"column": "position_m", "what": "time_when", "value": stroke, "above": True},
             ],
             "rtol": tol,
             "threads": threads,

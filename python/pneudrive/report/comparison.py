@@ -137,12 +137,12 @@ def curve_figure(c: Comparison, curves: CurveComparison) -> Figure:
     """Draw curves of both campaigns above their differences, a column for each pair of pressures."""
     gauges, speed = curves.points.select("gauge_a_pa", "gauge_b_pa").to_numpy(), curves.points["speed_m_s"]
     groups: dict[tuple, list[int]] = {}
-    for i, at in enumerate(zip(map(tuple, gauges.round(-2)), curves.points["title"], strict=True)):
+    for i, at in enumerate(zip(*gauges.round(-2).T, curves.points["title"], strict=True)):
         groups.setdefault(at, []).append(i)
     above, below = [], []
-    for (pressures, title), members in spread_evenly(list(groups.items()), MOST_PANELS):
+    for at, members in spread_evenly(list(groups.items()), MOST_PANELS):
         chosen = sorted(members, key=lambda i: speed[i])
-        above.append(Panel(_both(c, curves, chosen), Condition(*pressures, title).label(0.0), y="friction / N"))
+        above.append(Panel(_both(c, curves, chosen), Condition(*at).label(0.0), y="friction / N"))
         below.append(Panel(_differences(curves, chosen), y="second minus first / N"))
     return figure_of("both-curves", [*above, *below], columns=len(above))
 
