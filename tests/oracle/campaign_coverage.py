@@ -18,7 +18,7 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
 from oracle.campaigns import AMBIENT_PA, BAR, LAWS, Friction, World, gauges, random_world, write_campaign
-from oracle.shares import is_within, options
+from oracle.shares import Hits, by_group, is_within, options
 from pneudrive.characteristics import campaign_friction
 
 NORMAL_95 = 1.96
@@ -73,7 +73,7 @@ def rig_world(kind: str, number: int) -> World:
 
 
 @dataclass
-class Tally:
+class Tally(Hits):
     """Hits and scores of one world or several."""
 
     measured: list[bool] = field(default_factory=list)
@@ -83,11 +83,6 @@ class Tally:
     ends: list[bool] = field(default_factory=list)
     scores: list[float] = field(default_factory=list)
     widths: list[float] = field(default_factory=list)
-
-    def add(self, other: Tally) -> None:
-        """Put another tally to this one."""
-        for name, values in vars(other).items():
-            getattr(self, name).extend(values)
 
     def line(self, title: str, each: list[Tally]) -> str:
         """Write one row of the table; with the standard error over the campaigns of the share of measured points."""
@@ -159,13 +154,8 @@ def main() -> None:
         "| plan | campaigns | measured | between | one direction | rows of the map | error | half width |" + "\n"
     )
     sys.stdout.write("|---|---|---|---|---|---|---|---|" + "\n")
-    for title, belongs in GROUPS.items():
-        part = Tally()
-        chosen = [t for w, t in zip(worlds, tallies, strict=True) if belongs(w)]
-        for one in chosen:
-            part.add(one)
-        if chosen:
-            sys.stdout.write(part.line(title, chosen) + "\n")
+    for title, whole, chosen in by_group(GROUPS, worlds, tallies):
+        sys.stdout.write(whole.line(title, chosen) + "\n")
     worst = (min(100 * np.mean(getattr(t, name)) for t in tallies) for name in ("measured", "rows"))
     sys.stdout.write("worst campaign: {:.1f} % of the measured points, {:.1f} % of the rows\n".format(*worst))
     ends = np.concatenate([t.ends for t in tallies])

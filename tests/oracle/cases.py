@@ -30,17 +30,11 @@ def reference_drive() -> Json:
             "ambient": {"pressure_pa": AMBIENT_PA, "temperature_k": ROOM_K},
             "supply": {"pressure_pa": 7.0e5, "temperature_k": ROOM_K},
             "cylinder": {
-                "kind": "rodless",
-                "bore_m": 0.025,
-                "rod_diameter_m": 0.0,
-                "stroke_m": 0.5,
-                "dead_volume_a_m3": 1.0e-5,
-                "dead_volume_b_m3": 1.0e-5,
-                "moving_mass_kg": 2.0,
+                **cylinder("rodless", 0.025, 0.0, 0.5, (1e-5, 1e-5), 2.0),
                 "incline_rad": 0.0,
                 "heat_transfer_w_m2_k": 30.0,
                 "wall_temperature_k": ROOM_K,
-                "end_stop": {"stiffness_n_m": 1.0e6, "damping_n_s_m": 2.0e3, "damping_depth_m": 1.0e-4},
+                "end_stop": end_stop(1e6, 2e3, 1e-4),
                 "chamber_law": "energy-balance",
             },
             "valve": {
@@ -56,14 +50,15 @@ def reference_drive() -> Json:
     )
 
 
-def dead_volumes(a: float, b: float) -> Json:
-    """Return the dead volumes of both chambers of a cylinder, m3."""
-    return {"dead_volume_a_m3": a, "dead_volume_b_m3": b}
+def cylinder(kind: str, bore: float, rod: float, stroke: float, dead: tuple[float, float], mass: float) -> Json:
+    """Return kind, bore, rod diameter and stroke (m), dead volumes of both chambers (m3) and moving mass (kg)."""
+    table = {"kind": kind, "bore_m": bore, "rod_diameter_m": rod, "stroke_m": stroke}
+    return table | {"dead_volume_a_m3": dead[0], "dead_volume_b_m3": dead[1], "moving_mass_kg": mass}
 
 
-def cylinder(kind: str, bore: float, rod: float, stroke: float) -> Json:
-    """Return kind, bore, rod diameter and stroke of a cylinder, m."""
-    return {"kind": kind, "bore_m": bore, "rod_diameter_m": rod, "stroke_m": stroke}
+def end_stop(stiffness: float, damping: float, depth: float) -> Json:
+    """Return the table of an end stop (SI)."""
+    return {"stiffness_n_m": stiffness, "damping_n_s_m": damping, "damping_depth_m": depth}
 
 
 def lugre(
@@ -137,13 +132,8 @@ def motion(
 def small_bore_slams() -> Json:
     """12 mm bore, 50 mm stroke: four blows at up to full opening, little dead volume."""
     drive = changed(
-        cylinder={
-            "bore_m": 0.012,
-            "stroke_m": 0.05,
-            **dead_volumes(1.5e-6, 1.2e-6),
-            "moving_mass_kg": 0.25,
-            "end_stop": {"stiffness_n_m": 4e5, "damping_n_s_m": 250.0, "damping_depth_m": 1e-4},
-        },
+        cylinder=cylinder("rodless", 0.012, 0.0, 0.05, (1.5e-6, 1.2e-6), 0.25)
+        | {"end_stop": end_stop(4e5, 250.0, 1e-4)},
         valve={"conductance_m3_s_pa": 2e-9, "critical_pressure_ratio": 0.35},
         friction={"parameters": lugre(4.0, 7.0, 0.015, 12.0, 3e4, 60.0)},
     )
@@ -154,12 +144,7 @@ def small_bore_slams() -> Json:
 def single_rod_horizontal() -> Json:
     """32/12 mm single-rod cylinder with a load mass; extends, retracts, is stopped halfway by the valve."""
     drive = changed(
-        cylinder={
-            **cylinder("single-rod", 0.032, 0.012, 0.2),
-            **dead_volumes(8e-6, 6e-6),
-            "moving_mass_kg": 1.2,
-            "heat_transfer_w_m2_k": 60.0,
-        },
+        cylinder=cylinder("single-rod", 0.032, 0.012, 0.2, (8e-6, 6e-6), 1.2) | {"heat_transfer_w_m2_k": 60.0},
         valve={"conductance_m3_s_pa": 8e-9, "critical_pressure_ratio": 0.28},
         friction={"parameters": lugre(35.0, 55.0, 0.012, 60.0, 3e5, 500.0)},
         load={"mass_kg": 3.8},
@@ -171,12 +156,7 @@ def single_rod_horizontal() -> Json:
 def single_rod_lifts() -> Json:
     """63/20 mm, standing upright (incline 90 deg) under 25 kg: lifts, lowers, hangs on a shut valve."""
     drive = changed(
-        cylinder={
-            **cylinder("single-rod", 0.063, 0.02, 0.3),
-            **dead_volumes(4e-5, 3.5e-5),
-            "moving_mass_kg": 3.0,
-            "incline_rad": 0.5 * math.pi,
-        },
+        cylinder=cylinder("single-rod", 0.063, 0.02, 0.3, (4e-5, 3.5e-5), 3.0) | {"incline_rad": 0.5 * math.pi},
         valve={"conductance_m3_s_pa": 2.5e-8, "critical_pressure_ratio": 0.33},
         friction={"parameters": lugre(70.0, 105.0, 0.02, 90.0, 4e5, 900.0)},
         load={"mass_kg": 25.0},
@@ -188,14 +168,7 @@ def single_rod_lifts() -> Json:
 def single_rod_hangs() -> Json:
     """25/10 mm, rod downwards (incline -90 deg), a constant load force, from ambient pressure."""
     drive = changed(
-        cylinder={
-            "kind": "single-rod",
-            "rod_diameter_m": 0.01,
-            "stroke_m": 0.16,
-            **dead_volumes(5e-6, 5e-6),
-            "moving_mass_kg": 6.0,
-            "incline_rad": -0.5 * math.pi,
-        },
+        cylinder=cylinder("single-rod", 0.025, 0.01, 0.16, (5e-6, 5e-6), 6.0) | {"incline_rad": -0.5 * math.pi},
         valve={"conductance_m3_s_pa": 7e-9, "critical_pressure_ratio": 0.2},
         friction={"parameters": lugre(18.0, 30.0, 0.03, 45.0, 2e5, 400.0)},
         load={"force_n": -25.0},
@@ -208,9 +181,7 @@ def through_rod_spring() -> Json:
     """40/16 mm through-rod on a slope of 30 deg against a spring, warm wall."""
     drive = changed(
         cylinder={
-            **cylinder("through-rod", 0.04, 0.016, 0.25),
-            **dead_volumes(1.2e-5, 1.5e-5),
-            "moving_mass_kg": 4.0,
+            **cylinder("through-rod", 0.04, 0.016, 0.25, (1.2e-5, 1.5e-5), 4.0),
             "incline_rad": math.radians(30.0),
             "wall_temperature_k": 330.0,
             "heat_transfer_w_m2_k": 80.0,
@@ -226,7 +197,7 @@ def through_rod_spring() -> Json:
 def long_stroke() -> Json:
     """40 mm bore, 1 m stroke: a long free stroke at full opening and back."""
     drive = changed(
-        cylinder={"bore_m": 0.04, "stroke_m": 1.0, **dead_volumes(3e-5, 3e-5), "moving_mass_kg": 5.0},
+        cylinder=cylinder("rodless", 0.04, 0.0, 1.0, (3e-5, 3e-5), 5.0),
         valve={"conductance_m3_s_pa": 2.2e-8, "critical_pressure_ratio": 0.25},
         friction={"parameters": lugre(50.0, 80.0, 0.02, 80.0, 2e5, 500.0)},
         load={"mass_kg": 5.0},
@@ -252,7 +223,7 @@ def argon() -> Json:
     drive = changed(
         gas={"heat_capacity_ratio": 5.0 / 3.0, "gas_constant_j_kg_k": 208.13},
         supply={"pressure_pa": 5.0e5},
-        cylinder={"stroke_m": 0.25, "bore_m": 0.02, **dead_volumes(6e-6, 6e-6), "moving_mass_kg": 1.0},
+        cylinder=cylinder("rodless", 0.02, 0.0, 0.25, (6e-6, 6e-6), 1.0),
         valve={"conductance_m3_s_pa": 6e-9},
         friction={"parameters": lugre(12.0, 20.0, 0.02, 25.0, 8e4, 200.0)},
     )
@@ -283,10 +254,8 @@ def faded_bristles() -> Json:
     """16/6 mm single-rod: a passive LuGre set through the fade of its bristle damping."""
     drive = changed(
         cylinder={
-            **cylinder("single-rod", 0.016, 0.006, 0.1),
-            **dead_volumes(2.5e-6, 2e-6),
-            "moving_mass_kg": 0.8,
-            "end_stop": {"stiffness_n_m": 5e5, "damping_n_s_m": 500.0, "damping_depth_m": 2e-4},
+            **cylinder("single-rod", 0.016, 0.006, 0.1, (2.5e-6, 2e-6), 0.8),
+            "end_stop": end_stop(5e5, 500.0, 2e-4),
         },
         valve={"conductance_m3_s_pa": 2.2e-9},
         friction={"parameters": lugre(7.0, 11.0, 0.01, 20.0, 6e4, 120.0) | {"damping_fade_velocity": 0.05}},
@@ -298,7 +267,7 @@ def faded_bristles() -> Json:
 def creeps_and_remembers() -> Json:
     """16 mm rodless on elasto-plastic bristles that age, relax, and feel pressure, place and direction; it stops."""
     drive = changed(
-        cylinder={"bore_m": 0.016, "stroke_m": 0.2, **dead_volumes(3e-6, 3e-6), "moving_mass_kg": 0.9},
+        cylinder=cylinder("rodless", 0.016, 0.0, 0.2, (3e-6, 3e-6), 0.9),
         valve={"conductance_m3_s_pa": 4e-9},
         friction={
             "law": "elasto-plastic",
@@ -342,7 +311,7 @@ def valve_shut_rings() -> Json:
 def many_steps() -> Json:
     """50 mm bore under thirty command steps of both signs, some of them tiny or zero."""
     drive = changed(
-        cylinder={"bore_m": 0.05, "stroke_m": 0.3, "moving_mass_kg": 6.0, **dead_volumes(2.5e-5, 2e-5)},
+        cylinder=cylinder("rodless", 0.05, 0.0, 0.3, (2.5e-5, 2e-5), 6.0),
         valve={"conductance_m3_s_pa": 2e-8},
         friction={"parameters": lugre(60.0, 85.0, 0.02, 100.0, 3e5, 800.0)},
     )
@@ -367,12 +336,7 @@ def stribeck_strokes() -> Json:
 def stribeck_creeps() -> Json:
     """32/12 mm single-rod creeping with exact sticking, friction growing with pressure."""
     drive = changed(
-        cylinder={
-            **cylinder("single-rod", 0.032, 0.012, 0.2),
-            "moving_mass_kg": 3.0,
-            **dead_volumes(3e-5, 3e-5),
-            "heat_transfer_w_m2_k": 50.0,
-        },
+        cylinder=cylinder("single-rod", 0.032, 0.012, 0.2, (3e-5, 3e-5), 3.0) | {"heat_transfer_w_m2_k": 50.0},
         valve={"conductance_m3_s_pa": 5e-9},
         friction={
             "law": "stribeck",
@@ -387,7 +351,7 @@ def stribeck_creeps() -> Json:
 def stribeck_rings() -> Json:
     """Vertical through-rod drive on shut chambers: rings, reverses without a pause, then sticks for good."""
     drive = changed(
-        cylinder={**cylinder("through-rod", 0.032, 0.01, 0.3), "moving_mass_kg": 4.0, "incline_rad": 0.5 * math.pi},
+        cylinder=cylinder("through-rod", 0.032, 0.01, 0.3, (1e-5, 1e-5), 4.0) | {"incline_rad": 0.5 * math.pi},
         friction={"law": "stribeck", "parameters": stribeck(9.0, 14.0, 0.03, 8.0, exponent=1.0)},
     )
     return motion(drive, [(0.0, 0.0), (1.5, 0.02)], 2.5, at(0.1, 5e5, 3e5))

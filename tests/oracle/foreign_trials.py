@@ -9,7 +9,6 @@ truth is read wrongly without a flag, or if any file ends in another exception t
 
 from __future__ import annotations
 
-import argparse
 import sys
 import tempfile
 import time
@@ -22,6 +21,7 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from oracle.foreign_files import Truth, judge, make
+from oracle.shares import options
 
 Lines = list[str]
 Rng = np.random.Generator
@@ -137,11 +137,7 @@ def trials(seeds: range, folder: Path) -> tuple[Counter[str], list[str]]:
 
 def main() -> None:
     """Run trials and print the verdicts."""
-    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
-    parser.add_argument("--count", type=int, default=1000)
-    parser.add_argument("--seed", type=int, default=1)
-    given = parser.parse_args()
-    begin = time.process_time()
+    given, begin = options(__doc__, 1000), time.process_time()
     with tempfile.TemporaryDirectory() as folder:
         counts, failures = trials(range(given.seed, given.seed + given.count), Path(folder))
     lines = [*(f"{count:7d} {verdict}" for verdict, count in sorted(counts.items())), *failures]

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -28,6 +30,21 @@ def is_within(title: str, shares: Sequence[float] | Sequence[bool], low: float, 
     )
     sys.stdout.flush()
     return held
+
+
+@dataclass
+class Hits:
+    """Lists of what was counted of one trial or several."""
+
+    def __add__(self, other: Hits) -> Hits:
+        return type(self)(**{name: own + getattr(other, name) for name, own in vars(self).items()})
+
+
+def by_group(groups: dict[str, Callable[[Any], bool]], worlds: list, hits: list) -> Iterator[tuple[str, Any, list]]:
+    """Give title, sum and each of the hits of the worlds of every group that has any."""
+    for title, belongs in groups.items():
+        if chosen := [own for world, own in zip(worlds, hits, strict=True) if belongs(world)]:
+            yield title, sum(chosen[1:], chosen[0]), chosen
 
 
 def options(description: str | None, count: int) -> argparse.Namespace:

@@ -18,7 +18,7 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
-from oracle.shares import is_within, options
+from oracle.shares import Hits, by_group, is_within, options
 from oracle.stop_campaigns import AMBIENT_PA, LAWS, StopWorld, random_stop_world, write_stops
 from pneudrive.campaign.storage.folder import Campaign
 from pneudrive.friction.campaign.stops.dwell_law import fit_dwell
@@ -38,7 +38,7 @@ SUPPORTED = 10.0  # difference of AICc
 
 
 @dataclass
-class Tally:
+class Tally(Hits):
     """Hits of some campaigns."""
 
     slope: list[bool] = field(default_factory=list)
@@ -47,11 +47,6 @@ class Tally:
     width: list[float] = field(default_factory=list)
     bias: list[float] = field(default_factory=list)
     law: list[bool] = field(default_factory=list)
-
-    def add(self, other: Tally) -> None:
-        """Put another tally to this one."""
-        for name, values in vars(other).items():
-            getattr(self, name).extend(values)
 
     def line(self, title: str, worlds: int) -> str:
         """Write one row of the table; with the standard error of the share whose slope is in its interval."""
@@ -110,13 +105,8 @@ def main() -> None:
     tallies = [tally(world, seed) for world, seed in zip(worlds, seeds, strict=True)]
     head = "| campaigns of | number | slope at 15 s | mean slope | single conditions | half width | mean error | law |"
     sys.stdout.write(f"{head}\n|---|---|---|---|---|---|---|---|\n")
-    for title, belongs in GROUPS.items():
-        part = Tally()
-        chosen = [t for w, t in zip(worlds, tallies, strict=True) if belongs(w)]
-        for one in chosen:
-            part.add(one)
-        if chosen:
-            sys.stdout.write(part.line(title, len(chosen)) + "\n")
+    for title, whole, chosen in by_group(GROUPS, worlds, tallies):
+        sys.stdout.write(whole.line(title, len(chosen)) + "\n")
     fine = True
     for name in ("slope", "mean", "law"):
         fine &= is_within(name, [hit for one in tallies for hit in getattr(one, name)], 0.95)

@@ -200,10 +200,19 @@ def lost(fit):
     return {s.parameter: s for s in fit.undetermined}
 
 
-def test_two_speeds_cannot_give_a_stribeck_velocity(make_map, friction_of):
-    speed = np.repeat([0.005, 0.015], 4)
-    noise = 0.05 * np.random.default_rng(1).standard_normal(8)
-    fit = fit_friction(make_map(speed, friction_of(speed) + noise, 0.05))
+@pytest.fixture
+def noisy_fit(make_map, friction_of):
+    """Return the fit of a map of the true friction at these speeds, with white noise."""
+
+    def fit(speed, noise, seed, **parameters):
+        drawn = noise * np.random.default_rng(seed).standard_normal(speed.size)
+        return fit_friction(make_map(speed, friction_of(speed, **parameters) + drawn, noise))
+
+    return fit
+
+
+def test_two_speeds_cannot_give_a_stribeck_velocity(noisy_fit):
+    fit = noisy_fit(np.repeat([0.005, 0.015], 4), 0.05, 1)
     assert np.isnan(fit.parameters["breakaway"])
     statement = str(lost(fit)["stribeck_velocity"])
     assert "2 distinct speeds (5 mm/s, 15 mm/s)" in statement
@@ -212,10 +221,8 @@ def test_two_speeds_cannot_give_a_stribeck_velocity(make_map, friction_of):
     assert set(fit.determined) <= {"coulomb", "viscous"}
 
 
-def test_one_speed_gives_the_friction_there_and_nothing_else(make_map, friction_of):
-    speed = np.full(6, 0.01)
-    noise = 0.05 * np.random.default_rng(2).standard_normal(6)
-    fit = fit_friction(make_map(speed, friction_of(speed) + noise, 0.05))
+def test_one_speed_gives_the_friction_there_and_nothing_else(noisy_fit, friction_of):
+    fit = noisy_fit(np.full(6, 0.01), 0.05, 2)
     assert fit.determined == ("coulomb",)
     assert fit.parameters["coulomb"] == pytest.approx(friction_of([0.01])[0], abs=0.1)
     assert "the whole friction at that speed" in lost(fit)["viscous"].reason
@@ -228,20 +235,16 @@ def test_one_value_is_enough_for_one_number(make_map):
     assert any("only on the stated standard errors" in note for note in fit.notes)
 
 
-def test_breakaway_and_stribeck_velocity_are_not_separable_from_the_tail(make_map, friction_of):
-    speed = np.geomspace(0.026, 0.45, 20)  # slowest level above 2 vs = 24 mm/s
-    noise = 0.002 * np.random.default_rng(3).standard_normal(20)
-    fit = fit_friction(make_map(speed, friction_of(speed) + noise, 0.002))
+def test_breakaway_and_stribeck_velocity_are_not_separable_from_the_tail(noisy_fit):
+    fit = noisy_fit(np.geomspace(0.026, 0.45, 20), 0.002, 3)  # slowest level above 2 vs = 24 mm/s
     assert {"breakaway", "stribeck_velocity"} <= set(lost(fit))
     assert "is above 2 vs" in lost(fit)["breakaway"].reason
     assert "add speeds at and below" in lost(fit)["breakaway"].remedy
     assert {"coulomb", "viscous"} <= set(fit.determined)
 
 
-def test_no_falling_part_means_no_stribeck_velocity(make_map, friction_of):
-    speed = np.geomspace(1e-3, 0.45, 20)
-    noise = 0.5 * np.random.default_rng(4).standard_normal(20)
-    fit = fit_friction(make_map(speed, friction_of(speed, breakaway=30.0) + noise, 0.5))
+def test_no_falling_part_means_no_stribeck_velocity(noisy_fit):
+    fit = noisy_fit(np.geomspace(1e-3, 0.45, 20), 0.5, 4, breakaway=30.0)
     assert "does not fall with speed by more than chance" in lost(fit)["stribeck_velocity"].reason
 
 
@@ -276,19 +279,14 @@ def test_an_excess_at_zero_is_not_known_as_well_as_the_coulomb_force(make_map):
         assert fit.intervals[name][0] < truth < fit.intervals[name][1], name
 
 
-def test_plateau_that_is_not_reached(make_map, friction_of):
-    speed = np.geomspace(1e-3, 0.02, 20)
-    noise = 0.05 * np.random.default_rng(5).standard_normal(20)
-    fit = fit_friction(make_map(speed, friction_of(speed) + noise, 0.05))
+def test_plateau_that_is_not_reached(noisy_fit):
+    fit = noisy_fit(np.geomspace(1e-3, 0.02, 20), 0.05, 5)
     assert "the plateau above the Stribeck part is not reached" in lost(fit)["coulomb"].reason
     assert "viscous" not in fit.determined
 
 
-def test_good_data_leave_nothing_to_say(make_map, friction_of):
-    speed = np.geomspace(1e-3, 0.45, 20)
-    noise = 0.5 * np.random.default_rng(6).standard_normal(20)
-    fit = fit_friction(make_map(speed, friction_of(speed) + noise, 0.5))
-    assert fit.undetermined == ()
+def test_good_data_leave_nothing_to_say(noisy_fit):
+    assert noisy_fit(np.geomspace(1e-3, 0.45, 20), 0.5, 6).undetermined == ()
 
 
 SLOPES = {"coulomb_a": 5e-6, "coulomb_b": 8e-6, "breakaway_a": 1.5e-5, "breakaway_b": 2.0e-5}

@@ -143,9 +143,7 @@ def tallies():
 
 
 def test_of_all_points_as_many_are_inside_as_it_says(tallies):
-    whole = Tally()
-    for one in tallies.values():
-        whole.add(one)
+    whole = sum(tallies.values(), Tally())
     for hits in (whole.measured, whole.direction, whole.rows):
         assert 0.90 <= np.mean(hits) <= 0.99
     # Errors as a share of what the band says they are: 1 where it is as wide as it has to be.
