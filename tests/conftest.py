@@ -2,6 +2,7 @@
 
 import contextlib
 import io
+import re
 import shutil
 from dataclasses import dataclass
 from pathlib import Path
@@ -128,3 +129,32 @@ def reproduced(demonstration, tmp_path_factory):
     with contextlib.redirect_stdout(out):
         status = run(["reproduce", "--out", str(folder)])
     return Reproduced(status, out.getvalue(), folder)
+
+
+@pytest.fixture
+def printed(capsys):
+    """Run a command that succeeds; return what it prints."""
+
+    def output(arguments):
+        assert run([str(word) for word in arguments]) == 0
+        return capsys.readouterr().out
+
+    return output
+
+
+@pytest.fixture
+def refusal(capsys):
+    """Run a command of bad input, which gets status 2 and one message with all these words; return the message."""
+
+    def message(arguments, *words):
+        capsys.readouterr()
+        assert run([str(word) for word in arguments]) == 2
+        out, error = capsys.readouterr()
+        assert not out
+        assert len(re.findall(r"(?m)^(?:\w+Error|pneudrive): ", error)) == 1  # the latter of an unknown command
+        assert "Traceback" not in error
+        for word in words:
+            assert word in error
+        return error
+
+    return message

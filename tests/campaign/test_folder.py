@@ -48,6 +48,12 @@ def folder(tmp_path):
     return campaign.path
 
 
+def rewrite(path, change=lambda table: table, **metadata):
+    """Write a cycle's file again without its seal, as somebody else would; its head stays where none is given."""
+    metadata = metadata or {"pneudrive": pl.read_parquet_metadata(path)["pneudrive"]}
+    change(pl.read_parquet(path)).write_parquet(path, metadata=metadata)
+
+
 def test_what_was_written_is_read_to_the_last_bit(folder):
     campaign = Campaign.open(folder)
     first = next(campaign.cycles())
@@ -121,15 +127,14 @@ def test_a_wrong_head_says_what_is_wrong(folder, change, what):
     path = Campaign.open(folder).files()[0]
     data = json.loads(pl.read_parquet_metadata(path)["pneudrive"])
     data["cycle"] |= change
-    pl.read_parquet(path).write_parquet(path, metadata={"pneudrive": json.dumps(data)})
+    rewrite(path, pneudrive=json.dumps(data))
     with pytest.raises(CampaignError, match=what):
         read_head(path)
 
 
 def test_samples_that_do_not_fit_their_digest_are_refused(folder):
     path = Campaign.open(folder).files()[0]
-    head = pl.read_parquet_metadata(path)["pneudrive"]
-    pl.read_parquet(path).with_columns(pl.col("force_n") + 1e-12).write_parquet(path, metadata={"pneudrive": head})
+    rewrite(path, lambda table: table.with_columns(pl.col("force_n") + 1e-12))
     with pytest.raises(CampaignError, match="SHA-256"):
         CycleFile(path, read_head(path)).samples()
 
@@ -190,7 +195,7 @@ def test_steps_are_told_from_the_motion(speed_m_s, stop_s):
 def test_pressures_that_are_not_measured_are_those_of_the_cycle(folder):
     path = Campaign.open(folder).files()[0]
     head = pl.read_parquet_metadata(path)["pneudrive"].replace('"sha256"', '"digest"')
-    pl.read_parquet(path).drop("pressure_b_pa", "temperature_k").write_parquet(path, metadata={"pneudrive": head})
+    rewrite(path, lambda table: table.drop("pressure_b_pa", "temperature_k"), pneudrive=head)
     samples = CycleFile(path, read_head(path)).samples()
     assert set(samples.pressure_b_pa) == {1.5e5}
     assert np.isnan(samples.temperature_k).all()
@@ -198,23 +203,15 @@ def test_pressures_that_are_not_measured_are_those_of_the_cycle(folder):
 
 
 def test_status_says_whose_samples_no_checksum_proves(folder):
-    path = Campaign.open(folder).files()[1]
-    head = pl.read_parquet_metadata(path)["pneudrive"]
-    pl.read_parquet(path).write_parquet(path, metadata={"pneudrive": head})
+    rewrite(Campaign.open(folder).files()[1])
     assert "1 of 3 have no checksum" in str(status_of(folder).problems[0])
-
-
-def _foreign(path):
-    """Write a cycle's file again without its seal, as somebody else would."""
-    head = pl.read_parquet_metadata(path)["pneudrive"]
-    pl.read_parquet(path).write_parquet(path, metadata={"pneudrive": head})
 
 
 def test_files_without_a_seal_give_the_same_samples(folder):
     campaign = Campaign.open(folder)
     before = contents(folder)
     for path in campaign.files():
-        _foreign(path)
+        rewrite(path)
     files, _ = campaign.scan()
     samples = list(read_samples(files))
     assert contents(folder) == before
@@ -225,7 +222,7 @@ def test_a_head_that_its_bytes_do_not_show_is_read_by_the_library(folder):
     campaign = Campaign.open(folder)
     path = campaign.files()[1]
     head = pl.read_parquet_metadata(path)["pneudrive"]
-    pl.read_parquet(path).write_parquet(path, metadata={"x": "\x18\x09pneudrive\x18", "pneudrive": head})
+    rewrite(path, x="\x18\x09pneudrive\x18", pneudrive=head)
     files, problems = campaign.scan()
     assert [file.sealed for file in files] == [True, False, True]
     assert files[1].head.cycle.key == json.loads(head)["cycle"]["key"]
@@ -236,7 +233,7 @@ def test_a_head_that_its_bytes_do_not_show_is_read_by_the_library(folder):
 def test_a_damaged_file_costs_no_other(folder, monkeypatch, damage):
     campaign = Campaign.open(folder)
     for path in campaign.files()[:2]:
-        _foreign(path)
+        rewrite(path)
     if damage == "footer":
         path.write_bytes(path.read_bytes()[:-100] + b"\xff" * 80 + path.read_bytes()[-20:])
     else:  # polars panics

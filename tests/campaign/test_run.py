@@ -34,14 +34,27 @@ HERE = Path(__file__).parent
 def undisturbed(tmp_path_factory):
     """Run the campaign that all others must equal."""
     folder = tmp_path_factory.mktemp("undisturbed") / "c"
-    assert run_campaign(protocol(), FakeRig(), folder, options=QUICK).ended == DONE
-    return contents(folder)
+    return done(folder, FakeRig())
 
 
 def finish(folder, undisturbed):
     """Resume and compare."""
     assert resume_campaign(folder, FakeRig(), options=QUICK).ended == DONE
     assert contents(folder) == undisturbed
+
+
+def done(folder, rig, **further):
+    """Run a campaign to its end; return what it holds."""
+    assert run_campaign(protocol(), rig, folder, options=QUICK, **further).ended == DONE
+    return contents(folder)
+
+
+def failed(folder, rig, error, said):
+    """Run a campaign that ends with an error and leaves the axis at rest; return the message."""
+    with pytest.raises(error, match=said) as caught:
+        run_campaign(protocol(), rig, folder, options=QUICK)
+    assert at_rest(rig)
+    return str(caught.value)
 
 
 def test_a_campaign_is_run_told_and_left_at_rest(tmp_path):
@@ -254,8 +267,7 @@ def test_a_display_that_fails_does_not_end_the_campaign(tmp_path, undisturbed):
 
         cycle = finished = say = part
 
-    assert run_campaign(protocol(), FakeRig(), tmp_path / "c", options=QUICK, display=Broken()).ended == DONE
-    assert contents(tmp_path / "c") == undisturbed
+    assert done(tmp_path / "c", FakeRig(), display=Broken()) == undisturbed
 
 
 def test_a_rig_that_ends_early_when_it_is_stopped_has_not_finished_the_cycle(tmp_path, undisturbed):
@@ -267,8 +279,7 @@ def test_a_rig_that_ends_early_when_it_is_stopped_has_not_finished_the_cycle(tmp
                     return
 
     rig = Obedient(trouble=on_part(4, lambda rig: (press(rig), press(rig))))
-    assert run_campaign(protocol(), rig, tmp_path / "c", options=QUICK, prompt=Answers("")).ended == DONE
-    assert contents(tmp_path / "c") == undisturbed
+    assert done(tmp_path / "c", rig, prompt=Answers("")) == undisturbed
     assert rig.calls.count("home") == 2
 
 
@@ -376,9 +387,7 @@ def test_a_campaign_waits_for_conditions_and_goes_on(tmp_path, undisturbed, name
 
 def test_conditions_that_stay_away_end_the_campaign(tmp_path, undisturbed):
     rig = FakeRig(trouble=for_a_while("supply_pa", 4e5, 7e5, looks=10_000))
-    with pytest.raises(CampaignError, match=r"after a wait of 0.5 s"):
-        run_campaign(protocol(), rig, tmp_path / "c", options=QUICK)
-    assert at_rest(rig)
+    failed(tmp_path / "c", rig, CampaignError, r"after a wait of 0.5 s")
     finish(tmp_path / "c", undisturbed)
 
 
@@ -387,11 +396,8 @@ def test_a_force_near_the_limit_gives_the_cycle_up(tmp_path):
         return replace(part, force_n=part.force_n + (170.0 if key == "b1/sweep/v50/a0/b0/r1" else 0.0))
 
     rig = FakeRig(spoil=heavy)
-    with pytest.raises(CampaignError, match="was stopped 5 times") as caught:
-        run_campaign(protocol(), rig, tmp_path / "c", options=QUICK)
-    assert "near the limit of 180 N" in str(caught.value)
+    assert "near the limit of 180 N" in failed(tmp_path / "c", rig, CampaignError, "was stopped 5 times")
     assert rig.calls.count("closed") == 4 + 5
-    assert at_rest(rig)
 
 
 def lose(rig):
@@ -405,8 +411,7 @@ def lose_and_find(rig):
 @pytest.mark.parametrize("act", [lose, lose_and_find])
 def test_a_lost_connection_costs_the_running_cycle(tmp_path, undisturbed, act):
     rig = FakeRig(trouble=on_part(8, act))
-    assert run_campaign(protocol(), rig, tmp_path / "c", options=QUICK).ended == DONE
-    assert contents(tmp_path / "c") == undisturbed
+    assert done(tmp_path / "c", rig) == undisturbed
 
 
 def bug(rig):
@@ -416,9 +421,7 @@ def bug(rig):
 @pytest.mark.parametrize(("act", "said"), [(fail, "following error"), (bug, "own code failed: TypeError")])
 def test_what_the_rig_cannot_do_ends_the_campaign_at_rest(tmp_path, undisturbed, act, said):
     rig = FakeRig(trouble=on_part(8, act))
-    with pytest.raises(RigError, match=said):
-        run_campaign(protocol(), rig, tmp_path / "c", options=QUICK)
-    assert at_rest(rig)
+    failed(tmp_path / "c", rig, RigError, said)
     assert len(contents(tmp_path / "c")) == 4
     finish(tmp_path / "c", undisturbed)
 
@@ -477,11 +480,8 @@ def test_a_disk_that_refuses_ends_the_campaign_and_spoils_nothing(tmp_path, undi
 
     monkeypatch.setattr(storage.os, "fsync", refuse)
     rig = FakeRig()
-    with pytest.raises(CampaignError, match="cannot be written") as caught:
-        run_campaign(protocol(), rig, tmp_path / "c", options=QUICK)
+    assert os.strerror(number) in failed(tmp_path / "c", rig, CampaignError, "cannot be written")
     monkeypatch.undo()
-    assert os.strerror(number) in str(caught.value)
-    assert at_rest(rig)
     assert Campaign.open(tmp_path / "c").checked()[1] == []
     assert not list((tmp_path / "c").rglob("*.part"))
     finish(tmp_path / "c", undisturbed)

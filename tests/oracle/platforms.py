@@ -280,6 +280,22 @@ def numbers(machine: Machine) -> dict[str, float]:
     return {key: float(value) for key, value in out.items()}
 
 
+def described(kind: str, base: float, top: float, length: float, *angles: float) -> dict[str, object]:
+    """Return tables of a platform, lengths in mm and angles of the six legs in degrees, on slides at its legs."""
+    n = 6 if kind == "platform/6-ups" else 3
+    table = {"kind": kind, "base_radius": f"{base} mm", "platform_radius": f"{top} mm", "mass": "6 kg"}
+    table["length"] = f"{length} mm"
+    if kind in ("platform/3-rps", "platform/6-ups"):
+        table["inertia"] = {"x": "0.09 kg m2", "y": "0.09 kg m2", "z": "0.17 kg m2"}
+    if n == 6:
+        table |= dict(zip(("base_angle", "platform_angle"), (f"{angle} deg" for angle in angles), strict=True))
+    slides = {f"leg_{i}": {"kind": "slide", "mass": "0.6 kg"} for i in range(1, n + 1)}
+    return {
+        "components": slides | {"own": table},
+        "connections": [f"leg_{i}.1 -> own.{i}" for i in range(1, n + 1)],
+    }
+
+
 def circuit(machine: Machine) -> dict[str, object]:
     """Return the product's description of the machine, with a slide at each leg."""
     n = len(machine.frame)

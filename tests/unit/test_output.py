@@ -218,23 +218,20 @@ def test_a_law_that_is_not_passive_warns_once():
     assert len(caught) == 1
 
 
+def shown_by(code):
+    """Return what lines of Python show in a fresh process."""
+    return subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.strip()
+
+
 def test_heavy_libraries_wait_for_their_use():
     heavy = ["numpy", "pydantic", "xarray", "pint", "polars", "scipy", "matplotlib"]
-    code = f"import sys, pneudrive; print([m for m in {heavy} if m in sys.modules])"
-    assert (
-        subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.strip() == "[]"
-    )
+    assert shown_by(f"import sys, pneudrive; print([m for m in {heavy} if m in sys.modules])") == "[]"
 
 
 @pytest.mark.parametrize("first", ["pneudrive.simulation.simulate", "pneudrive.describe"])
 def test_the_function_outranks_the_module_of_its_name(first):
-    code = (
-        f"import {first}, pneudrive; from pneudrive.simulation.simulate import run; print(callable(pneudrive.simulate))"
-    )
-    assert (
-        subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.strip()
-        == "True"
-    )
+    code = f"import {first}, pneudrive; from pneudrive.simulation.simulate import run; "
+    assert shown_by(f"{code}print(callable(pneudrive.simulate))") == "True"
 
 
 @pytest.mark.parametrize(

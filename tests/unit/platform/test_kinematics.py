@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import pneudrive as pn
+from oracle.platforms import described
 
 TRIPOD = Path(__file__).parents[3] / "examples" / "tripod.toml"
 KINDS = ["platform/3-rps", "platform/3-upu", "platform/6-ups", "platform/linear-delta"]
@@ -16,15 +17,7 @@ POSES = 2000
 
 def machine(kind):
     """Return a circuit with slides at the legs."""
-    n = 6 if kind == "platform/6-ups" else 3
-    table = {"kind": kind, "base_radius": "250 mm", "platform_radius": "200 mm", "length": "350 mm", "mass": "6 kg"}
-    if kind in ("platform/3-rps", "platform/6-ups"):
-        table["inertia"] = {"x": "0.09 kg m2", "y": "0.09 kg m2", "z": "0.17 kg m2"}
-    if n == 6:
-        table |= {"base_angle": "12 deg", "platform_angle": "14 deg"}
-    slides = {f"leg_{i}": {"kind": "slide", "mass": "0.6 kg"} for i in range(1, n + 1)}
-    joints = [f"leg_{i}.1 -> own.{i}" for i in range(1, n + 1)]
-    return pn.Circuit(components=slides | {"own": table}, connections=joints)
+    return pn.Circuit(**described(kind, 250.0, 200.0, 350.0, 12.0, 14.0))
 
 
 def poses(own, rng):

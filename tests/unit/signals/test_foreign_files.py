@@ -38,7 +38,18 @@ def fields(table, decimals=(3, 5, 4, 4, 4)):
     return [[f"{v:.{d}f}" for v, d in zip(row, decimals, strict=True)] for row in table]
 
 
-def check(path, text=None, samples=None):
+@pytest.fixture
+def sheet(tmp_path):
+    """Write a table of texts under its head; return its file."""
+
+    def write(head, rows, name="a.csv", sign=",", before=""):
+        (tmp_path / name).write_text(before + text_of(head, rows, sign), encoding="utf-8")
+        return tmp_path / name
+
+    return write
+
+
+def check(path, text=None):
     text = text or propose_layout(path).text
     found = characterise_recordings([path], Layout.loads(text)).friction_map
     assert found.friction_n.to_numpy() == pytest.approx(FRICTION_N, abs=0.15)
@@ -71,71 +82,64 @@ def test_waveforms_that_start_at_different_times(table, tmp_path):
 
 
 @pytest.mark.parametrize(("name", "factor"), [("micros", 1e6), ("millis", 1e3), ("Time (us)", 1e6), ("Time", 1e3)])
-def test_the_unit_of_the_time_by_its_name_or_by_the_speed(table, tmp_path, name, factor):
+def test_the_unit_of_the_time_by_its_name_or_by_the_speed(table, name, factor, sheet):
     rows = [[f"{5e6 + factor * row[0]:.0f}", *texts[1:]] for row, texts in zip(table, fields(table), strict=True)]
-    (tmp_path / "a.csv").write_text(text_of([[name, *BRACKETS[1:]]], rows))
-    proposed(tmp_path / "a.csv")
+    proposed(sheet([[name, *BRACKETS[1:]]], rows))
 
 
-def test_a_time_that_may_be_in_seconds_or_milliseconds_is_asked_for(table, tmp_path):
+def test_a_time_that_may_be_in_seconds_or_milliseconds_is_asked_for(table, sheet):
     rows = [
         [f"{row[0] / RATE * 10:.4f}", *texts[1:]]
         for row, texts in zip(table * [100, 1, 1, 1, 1], fields(table), strict=True)
     ]
-    (tmp_path / "a.csv").write_text(text_of([["Time", *BRACKETS[1:]]], rows))
-    assert "the unit of the time is not stated (s or ms): state it" in propose_layout(tmp_path / "a.csv").problem
+    path = sheet([["Time", *BRACKETS[1:]]], rows)
+    assert "the unit of the time is not stated (s or ms): state it" in propose_layout(path).problem
 
 
 @pytest.mark.parametrize("whole", [True, False])
-def test_a_counter_that_wraps(table, tmp_path, whole):
+def test_a_counter_that_wraps(table, whole, sheet):
     counts = (30000 + np.round(1000 * (table[:, 1] - 10))) % 2**16
     rows = [
         [t[0], f"{c:.0f}" if whole else f"{c * 1e-3:.3f}", *t[2:]] for t, c in zip(fields(table), counts, strict=True)
     ]
     head = [BRACKETS[0], "Encoder counts" if whole else BRACKETS[1], *BRACKETS[2:]]
-    (tmp_path / "a.csv").write_text(text_of([head], rows))
-    layout = propose_layout(tmp_path / "a.csv").text
+    path = sheet([head], rows)
+    layout = propose_layout(path).text
     if whole:
-        assert (
-            "position: this column contains counts: state the unit, and the scale"
-            in propose_layout(tmp_path / "a.csv").problem
-        )
+        assert "position: this column contains counts: state the unit, and the scale" in propose_layout(path).problem
         layout = layout.replace("# position = {", "position = {").replace("scale = 1.0", "scale = 0.001")
-        assert all("counter_wrap" in flags for flags in check(tmp_path / "a.csv", layout))
+        assert all("counter_wrap" in flags for flags in check(path, layout))
     else:  # no whole numbers: nothing is changed, but the jumps are named
-        flags = characterise_recordings([tmp_path / "a.csv"], Layout.loads(layout)).friction_map.flags.values.tolist()
+        flags = characterise_recordings([path], Layout.loads(layout)).friction_map.flags.values.tolist()
         assert all("position_jump" in flag for flag in flags)
         stated = layout.replace('"Position [mm]", unit', '"Position [mm]", wraps = 65.536, unit')
-        assert not any("counter_wrap" in flag or "position_jump" in flag for flag in check(tmp_path / "a.csv", stated))
+        assert not any("counter_wrap" in flag or "position_jump" in flag for flag in check(path, stated))
 
 
 @pytest.mark.parametrize("bits", [16, 32])
-def test_a_clock_of_counts_that_wraps(table, tmp_path, bits):
+def test_a_clock_of_counts_that_wraps(table, bits, sheet):
     factor, unit = (1e3, "ms") if bits == 16 else (1e6, "us")
     clock = (2**bits - 4000 + np.round(factor * table[:, 0])) % 2**bits
     rows = [[f"{c:.0f}", *texts[1:]] for c, texts in zip(clock, fields(table), strict=True)]
-    (tmp_path / "a.csv").write_text(text_of([[f"Time [{unit}]", *BRACKETS[1:]]], rows))
-    proposed(tmp_path / "a.csv")
+    proposed(sheet([[f"Time [{unit}]", *BRACKETS[1:]]], rows))
 
 
 @pytest.mark.parametrize(
     ("unit", "factor", "shift"),
     [("barg", 1, 0), ("[psia]", 14.503774, 1.01325), ("MPa(G)", 0.1, 0), ("inHg", 29.52999, 0)],
 )
-def test_rows_of_units_and_of_descriptions(table, tmp_path, unit, factor, shift):
+def test_rows_of_units_and_of_descriptions(table, unit, factor, shift, sheet):
     numbers = table.copy()
     numbers[:, 3:] = (numbers[:, 3:] + shift) * factor
     head = [NAMES, ["s", "mm", "N", unit, unit], ["clock", "Linear enc", "Load cell", "P-101", "P-102"]]
-    (tmp_path / "a.csv").write_text(text_of(head, fields(numbers, (3, 5, 4, 6, 6))))
-    proposal = proposed(tmp_path / "a.csv")
+    proposal = proposed(sheet(head, fields(numbers, (3, 5, 4, 6, 6))))
     assert {g.role: g.column for g in proposal.guesses}["pressure_a"] == "Pressure A"
 
 
-def test_a_unit_that_nobody_knows_is_asked_for(table, tmp_path):
-    (tmp_path / "a.csv").write_text(text_of([NAMES, ["s", "mm", "N", "psid", "barg"]], fields(table)))
+def test_a_unit_that_nobody_knows_is_asked_for(table, sheet):
     assert (
         "pressure_a: the unit 'psid' of this column is not known: state the unit"
-        in propose_layout(tmp_path / "a.csv").problem
+        in propose_layout(sheet([NAMES, ["s", "mm", "N", "psid", "barg"]], fields(table))).problem
     )
 
 
@@ -163,17 +167,17 @@ def test_measurement_files_without_a_column_of_times_and_in_segments(table, tmp_
         check(tmp_path / "c.lvm", text)
 
 
-def test_a_file_without_times_asks_for_a_rate(table, tmp_path):
-    (tmp_path / "a.csv").write_text(text_of([BRACKETS[1:]], [row[1:] for row in fields(table)]))
-    proposal = propose_layout(tmp_path / "a.csv")
+def test_a_file_without_times_asks_for_a_rate(table, tmp_path, sheet):
+    path = sheet([BRACKETS[1:]], [row[1:] for row in fields(table)])
+    proposal = propose_layout(path)
     assert (
         'no column increases like a time: state the rate of the samples, time = { rate = "50 Hz" }' in proposal.problem
     )
-    check(tmp_path / "a.csv", proposal.text.replace("[columns]", '[columns]\ntime = { rate = "50 Hz" }'))
+    check(path, proposal.text.replace("[columns]", '[columns]\ntime = { rate = "50 Hz" }'))
     rows = [[str(at), *row[1:]] for at, row in enumerate(fields(table))]
-    (tmp_path / "b.csv").write_text(text_of([["Sample", *BRACKETS[1:]]], rows))
-    assert "column 'Sample' numbers the rows: state the rate" in propose_layout(tmp_path / "b.csv").problem
-    (tmp_path / "c.csv").write_text("Sample rate: 50 Hz\n" + (tmp_path / "b.csv").read_text())
+    second = sheet([["Sample", *BRACKETS[1:]]], rows, "b.csv")
+    assert "column 'Sample' numbers the rows: state the rate" in propose_layout(second).problem
+    (tmp_path / "c.csv").write_text("Sample rate: 50 Hz\n" + second.read_text())
     proposed(tmp_path / "c.csv")
 
 
@@ -181,33 +185,30 @@ def dated(table, form, start=dt.datetime(2026, 3, 2, 9, 18, 17)):
     return [(start + dt.timedelta(seconds=row[0])).strftime(form) for row in table]
 
 
-def test_stamps_that_many_samples_share(table, tmp_path):
+def test_stamps_that_many_samples_share(table, sheet):
     stamps = dated(table, "%m/%d/%Y %I:%M:%S %p")
     rows = [[stamp, *row[1:]] for stamp, row in zip(stamps, fields(table), strict=True)]
-    (tmp_path / "a.csv").write_text(text_of([["Timestamp", *BRACKETS[1:]]], rows))
-    proposal = propose_layout(tmp_path / "a.csv")
+    path = sheet([["Timestamp", *BRACKETS[1:]]], rows)
+    proposal = propose_layout(path)
     assert "50 samples share each stamp of column 'Timestamp': state the rate" in proposal.problem
     text, rate = proposal.text, '[columns]\ntime = { rate = "50 Hz" }'
-    check(tmp_path / "a.csv", text.replace("[columns]", rate))
+    check(path, text.replace("[columns]", rate))
     stamped = '[columns]\ntime = { column = "Timestamp", unit = "date-time", format = "%m/%d/%Y %I:%M:%S %p" }'
     with pytest.raises(RecordingError, match=r"50 samples share each time stamp(?s:.*)give their rate instead"):
-        check(tmp_path / "a.csv", text.replace("[columns]", stamped))
+        check(path, text.replace("[columns]", stamped))
 
 
 @pytest.mark.parametrize("form", ["%H:%M:%S.%f", "%I:%M:%S.%f", "%Y-%m-%d|%H:%M:%S.%f", "%d.%m.%Y|%H:%M:%S.%f"])
-def test_times_of_day_across_midnight_and_noon_with_a_date_beside_them(table, tmp_path, form):
+def test_times_of_day_across_midnight_and_noon_with_a_date_beside_them(table, form, sheet):
     start = dt.datetime(2026, 3, 2, 12, 59, 52) if "%I" in form else dt.datetime(2026, 3, 2, 23, 59, 52)
     stamps = [stamp.split("|") for stamp in dated(table, form, start)]
     head = [["Date", "Clock"][2 - len(stamps[0]) :] + BRACKETS[1:]]
-    (tmp_path / "a.csv").write_text(
-        text_of(head, [[*stamp, *row[1:]] for stamp, row in zip(stamps, fields(table), strict=True)])
-    )
-    text = proposed(tmp_path / "a.csv").text
+    text = proposed(sheet(head, [[*stamp, *row[1:]] for stamp, row in zip(stamps, fields(table), strict=True)])).text
     assert ("date = " in text) == ("|" in form)
 
 
 @pytest.mark.parametrize("style", ["german", "english", "quoted decimals", "blanks"])
-def test_signs_of_thousands_and_quoted_decimals(table, tmp_path, style):
+def test_signs_of_thousands_and_quoted_decimals(table, style, sheet):
     numbers = table * [1000, 1000, 1, 1000, 1000]
     head = [NAMES, ["ms", "um", "N", "mbar", "mbar"]]
     marks = {"german": ".,", "english": ",.", "quoted decimals": " ,", "blanks": "\u00a0,"}[style]
@@ -215,52 +216,49 @@ def test_signs_of_thousands_and_quoted_decimals(table, tmp_path, style):
     rows = [[f"{v:,.{d}f}".translate(grouped) for v, d in zip(row, (1, 1, 3, 1, 1), strict=True)] for row in numbers]
     if style in ("english", "quoted decimals"):
         rows = [[f'"{text}"' for text in row] for row in rows]
-    (tmp_path / "a.csv").write_text(text_of(head, rows, "," if '"' in rows[0][0] else ";"), encoding="utf-8")
-    proposed(tmp_path / "a.csv")
+    proposed(sheet(head, rows, sign="," if '"' in rows[0][0] else ";"))
 
 
-def test_numbers_that_can_be_read_in_two_ways_are_refused(table, tmp_path):
+def test_numbers_that_can_be_read_in_two_ways_are_refused(table, sheet):
     numbers = np.column_stack([np.arange(850) * 20 + 1000, 10000 + 1000 * (table[:, 1] - 10)])
     rows = [[f"{v:,.0f}" for v in row] for row in numbers]
-    (tmp_path / "a.csv").write_text(text_of([["Time [ms]", "Position"]], rows, ";"))
     with pytest.raises(RecordingError, match=r"numbers such as \d+,\d+ are ambiguous: decimals, or groups"):
-        propose_layout(tmp_path / "a.csv")
+        propose_layout(sheet([["Time [ms]", "Position"]], rows, sign=";"))
 
 
-def test_empty_fields_of_slow_channels(table, tmp_path):
+def test_empty_fields_of_slow_channels(table, sheet):
     rows = [row if at % 10 == 0 else [*row[:3], "", ""] for at, row in enumerate(fields(table))]
-    (tmp_path / "a.csv").write_text(text_of([BRACKETS], rows))
-    proposed(tmp_path / "a.csv")
-    assert not any("non_finite" in flags for flags in check(tmp_path / "a.csv"))
-    recording = propose_layout(tmp_path / "a.csv").recording
+    path = sheet([BRACKETS], rows)
+    proposed(path)
+    assert not any("non_finite" in flags for flags in check(path))
+    recording = propose_layout(path).recording
     assert recording is not None
     assert len(recording) == 841  # to the last value of the slow channels
 
 
-def test_recordings_of_volumes_state_a_guessed_unit(tmp_path):
+def test_recordings_of_volumes_state_a_guessed_unit(sheet):
     rows = [[f"{0.01 * at:.2f}", f"{6 * np.exp(-at / 200) + 1:.4f}"] for at in range(600)]
-    (tmp_path / "a.csv").write_text(text_of([["Time [s]", "Pressure"]], rows))
-    proposal = propose_layout(tmp_path / "a.csv")
+    path = sheet([["Time [s]", "Pressure"]], rows)
+    proposal = propose_layout(path)
     assert "guessed = true" in proposal.text
     with pytest.warns(PneudriveWarning, match=r"a.csv has the flag unit_guessed \(1\)"):
-        read_volume_recordings([tmp_path / "a.csv"], Layout.loads(proposal.text))
+        read_volume_recordings([path], Layout.loads(proposal.text))
 
 
-def test_channels_with_columns_of_times_of_their_own(table, tmp_path):
+def test_channels_with_columns_of_times_of_their_own(table, sheet):
     late = 40
     rows = [
         [row[0], row[1], row[0], row[3], row[4], f"{t[0] + late / RATE:.3f}" if f else "", f]
         for row, t, f in zip(fields(table), table, [r[2] for r in fields(table)[late:]] + [""] * late, strict=True)
     ]
     head = [["Time [s]", BRACKETS[1], "Time [s]", BRACKETS[3], BRACKETS[4], "Time [s]", BRACKETS[2]]]
-    (tmp_path / "a.csv").write_text(text_of(head, rows))
-    assert "clock = 5" in proposed(tmp_path / "a.csv").text
+    assert "clock = 5" in proposed(sheet(head, rows)).text
 
 
-def test_a_time_of_twice_the_step_is_another_clock(table, tmp_path):
+def test_a_time_of_twice_the_step_is_another_clock(table, sheet):
     rows = [[row[0], row[1], f"{2 * t[0]:.3f}", *row[2:]] for row, t in zip(fields(table), table, strict=True)]
-    (tmp_path / "a.csv").write_text(text_of([["Time [s]", BRACKETS[1], "Time 2 [s]", *BRACKETS[2:]]], rows))
-    assert 'clock = "Time 2 [s]"' in propose_layout(tmp_path / "a.csv").text
+    path = sheet([["Time [s]", BRACKETS[1], "Time 2 [s]", *BRACKETS[2:]]], rows)
+    assert 'clock = "Time 2 [s]"' in propose_layout(path).text
 
 
 def test_spaces_before_units_do_not_split_the_names_of_a_header(table, tmp_path):
@@ -271,17 +269,17 @@ def test_spaces_before_units_do_not_split_the_names_of_a_header(table, tmp_path)
     assert (found["position"], found["pressure_a"], found["pressure_b"]) == ("x (mm)", "pA (barg)", "pB (barg)")
 
 
-def test_candidates_of_equal_evidence_are_left_open_and_listed(table, tmp_path):
+def test_candidates_of_equal_evidence_are_left_open_and_listed(table, sheet):
     two = np.column_stack([table, table[:, 2] * 0.5 + np.random.default_rng(1).normal(size=len(table))])
     rows = fields(two, (3, 5, 4, 4, 4, 4))
-    (tmp_path / "a.csv").write_text(text_of([[*BRACKETS, "Load [N]"]], rows))
-    assert "force: more than one column is possible (Force [N], Load [N])" in propose_layout(tmp_path / "a.csv").problem
+    path = sheet([[*BRACKETS, "Load [N]"]], rows)
+    assert "force: more than one column is possible (Force [N], Load [N])" in propose_layout(path).problem
     head = [[*BRACKETS[:3], "P upper [barg]", "P lower [barg]", "P supply [barg]"]]
     three = np.column_stack([table, 1 + table[:, 4]])
-    (tmp_path / "b.csv").write_text(text_of(head, fields(three, (3, 5, 4, 4, 4, 4))))
-    proposal = propose_layout(tmp_path / "b.csv")  # the balance of forces tells the chambers; the supply is another one
+    second = sheet(head, fields(three, (3, 5, 4, 4, 4, 4)), "b.csv")
+    proposal = propose_layout(second)  # the balance of forces tells the chambers; the supply is another one
     assert {g.role: g.column for g in proposal.guesses}["pressure_a"] == "P upper [barg]"
-    assert Layout.loads(proposal.text).for_file(tmp_path / "b.csv").channels["pressure_b"].column == "P lower [barg]"
+    assert Layout.loads(proposal.text).for_file(second).channels["pressure_b"].column == "P lower [barg]"
 
 
 def test_a_workbook_is_named(tmp_path):
@@ -304,27 +302,24 @@ def test_files_of_random_kinds_together(tmp_path):
     assert verdicts["refused"] < 0.2 * sum(verdicts.values()), verdicts
 
 
-def test_a_plain_header_below_remarks_is_the_header(table, tmp_path):
+def test_a_plain_header_below_remarks_is_the_header(table, sheet):
     """Oscilloscopes write remarks behind a comment sign and the names without it; other programs only the names."""
     rows = fields(table)
     remarks = "#Oscilloscope\n#Sample rate: 50Hz, Samples: 850\n\n"
-    (tmp_path / "a.csv").write_text(remarks + text_of([BRACKETS], rows))
-    text = proposed(tmp_path / "a.csv").text
-    check(tmp_path / "a.csv", text.replace("skip_lines = 3\n", ""))
-    (tmp_path / "b.csv").write_text("# " + text_of([BRACKETS, NAMES], rows))
-    check(tmp_path / "b.csv", text.replace("skip_lines = 3\n", ""))
+    path = sheet([BRACKETS], rows, before=remarks)
+    text = proposed(path).text
+    check(path, text.replace("skip_lines = 3\n", ""))
+    check(sheet([BRACKETS, NAMES], rows, "b.csv", before="# "), text.replace("skip_lines = 3\n", ""))
     volts = [BRACKETS[0], *(f"Channel {at} (V)" for at in (1, 2, 3, 4))]
-    (tmp_path / "c.csv").write_text(remarks + text_of([volts], rows))
     with pytest.raises(RecordingError, match=r"Channel 1 \(V\), .*Channel 4 \(V\) need a role, a unit and a scale"):
-        propose_layout(tmp_path / "c.csv")
+        propose_layout(sheet([volts], rows, "c.csv", before=remarks))
 
 
-def test_minutes_and_seconds_go_on_after_an_hour(table, tmp_path):
+def test_minutes_and_seconds_go_on_after_an_hour(table, sheet):
     stamps = [f"{int((3590 + t) % 3600 // 60):02d}:{(3590 + t) % 60:05.2f}" for t in table[:, 0]]
     assert stamps[0] > stamps[-1]
     rows = [[stamp, *row[1:]] for stamp, row in zip(stamps, fields(table), strict=True)]
-    (tmp_path / "a.csv").write_text(text_of([["Time", *BRACKETS[1:]]], rows))
-    assert 'format = "%M:%S.%f"' in proposed(tmp_path / "a.csv").text
+    assert 'format = "%M:%S.%f"' in proposed(sheet([["Time", *BRACKETS[1:]]], rows)).text
 
 
 @pytest.mark.parametrize("labelled", [True, False])
@@ -372,22 +367,20 @@ def test_lists_of_episodes_in_parquet(table, tmp_path):
         check(tmp_path / "a.parquet", text.replace("CYCLE", ""))
 
 
-def test_one_row_for_each_value_and_units_inside_the_cells_are_named(table, tmp_path):
+def test_one_row_for_each_value_and_units_inside_the_cells_are_named(table, sheet):
     rows = [
         [f"TAG1.{name}", row[0], text, "Good"]
         for row in fields(table)
         for name, text in zip("xfab", row[1:], strict=True)
     ]
-    (tmp_path / "a.csv").write_text(text_of([["Tag", "Timestamp", "Value", "Quality"]], rows))
     with pytest.raises(
         RecordingError, match=r"one row for each value(?s:.*)pivot\(index=\"Timestamp\", columns=\"Tag\""
     ):
-        propose_layout(tmp_path / "a.csv")
+        propose_layout(sheet([["Tag", "Timestamp", "Value", "Quality"]], rows))
     units = ("s", "mm", "N", "bar(g)", "bar(g)")
     rows = [[f"{text} {unit}" for text, unit in zip(row, units, strict=True)] for row in fields(table)]
-    (tmp_path / "b.csv").write_text(text_of([NAMES], rows))
     with pytest.raises(RecordingError, match=r"units inside the cells(?s:.*)into the header"):
-        propose_layout(tmp_path / "b.csv")
+        propose_layout(sheet([NAMES], rows, "b.csv"))
 
 
 def test_changed_and_damaged_files_are_read_or_refused(tmp_path):
@@ -410,12 +403,11 @@ def test_a_header_behind_a_comment_sign_with_another_delimiter(table, tmp_path):
     assert all("no other candidate" in g.reason or "next: " in g.reason for g in proposal.guesses)
 
 
-def test_slow_channels_under_headers_that_come_again(table, tmp_path):
+def test_slow_channels_under_headers_that_come_again(table, sheet):
     # An empty unit and a sample of every second line: the headers alone fill the columns of the slow channels.
     head = [[*NAMES, "Status"], ["s", "mm", "N", "barg", "barg", ""]]
     rows = [row if at % 10 == 1 else [*row[:3], "", ""] for at, row in enumerate(fields(table))]
     parts = [line for at in (0, 400) for line in [*head, *([*row, "7"] for row in rows[at : at + 400])]]
-    (tmp_path / "a.csv").write_text(text_of(parts, []))
-    text = propose_layout(tmp_path / "a.csv").text
+    text = propose_layout(sheet(parts, [])).text
     assert '"Pressure A"' in text
     assert "no pressure column" not in text
