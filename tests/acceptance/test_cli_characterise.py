@@ -41,11 +41,10 @@ def test_a_foreign_recording_by_way_of_a_proposed_layout(tmp_path, capsys):
     capsys.readouterr()
 
 
-def test_a_campaign_becomes_curves_effects_fit_and_report(tmp_path, capsys):
+def test_a_campaign_becomes_curves_effects_fit_and_report(tmp_path, printed):
     folder = write_campaign(tmp_path / "campaign", World(samples=300, gauges_pa=((0.0, 0.0), (1e5, 1e5))), 1)
     out = tmp_path / "out"
-    assert run(["characterise", str(folder), "--out", str(out)]) == 0
-    said = capsys.readouterr().out
+    said = printed(["characterise", folder, "--out", out])
     for name in ("map.parquet", "map.csv", "curves.parquet", "effects.toml", "fit.toml", "report.html"):
         assert (out / name).stat().st_size > 500, name
         assert name in said
@@ -61,14 +60,11 @@ def test_a_campaign_becomes_curves_effects_fit_and_report(tmp_path, capsys):
         (["campaign", "--layout", "layout.toml"], "a campaign cannot be characterised together with other files"),
     ],
 )
-def test_what_is_no_campaign_is_one_message_and_status_2(tmp_path, capsys, monkeypatch, arguments, words):
+def test_what_is_no_campaign_is_one_message_and_status_2(tmp_path, refusal, monkeypatch, arguments, words):
     monkeypatch.chdir(tmp_path)
     Path("empty").mkdir()
     write_campaign("campaign", World(samples=100, repeats=1), 1)
-    assert run(["characterise", *arguments]) == 2
-    said = capsys.readouterr().err
-    assert words in said
-    assert "Traceback" not in said
+    refusal(["characterise", *arguments], words)
     assert not Path("characterisation").exists()
 
 
@@ -83,7 +79,7 @@ def test_what_is_no_campaign_is_one_message_and_status_2(tmp_path, capsys, monke
         (["empty_1bar.csv", "--layout", "layout.toml", "--out", "binary_1bar.csv"], "cannot be written to"),
     ],
 )
-def test_wrong_input_is_one_message_and_status_2(tmp_path, capsys, monkeypatch, arguments, words):
+def test_wrong_input_is_one_message_and_status_2(tmp_path, refusal, monkeypatch, arguments, words):
     monkeypatch.chdir(tmp_path)
     Path("empty_1bar.csv").touch()
     Path("binary_1bar.csv").write_bytes(bytes(range(256)) * 8)
@@ -91,14 +87,10 @@ def test_wrong_input_is_one_message_and_status_2(tmp_path, capsys, monkeypatch, 
     if "--layout" not in arguments:
         Path("layout.toml").unlink()
     Path("bad.toml").write_text("channels = 3\n")
-    assert run(["characterise", *arguments]) == 2
-    error = capsys.readouterr().err
-    assert words in error
-    assert "Traceback" not in error
+    refusal(["characterise", *arguments], words)
     assert not Path("characterisation").exists(), "nothing is left behind"
 
 
-def test_a_file_without_a_table_has_no_layout(tmp_path, capsys):
+def test_a_file_without_a_table_has_no_layout(tmp_path, refusal):
     (tmp_path / "a.txt").write_text("no numbers here\n" * 30)
-    assert run(["layout", str(tmp_path / "a.txt")]) == 2
-    assert "no table of numbers" in capsys.readouterr().err
+    refusal(["layout", tmp_path / "a.txt"], "no table of numbers")

@@ -57,72 +57,65 @@ def test_a_map_is_fitted_and_laws_are_compared(folder, tmp_path, capsys):
     assert FrictionFit.from_toml(target).law == "stribeck"
 
 
-def test_real_recordings_that_a_straight_line_misses(tmp_path, capsys):
+def test_real_recordings_that_a_straight_line_misses(tmp_path, printed):
     files = [str(DATA / f"NAPN_{bar}bar.csv.xz") for bar in (1, 3, 5, 7)]
-    assert run(["fit", *files, "--laws", "coulomb", "--out", str(tmp_path / "fit.toml")]) == 0
-    said = capsys.readouterr().out
+    said = printed(["fit", *files, "--laws", "coulomb", "--out", tmp_path / "fit.toml"])
     assert "recommended: coulomb, quadratic in pressure" in said
     assert "a straight line in pressure does not hold: its error for a held-out pressure is up to 31 %" in said
     assert FrictionFit.from_toml(tmp_path / "fit.toml").model.pressure == "quadratic"
 
 
-def test_several_seals_are_fitted_each_and_surveyed(tmp_path, capsys):
+def test_several_seals_are_fitted_each_and_surveyed(tmp_path, printed):
     files = [str(path) for name in ("NAPN", "PK", "O-ring") for path in sorted(DATA.glob(f"{name}_*.csv.xz"))]
-    assert run(["fit", *files, "--laws", "coulomb", "--pressure", "linear", "--by", "seal",
-                "--out", str(tmp_path / "fit.toml")]) == 0  # fmt: skip
-    said = capsys.readouterr().out
+    said = printed(
+        ["fit", *files, "--laws", "coulomb", "--pressure", "linear", "--by", "seal", "--out", tmp_path / "fit.toml"]
+    )
     assert {path.name for path in tmp_path.glob("*.toml")} == {f"fit-{name}.toml" for name in ("NAPN", "PK", "O-ring")}
     assert "recordings of one seal scatter by" in said
     assert "no seal was run twice" in said
 
 
-def test_a_seal_with_too_few_pressures_stops_no_other(tmp_path, capsys):
+def test_a_seal_with_too_few_pressures_stops_no_other(tmp_path, printed):
     """The O-ring was measured at two pressures: none can be held out."""
     files = [str(path) for name in ("O-ring", "PK") for path in sorted(DATA.glob(f"{name}_*.csv.xz"))]
     command = ["fit", *files, "--laws", "coulomb", "--hold-out", "pressure", "--by", "seal"]
-    assert run([*command, "--out", str(tmp_path / "fit.toml")]) == 0
-    assert "O-ring is not fitted: holding out one condition" in capsys.readouterr().out
+    assert "O-ring is not fitted: holding out one condition" in printed([*command, "--out", tmp_path / "fit.toml"])
     assert {path.name for path in tmp_path.glob("*.toml")} == {"fit-PK.toml"}
     assert run([*command[:2], *command[-6:], "--out", str(tmp_path / "alone.toml")]) == 2
 
 
-def test_a_campaign_is_fitted_seal_by_seal(tmp_path, capsys):
+def test_a_campaign_is_fitted_seal_by_seal(tmp_path, printed):
     campaign = write_campaign(tmp_path / "campaign", World(samples=200, repeats=1), 1)
-    assert run(["fit", str(campaign), "--laws", "coulomb", "--by", "seal", "--out", str(tmp_path / "fit.toml")]) == 0
-    assert "coulomb friction from" in capsys.readouterr().out
+    assert "coulomb friction from" in printed(
+        ["fit", campaign, "--laws", "coulomb", "--by", "seal", "--out", tmp_path / "fit.toml"]
+    )
     assert list(tmp_path.glob("fit*.toml"))
 
 
-def test_next_points_are_a_protocol_that_the_rig_takes(folder, tmp_path, capsys):
+def test_next_points_are_a_protocol_that_the_rig_takes(folder, tmp_path, printed):
     target = tmp_path / "next.toml"
-    assert run(["design", str(folder / "fit.toml"), "--points", "8", "--out", str(target)]) == 0
-    said = capsys.readouterr().out
+    said = printed(["design", folder / "fit.toml", "--points", "8", "--out", target])
     assert "D-optimal: 8 points" in said
     assert "stribeck_velocity" in said
-    assert run(["campaign", "plan", str(target)]) == 0
-    assert "pre-flight: passed" in capsys.readouterr().out
+    assert "pre-flight: passed" in printed(["campaign", "plan", target])
 
 
-def test_maps_are_fitted_together_at_their_gauge_pressures(folder, tmp_path, capsys):
+def test_maps_are_fitted_together_at_their_gauge_pressures(folder, tmp_path, printed, refusal):
     path = folder / "map.parquet"
     both = ["fit", str(path), str(path), "--laws", "stribeck gaussian", "--pressure", "linear"]
-    assert run([*both, "--out", str(tmp_path / "fit.toml")]) == 0
-    assert "from 72 values" in capsys.readouterr().out
+    assert "from 72 values" in printed([*both, "--out", tmp_path / "fit.toml"])
     first = read_map(path).assign_attrs(ambient_pressure_pa=101325.0)
     low = {name: first[name] - 3000.0 for name in ("pressure_a_pa", "pressure_b_pa")}
     joined = joined_maps([path, path], [first, first.assign(low).assign_attrs(ambient_pressure_pa=98325.0)])
     assert sorted(set(joined["pressure_a_pa"].to_numpy())) == sorted(set(first["pressure_a_pa"].to_numpy()))
     (tmp_path / "recording.csv").write_text("1,2")
-    assert run([*both[:2], str(tmp_path / "recording.csv")]) == 2
-    assert "recordings cannot be fitted together with" in capsys.readouterr().err
+    refusal([*both[:2], tmp_path / "recording.csv"], "recordings cannot be fitted together with")
 
 
-def test_next_stops_are_a_protocol_that_the_rig_takes(folder, tmp_path, capsys):
+def test_next_stops_are_a_protocol_that_the_rig_takes(folder, tmp_path, printed):
     target = tmp_path / "stops.toml"
-    assert run(["design", str(folder / "fit.toml"), "--stops", "log", "--out", str(target)]) == 0
-    assert "stops for the log law: 0.1 s" in capsys.readouterr().out
-    assert run(["campaign", "plan", str(target)]) == 0
-    assert "pre-flight: passed" in capsys.readouterr().out
+    assert "stops for the log law: 0.1 s" in printed(["design", folder / "fit.toml", "--stops", "log", "--out", target])
+    assert "pre-flight: passed" in printed(["campaign", "plan", target])
 
 
 @pytest.mark.parametrize(
@@ -141,13 +134,10 @@ def test_next_stops_are_a_protocol_that_the_rig_takes(folder, tmp_path, capsys):
         (["design", "{fit}", "--out", "next.txt"], "a protocol cannot be written there"),
     ],
 )
-def test_wrong_input_is_one_message_and_status_2(folder, tmp_path, monkeypatch, capsys, arguments, words):
+def test_wrong_input_is_one_message_and_status_2(folder, tmp_path, monkeypatch, refusal, arguments, words):
     monkeypatch.chdir(tmp_path)
     names = {"map": folder / "map.parquet", "fit": folder / "fit.toml"}
-    assert run([word.format(**names) for word in arguments]) == 2
-    said = capsys.readouterr().err
-    assert words in said
-    assert "Traceback" not in said
+    refusal([word.format(**names) for word in arguments], words)
 
 
 def test_a_page_of_a_fit_with_its_data_and_of_its_file(folder, tmp_path):

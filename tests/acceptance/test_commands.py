@@ -80,10 +80,9 @@ def test_inline_commands_have_known_options():
 
 
 @pytest.mark.parametrize("path", list(command_paths(COMMANDS, HIDDEN)), ids=" ".join)
-def test_help_fits_one_screen_and_ends_with_examples(path, capsys, monkeypatch):
+def test_help_fits_one_screen_and_ends_with_examples(path, printed, monkeypatch):
     monkeypatch.setenv("COLUMNS", "80")
-    assert run([*path, "--help"]) == 0
-    text = capsys.readouterr().out.rstrip()
+    text = printed([*path, "--help"]).rstrip()
     assert len(text.splitlines()) <= LINES
     assert max(map(len, text.splitlines())) <= 80
     command = resolve(list(path))[0]
@@ -154,7 +153,7 @@ def listed(by_formula, monkeypatch):
         cache.cache_clear()
 
 
-def test_a_component_of_the_core_needs_no_line_of_python(listed, by_formula, tmp_path, capsys):
+def test_a_component_of_the_core_needs_no_line_of_python(listed, by_formula, tmp_path, printed):
     tomllib = pytest.importorskip("tomllib")
     validator = jsonschema.Draft202012Validator(circuit_schema())
     assert validator.is_valid(tomllib.loads(FILE))
@@ -175,8 +174,7 @@ def test_a_component_of_the_core_needs_no_line_of_python(listed, by_formula, tmp
     assert float(flow[0]) == pytest.approx(1e-8 * 5e5 * 1.185)
     assert {"gap.command", "gap.mass_flow_kg_s"} <= {one.name for one in circuit.start().variables}
 
-    assert run(["components", KIND]) == 0
-    card = capsys.readouterr().out
+    card = printed(["components", KIND])
     assert all(word in card for word in ("Toy gap", "permeance", "dm3/(s bar)", "Permeance of the gap", "mass_flow"))
     picture = tmp_path / "picture.svg"
     (tmp_path / "circuit.toml").write_text(FILE)

@@ -5,7 +5,6 @@ from __future__ import annotations
 from pathlib import Path
 
 from pneudrive.cli.hand_over import AXIS, SHIPPED
-from pneudrive.cli.main import run
 from pneudrive.friction.characterisation import characterise_recordings
 from pneudrive.report.recordings import closures
 
@@ -48,7 +47,6 @@ def test_reproduce_says_of_each_sentence_whether_it_holds(reproduced, demonstrat
         assert (reproduced.folder / path).read_bytes() == (demonstration.folder / path).read_bytes()
 
 
-def test_reproduce_into_a_place_that_cannot_be(tmp_path, capsys):
+def test_reproduce_into_a_place_that_cannot_be(tmp_path, refusal):
     (tmp_path / "file").touch()
-    assert run(["reproduce", "--out", str(tmp_path / "file")]) == 2
-    assert "cannot be written to" in capsys.readouterr().err
+    refusal(["reproduce", "--out", tmp_path / "file"], "cannot be written to")

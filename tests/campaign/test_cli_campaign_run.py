@@ -33,9 +33,8 @@ def asked(tmp_path):
     return str(path)
 
 
-def test_run_and_status(folder, asked, capsys):
-    assert run(["campaign", "run", asked, "--out", str(folder), "--operator", "anna", "--label", "seal=B"]) == 0
-    lines = capsys.readouterr().out.splitlines()
+def test_run_and_status(folder, asked, capsys, printed):
+    lines = printed(["campaign", "run", asked, "--out", folder, "--operator", "anna", "--label", "seal=B"]).splitlines()
     assert lines[0].startswith("Small campaign: 10 cycles, ")
     assert any(line.startswith("1/10 b1/warm-up") for line in lines)
     assert lines[-1] == f"10 cycles in {folder}"
@@ -52,8 +51,7 @@ def test_run_and_status(folder, asked, capsys):
     lines = capsys.readouterr().out.splitlines()
     assert lines[1].startswith("9 of 10 planned cycles; ")
     assert lines[2].startswith("problem: cycles/00005-b1_sweep_v50_a0_b0_r1.parquet: this is not a Parquet file")
-    assert run(["campaign", "resume", str(folder)]) == 0
-    assert "put aside" in capsys.readouterr().out
+    assert "put aside" in printed(["campaign", "resume", folder])
     assert len(contents(folder)) == 10
 
 
@@ -70,10 +68,9 @@ def test_run_and_status(folder, asked, capsys):
         (["abort", "c"], "no process works in this campaign folder"),
     ],
 )
-def test_what_cannot_be_done_is_one_clear_message(tmp_path, monkeypatch, capsys, arguments, said):
+def test_what_cannot_be_done_is_one_clear_message(tmp_path, monkeypatch, refusal, arguments, said):
     monkeypatch.chdir(tmp_path)
-    assert run(["campaign", *arguments]) == 2
-    assert said in capsys.readouterr().err
+    refusal(["campaign", *arguments], said)
     assert not (tmp_path / "c").exists()
 
 
@@ -85,7 +82,7 @@ def test_a_fault_while_running_is_status_1_and_says_how_to_go_on(folder, asked, 
     assert f"pneudrive campaign resume {folder}" in error
 
 
-def test_pause_resume_and_abort_by_the_command_line(folder, asked, capsys):
+def test_pause_resume_and_abort_by_the_command_line(folder, asked, capsys, printed, refusal):
     """One process runs in real time, this one talks to it."""
     process = subprocess.Popen(
         [sys.executable, "-m", "pneudrive", "campaign", "run", asked, "--out", str(folder), "--speed", "20"],
@@ -98,19 +95,15 @@ def test_pause_resume_and_abort_by_the_command_line(folder, asked, capsys):
     while (at := holder(folder)) is None or at.state != "running":
         assert time.monotonic() < deadline
         time.sleep(0.05)
-    assert run(["campaign", "pause", "--now", str(folder)]) == 0
-    assert "paus" in capsys.readouterr().out
+    assert "paus" in printed(["campaign", "pause", "--now", folder])
     while holder(folder).state != "paused":
         assert time.monotonic() < deadline
         time.sleep(0.05)
-    assert run(["campaign", "run", asked, "--out", str(folder)]) == 2
-    assert "another process works in this campaign folder" in capsys.readouterr().err
+    refusal(["campaign", "run", asked, "--out", folder], "another process works in this campaign folder")
     run(["campaign", "status", str(folder)])
     assert f"in work by process {process.pid}" in capsys.readouterr().out
-    assert run(["campaign", "resume", str(folder), "--operator", "eve"]) == 0
-    assert "The campaign continues" in capsys.readouterr().out
-    assert run(["campaign", "abort", str(folder)]) == 0
-    assert "The campaign has ended" in capsys.readouterr().out
+    assert "The campaign continues" in printed(["campaign", "resume", folder, "--operator", "eve"])
+    assert "The campaign has ended" in printed(["campaign", "abort", folder])
     out, _ = process.communicate(timeout=60.0)
     assert process.returncode == 130
     assert "Resume: pneudrive campaign resume" in out

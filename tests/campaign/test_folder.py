@@ -12,6 +12,7 @@ import polars as pl
 import pytest
 
 from campaign.fake_rig import FakeRig, contents, protocol
+from oracle.campaigns import rewrite
 from pneudrive.campaign.cycle import Cycle
 from pneudrive.campaign.status import status_of
 from pneudrive.campaign.storage.folder import (
@@ -46,12 +47,6 @@ def folder(tmp_path):
         cycle = replace(CYCLE, key=f"b1/sweep/v{index}/r1")
         write_cycle(campaign.path, Head(index, cycle, memory={"clock_s": 0.1 + index}), some_samples())
     return campaign.path
-
-
-def rewrite(path, change=lambda table: table, **metadata):
-    """Write a cycle's file again without its seal, as somebody else would; its head stays where none is given."""
-    metadata = metadata or {"pneudrive": pl.read_parquet_metadata(path)["pneudrive"]}
-    change(pl.read_parquet(path)).write_parquet(path, metadata=metadata)
 
 
 def test_what_was_written_is_read_to_the_last_bit(folder):
@@ -125,9 +120,7 @@ def test_a_foreign_file_is_a_problem_of_its_own(folder, content, what):
 )
 def test_a_wrong_head_says_what_is_wrong(folder, change, what):
     path = Campaign.open(folder).files()[0]
-    data = json.loads(pl.read_parquet_metadata(path)["pneudrive"])
-    data["cycle"] |= change
-    rewrite(path, pneudrive=json.dumps(data))
+    rewrite(path, **change)
     with pytest.raises(CampaignError, match=what):
         read_head(path)
 
@@ -195,7 +188,7 @@ def test_steps_are_told_from_the_motion(speed_m_s, stop_s):
 def test_pressures_that_are_not_measured_are_those_of_the_cycle(folder):
     path = Campaign.open(folder).files()[0]
     head = pl.read_parquet_metadata(path)["pneudrive"].replace('"sha256"', '"digest"')
-    rewrite(path, lambda table: table.drop("pressure_b_pa", "temperature_k"), pneudrive=head)
+    pl.read_parquet(path).drop("pressure_b_pa", "temperature_k").write_parquet(path, metadata={"pneudrive": head})
     samples = CycleFile(path, read_head(path)).samples()
     assert set(samples.pressure_b_pa) == {1.5e5}
     assert np.isnan(samples.temperature_k).all()
@@ -222,7 +215,7 @@ def test_a_head_that_its_bytes_do_not_show_is_read_by_the_library(folder):
     campaign = Campaign.open(folder)
     path = campaign.files()[1]
     head = pl.read_parquet_metadata(path)["pneudrive"]
-    rewrite(path, x="\x18\x09pneudrive\x18", pneudrive=head)
+    pl.read_parquet(path).write_parquet(path, metadata={"x": "\x18\x09pneudrive\x18", "pneudrive": head})
     files, problems = campaign.scan()
     assert [file.sealed for file in files] == [True, False, True]
     assert files[1].head.cycle.key == json.loads(head)["cycle"]["key"]

@@ -165,9 +165,8 @@ def test_rig_files_that_would_give_a_secret_away(tmp_path, text, words):
         load_rig(tmp_path / "bench.toml")
 
 
-def test_a_server_is_not_open_to_the_network_by_mistake(files, capsys):
-    assert run(["rig", "serve", "--bind", "0.0.0.0"]) == 2
-    assert "anyone who reaches this address could move the axis" in capsys.readouterr().err
+def test_a_server_is_not_open_to_the_network_by_mistake(files, refusal):
+    refusal(["rig", "serve", "--bind", "0.0.0.0"], "anyone who reaches this address could move the axis")
     with pytest.raises(CommandError, match="need --certificate"):
         Protection.of(None, None, files / "users")
     with pytest.raises(CommandError, match="needs --trust"):
@@ -180,7 +179,9 @@ def test_an_address_that_is_none_is_refused_in_words(url):
         load_rig(url)
 
 
-def test_users_that_cannot_be_written_are_one_message(tmp_path, monkeypatch, capsys):
+def test_users_that_cannot_be_written_are_one_message(tmp_path, monkeypatch, refusal):
     monkeypatch.setattr("sys.stdin", io.StringIO("secret\n"))
-    assert run(["rig", "user", "anna", "--user-file", str(tmp_path / "nowhere" / "users")]) == 2
-    assert "users cannot be written: No such file or directory" in capsys.readouterr().err
+    refusal(
+        ["rig", "user", "anna", "--user-file", tmp_path / "nowhere" / "users"],
+        "users cannot be written: No such file or directory",
+    )

@@ -80,7 +80,7 @@ class Bench(FakeRig):
 """
 
 
-def test_a_folder_never_decides_what_is_imported(tmp_path, monkeypatch, capsys):
+def test_a_folder_never_decides_what_is_imported(tmp_path, monkeypatch, capsys, refusal):
     """Own code runs because the command of this run names it, or the hash of its file; all else only reads data."""
     (tmp_path / "bench.py").write_text(BENCH)
     monkeypatch.chdir(tmp_path)
@@ -124,8 +124,7 @@ def test_a_folder_never_decides_what_is_imported(tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(sys, "path", [path for path in sys.path if path != str(tmp_path)])
     code = sha256(with_neighbour.encode()).hexdigest()
     (tmp_path / "c" / "campaign.json").write_text(json.dumps({**about, "rig": own, "rig_sha256": code}))
-    assert run(["campaign", "resume", str(tmp_path / "c"), "--allow-code", code]) == 2
-    assert "No module named 'neighbour_of_bench'" in capsys.readouterr().err
+    refusal(["campaign", "resume", tmp_path / "c", "--allow-code", code], "No module named 'neighbour_of_bench'")
 
 
 # --- A campaign folder plays back as a rig: the same campaign to the bit, and nothing made up.

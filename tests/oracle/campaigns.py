@@ -8,7 +8,7 @@ product says of it is true.
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -406,6 +406,14 @@ def random_world(seed: int) -> World:
     if world.sentinel_every or world.order == "randomised":
         world = replace(world, drift_share=float(draw.normal(0.0, 0.02)))
     return world
+
+
+def rewrite(path: Path, change: Callable[[pl.DataFrame], pl.DataFrame] = lambda table: table, **cycle: object) -> dict:
+    """Write a cycle's file again without its seal, with other samples or entries of its cycle; return its head."""
+    head = json.loads(pl.read_parquet_metadata(path)["pneudrive"])
+    head["cycle"] |= cycle
+    change(pl.read_parquet(path)).write_parquet(path, metadata={"pneudrive": json.dumps(head)})
+    return head
 
 
 def gauges(condition: object) -> tuple[float, float]:

@@ -13,7 +13,6 @@ import pytest
 
 import pneudrive as pn
 from pneudrive.campaign.planning.protocol import ready_protocols
-from pneudrive.cli.main import run
 from pneudrive.describe import components
 from pneudrive.describe.files.load import circuit_schema
 from pneudrive.describe.kinds import component_kinds
@@ -352,10 +351,9 @@ SHIPPED = {
 
 
 @pytest.mark.parametrize(("kind", "file"), [(kind, file) for kind, files in SHIPPED.items() for file in files])
-def test_the_printed_schema_takes_shipped_files_and_finds_a_wrong_key(kind, file, capsys):
+def test_the_printed_schema_takes_shipped_files_and_finds_a_wrong_key(kind, file, printed):
     jsonschema, tomllib = pytest.importorskip("jsonschema"), pytest.importorskip("tomllib")
-    assert run(["schema", kind]) == 0
-    schema = json.loads(capsys.readouterr().out)
+    schema = json.loads(printed(["schema", kind]))
     held = jsonschema.validators.validator_for(schema)(schema)
     tables = tomllib.loads(file.read_text())
     held.validate(tables)

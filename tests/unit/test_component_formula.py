@@ -11,7 +11,6 @@ import numpy as np
 import pytest
 
 import pneudrive as pn
-from pneudrive.cli.main import run
 from pneudrive.describe.files.load import circuit_schema
 from pneudrive.errors import DescriptionError
 
@@ -121,12 +120,11 @@ def test_a_force_from_python_brakes_a_slide():
     assert "drag.force" in braked
 
 
-def test_it_is_listed_and_described(folder, capsys):
+def test_it_is_listed_and_described(folder, printed):
     jsonschema = pytest.importorskip("jsonschema")
     tomllib = pytest.importorskip("tomllib")
     jsonschema.Draft202012Validator(circuit_schema()).validate(tomllib.loads(OWN))
-    assert run(["components", "restriction/formula"]) == 0
-    out = capsys.readouterr().out
+    out = printed(["components", "restriction/formula"])
     assert "p_up" in out
     assert "file:NAME.toml" in out
     card = repr(load(folder))

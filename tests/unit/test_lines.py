@@ -69,11 +69,10 @@ def test_a_drive_that_does_not_arrive_is_told(capsys, tmp_path):
     assert capsys.readouterr().out.splitlines()[3].split()[:7] == ["4", "mm", "1", "m", "1.131", "2.297", "never"]
 
 
-def test_lines_on_the_command_line(tmp_path, capsys):
+def test_lines_on_the_command_line(tmp_path, printed):
     table, picture = tmp_path / "lines.csv", tmp_path / "lines.png"
     asked = ["--length", "1 m, 2 m", "--diameter", "4 mm", "--out", str(table), "--plot", str(picture)]
-    assert run(["lines", "catalogue:reference", *asked]) == 0
-    said = capsys.readouterr().out
+    said = printed(["lines", "catalogue:reference", *asked])
     assert "an empirical formula (assumed" in said
     assert [line.split()[:6] for line in said.splitlines()[3:5]] == [
         ["4", "mm", "1", "m", "1.131", "2.297"],
@@ -83,18 +82,14 @@ def test_lines_on_the_command_line(tmp_path, capsys):
     assert picture.read_bytes()[:4] == b"\x89PNG"
 
 
-def test_wrong_input_gets_one_message(tmp_path, capsys, reference):
-    assert run(["lines", "catalogue:reference", "--length", "1 bar"]) == 2
-    assert 'length: unit "bar" is a pressure' in capsys.readouterr().err
-    assert run(["lines", "catalogue:reference", "--diameter", "0 mm"]) == 2
-    assert "diameter = 0 mm is out of bounds" in capsys.readouterr().err
-    assert run(["lines", "catalogue:reference", "--length", ","]) == 2
-    assert "is not a list of quantities" in capsys.readouterr().err
+def test_wrong_input_gets_one_message(tmp_path, refusal, reference):
+    refusal(["lines", "catalogue:reference", "--length", "1 bar"], 'length: unit "bar" is a pressure')
+    refusal(["lines", "catalogue:reference", "--diameter", "0 mm"], "diameter = 0 mm is out of bounds")
+    refusal(["lines", "catalogue:reference", "--length", ","], "is not a list of quantities")
     assert run(["lines", "catalogue:reference", "--plot", str(tmp_path / "x.html")]) == 2
     circuit = tmp_path / "circuit.toml"
     circuit.write_text(reference.circuit.to_toml())
-    assert run(["lines", str(circuit)]) == 2
-    assert "the table of tubes needs a drive, but got a Circuit" in capsys.readouterr().err
+    refusal(["lines", circuit], "the table of tubes needs a drive, but got a Circuit")
     with pytest.raises(CommandError, match="not a list"):
         pn.lines(reference, "1 m")
     with pytest.raises(DescriptionError, match="needs a drive"):

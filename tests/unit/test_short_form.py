@@ -107,23 +107,19 @@ def test_a_drive_with_lines_keeps_the_names_of_a_drive(short):
         session.set("load_force", 1.0)
 
 
-def test_lines_on_the_command_line(tmp_path, capsys):
+def test_lines_on_the_command_line(tmp_path, capsys, printed):
     path, out = tmp_path / "drive.toml", tmp_path / "run.csv"
     path.write_text(SHORT + LINES)
     command = ["--command", "0 s: 1", "--duration", "0.1 s", "--initial", "position = 0 mm"]
-    assert run(["simulate", str(path), *command, "--out", str(out)]) == 0
-    assert re.search(r"\nposition +0\.000 mm ", capsys.readouterr().out)
+    assert re.search(r"\nposition +0\.000 mm ", printed(["simulate", path, *command, "--out", out]))
     assert out.read_text().splitlines()[0].startswith("time_s,position_m,velocity_m_s,")
-    assert run(["check", str(path)]) == 0
-    said = capsys.readouterr().out
+    said = printed(["check", path])
     assert "  flow_control_a, flow_control_b: cracking_pressure = 0.1 bar, a usual spring\n" in said
     assert "  each joint of valve.4, tube_a.2, valve.2, tube_b.2 has" in said
-    assert run(["check", "catalogue:parker-osp-p25-sy5000"]) == 0
-    said = capsys.readouterr().out
+    said = printed(["check", "catalogue:parker-osp-p25-sy5000"])
     assert "cylinder.bore = 25 mm [parker-osp-p-0980]" in said
     assert "cylinder.moving_mass = 0.7 kg, not read on the sheet" in said
-    assert run(["check", "catalogue:reference"]) == 0
-    assert "overlap, leakage, hysteresis = 0, as of an ideal valve" in capsys.readouterr().out
+    assert "overlap, leakage, hysteresis = 0, as of an ideal valve" in printed(["check", "catalogue:reference"])
     path.write_text(SHORT.replace('stroke = "100 mm"', 'stroke = "500 m"'))
     run(["check", str(path)])
     assert "cylinder.stroke = 500000 mm; usual are 1 mm to" in capsys.readouterr().out
@@ -177,17 +173,13 @@ FAULTS = {
 
 
 @pytest.mark.parametrize("fault", FAULTS)
-def test_a_fault_of_a_line_is_told_where_it_stands(tmp_path, capsys, fault):
+def test_a_fault_of_a_line_is_told_where_it_stands(tmp_path, refusal, fault):
     (old, new), what, mark, rest = FAULTS[fault]
     text = (SHORT + LINES).replace(old, new, 1)
     path = tmp_path / "drive.toml"
     path.write_text(text)
     line = next(n for n, one in enumerate(text.splitlines(), start=1) if mark in one)
-    assert run(["check", str(path)]) == 2
-    said = capsys.readouterr().err
-    assert what in said
-    assert f"{path}:{line}" in said
-    assert rest in said
+    refusal(["check", path], what, f"{path}:{line}", rest)
 
 
 def test_a_fault_of_a_short_table_in_a_circuit_is_told_where_it_stands(tmp_path):

@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 import pneudrive as pn
-from pneudrive.cli.main import run
 from pneudrive.datasheet import sheet
 from pneudrive.datasheet.measured import beside, response_of
 from pneudrive.datasheet.plant import HeldDrive
@@ -42,12 +41,11 @@ def golden_file(folder):
     return path
 
 
-def test_a_datasheet_beside_an_independent_model(tmp_path, monkeypatch, capsys):
+def test_a_datasheet_beside_an_independent_model(tmp_path, monkeypatch, printed):
     monkeypatch.setattr(sheet, "OF_A_SHEET", QUICK)
     recording, page = golden_file(tmp_path), tmp_path / "sheet.html"
     layout = str(tmp_path / "layout.toml")
-    assert run(["datasheet", "catalogue:reference", str(recording), "--layout", layout, "--out", str(page)]) == 0
-    said = capsys.readouterr().out
+    said = printed(["datasheet", "catalogue:reference", recording, "--layout", layout, "--out", page])
     assert "22 of 22 numbers agree" in said.replace("\n", " ")
     text = page.read_text(encoding="utf-8")
     assert re.search(r"end energy</td>.*?11\.8 J", text, re.DOTALL)
@@ -174,15 +172,14 @@ synthetic = "circuit"
         beside(DRIVE, [recording], None, UNWATCHED)
 
 
-def test_the_circuit_of_a_drive_has_the_numbers_of_the_drive(tmp_path, capsys, monkeypatch):
+def test_the_circuit_of_a_drive_has_the_numbers_of_the_drive(tmp_path, printed, monkeypatch):
     monkeypatch.setattr("pneudrive.datasheet.sheet.OF_A_SHEET", ("force-speed", "square-response"))
     (tmp_path / "drive.toml").write_text(DRIVE.to_toml(), encoding="utf-8")
     (tmp_path / "circuit.toml").write_text(DRIVE.circuit.to_toml(), encoding="utf-8")
     said = []
     for name in ("drive", "circuit"):
         page = tmp_path / f"{name}.html"
-        assert run(["datasheet", str(tmp_path / f"{name}.toml"), "--out", str(page)]) == 0
-        said.append(capsys.readouterr().out.splitlines()[0])
+        said.append(printed(["datasheet", tmp_path / f"{name}.toml", "--out", page]).splitlines()[0])
         assert "blocked force" in page.read_text(encoding="utf-8")
     assert said[0] == said[1]
 

@@ -7,8 +7,6 @@ from pathlib import Path
 
 import pytest
 
-from pneudrive.cli.main import run as command
-
 EXAMPLE = (Path(__file__).parents[3] / "examples" / "tripod.toml").read_text("utf-8")
 DELTA = EXAMPLE.replace("3-rps", "linear-delta").replace("centre =", "#").replace("inertia =", "#")
 STROKE, JOINED = 'stroke = "200 mm"', '"leg_3.rod -> tripod.3"'
@@ -79,12 +77,11 @@ CASES = {
 
 
 @pytest.mark.parametrize("case", CASES)
-def test_a_fault_is_told_with_its_line_rule_and_remedy(case, tmp_path, capsys):
+def test_a_fault_is_told_with_its_line_rule_and_remedy(case, tmp_path, refusal):
     text, mark, words = CASES[case]
     path = tmp_path / "machine.toml"
     path.write_text(text)
-    assert command(["platform", str(path)]) == 2
-    said = " ".join(capsys.readouterr().err.split())
+    said = " ".join(refusal(["platform", path]).split())
     line = next(number for number, one in enumerate(text.splitlines(), start=1) if mark in one)
     assert f"{path}:{line} " in said
     for word in words:

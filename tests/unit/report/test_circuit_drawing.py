@@ -232,7 +232,7 @@ def test_every_kind_has_a_symbol_and_a_box(kind):
             assert min(x - box[0], box[2] - x, y - box[1], box[3] - y) == x % 1 == y % 1 == 0
 
 
-def test_a_place_of_ones_own(tmp_path, capsys):
+def test_a_place_of_ones_own(tmp_path, printed):
     text = (EXAMPLES / "two_cylinders.toml").read_text()
     tank = 'kind = "tank"\nat = [40, 4]'
     path = tmp_path / "circuit.toml"
@@ -241,8 +241,7 @@ def test_a_place_of_ones_own(tmp_path, capsys):
     assert (placed["tank"].x, placed["tank"].y) == (40, 4)
     assert pn.Circuit.load(pn.Circuit.load(path).to_toml()).components["tank"].at == (40.0, 4.0)
     out = tmp_path / "circuit.svg"
-    assert run(["draw", str(path), "--out", str(out)]) == 0
-    assert "joint of valve_l.4: 0.4 cm3" in capsys.readouterr().out
+    assert "joint of valve_l.4: 0.4 cm3" in printed(["draw", path, "--out", out])
     assert out.read_text().startswith("<?xml")
     before = out.read_bytes()
     assert run(["draw", str(path), "--out", str(out)]) == 0
@@ -260,14 +259,13 @@ FAULTS = {
 
 
 @pytest.mark.parametrize("fault", FAULTS)
-def test_a_fault_of_a_place_is_told(tmp_path, capsys, fault):
+def test_a_fault_of_a_place_is_told(tmp_path, refusal, fault):
     new, what, mark, rest = FAULTS[fault]
     text = (EXAMPLES / "two_cylinders.toml").read_text().replace('kind = "reservoir"', new)
     text = text.replace('kind = "tank"', 'kind = "tank"\nat = [40, 4]')
     path = tmp_path / "circuit.toml"
     path.write_text(text)
-    assert run(["draw", str(path), "--out", str(tmp_path / "x.svg")]) == 2
-    said = capsys.readouterr().err
+    said = refusal(["draw", path, "--out", tmp_path / "x.svg"])
     line = next(n for n, one in enumerate(text.splitlines(), start=1) if mark in one)
     assert what in said
     assert f"{path}:{line + (fault == 'together')}" in said

@@ -217,14 +217,12 @@ def test_a_pressure_alone_is_a_fixed_volume(tmp_path):
 
 
 @pytest.mark.parametrize("head", ["id,price,amount", ""])
-def test_a_table_that_is_no_recording_gets_no_layout(tmp_path, capsys, head):
-    from pneudrive.cli.main import run
+def test_a_table_that_is_no_recording_gets_no_layout(tmp_path, refusal, head):
 
     rng = np.random.default_rng(0)
     rows = [f"{i},{rng.uniform(1, 90):.2f},{rng.integers(1, 9)}" for i in range(400)]
     (tmp_path / "a.csv").write_text("\n".join([head, *rows] if head else rows))
-    assert run(["layout", str(tmp_path / "a.csv"), "--out", str(tmp_path / "layout.toml")]) == 2
-    assert "do not fit a recording" in capsys.readouterr().err
+    refusal(["layout", tmp_path / "a.csv", "--out", tmp_path / "layout.toml"], "do not fit a recording")
     assert not (tmp_path / "layout.toml").exists()
 
 

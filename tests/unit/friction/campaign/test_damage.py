@@ -10,7 +10,7 @@ import pytest
 
 import pneudrive as pn
 from campaign.fake_rig import QUICK, protocol
-from oracle.campaigns import BAR, World, hits, write_campaign
+from oracle.campaigns import BAR, World, hits, rewrite, write_campaign
 from pneudrive.campaign.run import run_campaign
 from pneudrive.characteristics import campaign_friction
 from pneudrive.errors import CampaignError
@@ -42,9 +42,7 @@ DAMAGE = {
 
 def spoil(folder, at: int, how) -> str:
     path = sorted((folder / "cycles").glob("*-sweep-*.parquet"))[at]
-    metadata = {"pneudrive": pl.read_parquet_metadata(path)["pneudrive"]}
-    how(pl.read_parquet(path)).write_parquet(path, metadata=metadata)
-    return json.loads(metadata["pneudrive"])["cycle"]["key"]
+    return rewrite(path, how)["cycle"]["key"]
 
 
 @pytest.mark.parametrize("damage", DAMAGE)
@@ -77,9 +75,7 @@ def test_files_that_cannot_be_read_are_named(tmp_path):
     files = sorted((folder / "cycles").glob("*-sweep-*.parquet"))
     files[0].write_bytes(files[0].read_bytes()[:2000])
     files[1].write_bytes(b"not a cycle")
-    pl.read_parquet(files[2]).drop("force_n").write_parquet(
-        files[2], metadata={"pneudrive": pl.read_parquet_metadata(files[2])["pneudrive"]}
-    )
+    rewrite(files[2], lambda frame: frame.drop("force_n"))
     found = campaign_friction(folder)
     assert {s.file.removeprefix("cycles/") for s in found.skipped} == {f.name for f in files[:3]}
     assert found.curves
@@ -154,9 +150,7 @@ def test_friction_that_cannot_be_costs_its_cycle_even_where_several_fail(measure
 def test_way_is_told_by_samples_where_no_steps_are_written(measured, quick):
     def without_steps(folder):
         for path in (folder / "cycles").glob("*.parquet"):
-            head = json.loads(pl.read_parquet_metadata(path)["pneudrive"])
-            head["cycle"]["steps"] = []
-            pl.read_parquet(path).write_parquet(path, metadata={"pneudrive": json.dumps(head)})
+            rewrite(path, steps=[])
 
     planned, sampled = (measured(quick(), spoil=how) for how in (None, without_steps))
     ways = [found.cycles["travel_m"].to_numpy() for found in (planned, sampled)]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from oracle.campaigns import BAR, Friction, gauges, hits
+from oracle.campaigns import BAR, Friction, gauges, hits, rewrite
 
 CROSSED = ((0.0, 0.0), (BAR, 0.0), (0.0, BAR), (BAR, BAR), (2.0 * BAR, BAR))
 SPEEDS = tuple(np.geomspace(2e-3, 0.3, 6))
@@ -210,13 +210,11 @@ def hang_a_weight(gain: float):
 
     def spoil(folder):
         for path in sorted((folder / "cycles").glob("*.parquet")):
-            head = json.loads(pl.read_parquet_metadata(path)["pneudrive"])
-            frame = pl.read_parquet(path).with_columns(pl.col("force_n") * gain)
-            frame.write_parquet(path, metadata={"pneudrive": json.dumps(head)})
+            head = rewrite(path, lambda frame: frame.with_columns(pl.col("force_n") * gain))
             if head["cycle"]["kind"] == "tare":
                 cycle = head["cycle"] | {"kind": "weight", "key": f"weight-{head['index']}"}
                 cycle["steps"] = [{"duration_s": 5.0, "released": False, "weight_n": 50.0}]
-                under = frame.with_columns(pl.col("force_n") - gain * 50.0)
+                under = pl.read_parquet(path).with_columns(pl.col("force_n") - gain * 50.0)
                 name = f"{head['index']:05d}-weight.parquet"
                 data = json.dumps(head | {"cycle": cycle})
                 under.write_parquet(path.with_name(name), metadata={"pneudrive": data})

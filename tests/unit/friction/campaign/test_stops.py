@@ -9,6 +9,7 @@ import polars as pl
 import pytest
 from scipy.signal import lfilter
 
+from oracle.campaigns import rewrite
 from oracle.stop_campaigns import AMBIENT_PA, StopWorld, write_stops
 from pneudrive.campaign.cycle import Cycle
 from pneudrive.campaign.storage.folder import Campaign
@@ -220,12 +221,8 @@ def test_held_and_released_are_told_apart(tmp_path):
 def test_damaged_cycles_cost_only_themselves(tmp_path):
     folder = write_stops(tmp_path / "c", StopWorld(durations_s=(1.0, 10.0, 100.0), repeats=4), 0)
     files = sorted((folder / "cycles").glob("*.parquet"))
-    head = pl.read_parquet_metadata(files[0])["pneudrive"]
-    frame = pl.read_parquet(files[0])
-    frame.filter(pl.col("step") < 3).write_parquet(files[0], metadata={"pneudrive": head})  # ends before its stop
-    head = pl.read_parquet_metadata(files[1])["pneudrive"]
-    frame = pl.read_parquet(files[1]).with_columns(force_n=pl.lit(float("nan")))
-    frame.write_parquet(files[1], metadata={"pneudrive": head})
+    rewrite(files[0], lambda frame: frame.filter(pl.col("step") < 3))  # ends before its stop
+    rewrite(files[1], lambda frame: frame.with_columns(force_n=pl.lit(float("nan"))))
     files[2].write_bytes(files[2].read_bytes()[:2000])
     result = campaign_friction(folder, processes=1)
     assert len(result.stops) == 9
@@ -245,8 +242,7 @@ def test_damaged_cycles_cost_only_themselves(tmp_path):
 def test_peaks_that_are_none_are_flagged_and_not_counted(tmp_path, spoil, flag):
     folder = write_stops(tmp_path / "c", StopWorld(durations_s=(5.0, 50.0), repeats=2, samples=300), 1)
     for path in (folder / "cycles").glob("*.parquet"):
-        head = pl.read_parquet_metadata(path)["pneudrive"]
-        pl.read_parquet(path).with_columns(spoil).write_parquet(path, metadata={"pneudrive": head})
+        rewrite(path, lambda frame: frame.with_columns(spoil))
     stops, _ = find_stops(Campaign.open(folder), 1)
     assert not stops["usable"].any()
     assert stops["flags"].list.contains(flag).all()

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 from pneudrive.characterise import characterise_recordings, read_map
-from pneudrive.cli.main import run
 from pneudrive.friction.bins import pair_stderr, profile_stderr, spread_of
 from pneudrive.friction.campaign.characteristics import recorded_characteristics
 from pneudrive.friction.strokes import StrokeUse
@@ -179,15 +178,14 @@ def test_a_recording_whose_strokes_all_count_has_no_note(make):
     assert not any("strokes are used" in note for note in found.notes)
 
 
-def test_terminal_map_and_report_say_the_same(partial, tmp_path, capsys):
+def test_terminal_map_and_report_say_the_same(partial, tmp_path, printed):
     columns = np.column_stack([partial.time_s, *(getattr(partial, c) for c in ("position_m", "force_n"))])
     columns = np.column_stack([columns, partial.pressure_b_pa])
     head = "time_s,position_m,force_n,pressure_b_pa"
     np.savetxt(tmp_path / "partial.csv", columns, delimiter=",", header=head, comments="")
     (tmp_path / "layout.toml").write_text(LAYOUT)
     out = tmp_path / "out"
-    assert run(["characterise", str(tmp_path / "partial.csv"), "--out", str(out)]) == 0
-    said = " ".join(capsys.readouterr().out.split())
+    said = " ".join(printed(["characterise", tmp_path / "partial.csv", "--out", out]).split())
     assert "9 of 16" in said
     assert "6 across less than a quarter of the window" in said
     assert read_map(out / "map.csv")["strokes_recorded"].to_numpy().tolist() == [8, 8]

@@ -247,8 +247,7 @@ def test_what_cannot_be_written_or_read(make, tmp_path):
         read_map(tmp_path / "none.parquet")
 
 
-def test_the_map_keeps_every_label_so_that_a_fit_can_ask_for_it(make, tmp_path, capsys):
-    from pneudrive.cli.main import run
+def test_the_map_keeps_every_label_so_that_a_fit_can_ask_for_it(make, tmp_path, printed):
     from pneudrive.identify import FrictionFit
 
     recordings = [
@@ -261,13 +260,11 @@ def test_the_map_keeps_every_label_so_that_a_fit_can_ask_for_it(make, tmp_path, 
     assert again["seal"].to_numpy().tolist() == [*["lip"] * 4, *["cup"] * 4]
     assert again["run"].to_numpy().tolist() == ["01", "01", "02", "02"] * 2
     fit = ["fit", str(path), "--laws", "coulomb", "--pressure", "none", "--out", str(tmp_path / "fit.toml")]
-    assert run(fit) == 0
-    said = capsys.readouterr().out
+    said = printed(fit)
     warning = "the map has 2 values of seal (cup, lip) and the fit averages over them; --by seal fits each"
     assert warning in said
     assert said.startswith("! the map has")  # before the fit, not after it
     assert "2 values of run" in said
-    assert run([*fit, "--by", "seal"]) == 0
-    assert "values of seal" not in capsys.readouterr().out
+    assert "values of seal" not in printed([*fit, "--by", "seal"])
     levels = [FrictionFit.from_toml(tmp_path / f"fit-{seal}.toml").parameters["coulomb"] for seal in ("lip", "cup")]
     assert levels == pytest.approx([5.0, 9.0], abs=0.05)
