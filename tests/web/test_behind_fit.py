@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-import shlex
 from pathlib import Path
 
 import numpy as np
@@ -13,14 +12,12 @@ import xarray as xr
 import pneudrive as pn
 from pneudrive.campaign.planning.protocol import read_protocol
 from pneudrive.characterise import write_map
-from pneudrive.cli.main import run as run_command
 from pneudrive.errors import FitError
 from pneudrive.identify.static.fit import fit_file
 from pneudrive.identify.static.result import FrictionFit, ellipses, with_map
+from web.client import get, post, run_line, run_python
 from web.conftest import Served
 from web.maps import WIDE, coulomb, friction_map, stribeck
-from web.test_friction import post
-from web.test_recordings import get
 
 FOLDER = "results/seal"
 FIT = f"{FOLDER}/fit.toml"
@@ -69,14 +66,13 @@ def test_residuals_profiles_and_ellipses_are_those_of_the_fit(fitted: Served, mo
     assert half == pytest.approx(0.5 * (top - low), rel=0.25)  # the profile is nearly of first order there
 
     monkeypatch.chdir(fitted.folder)
-    names: dict = {}
-    exec(found["python"], names)
+    names = run_python(found["python"])
     assert np.array_equal(names["residuals"], data.measured - data.model)
     assert names["ends"].keys() == set(whole.free)
     monkeypatch.setattr(
         "pneudrive.report.page.write_fit_report", lambda fit, folder: Path(folder) / str(len(fit.compared()))
     )
-    assert run_command(shlex.split(found["command"])[1:]) == 0
+    assert run_line(found["command"]) == 0
 
 
 def test_an_ellipse_is_that_of_the_normal_equations() -> None:
@@ -110,13 +106,13 @@ def test_next_points_are_those_of_the_command_and_of_python(
     for _, now, then, _ in expected:
         assert float(then) < float(now)
     monkeypatch.chdir(fitted.folder)
-    exec(found["python"], {})
+    run_python(found["python"])
     first = capsys.readouterr().out.splitlines()[2].split()
-    assert run_command(shlex.split(found["command"])[1:]) == 0
+    assert run_line(found["command"]) == 0
     assert first in [line.split() for line in capsys.readouterr().out.splitlines()]
     assert first[0] == points[0][0]
     job = {"kind": "design", "fit": FIT, "points": 12, "name": "next"}
-    assert run_command(shlex.split(post(fitted, "/api/work", job)["command"])[1:]) == 0
+    assert run_line(post(fitted, "/api/work", job)["command"]) == 0
     text = (fitted.folder / "next.toml").read_text()
     written = [float(text) for text in re.findall(r'"([\d.]+) mm/s"', text)]
     for speed, *_ in points:
@@ -161,8 +157,7 @@ def test_a_map_at_one_speed_is_friction_over_pressure(maps: Served, monkeypatch:
     assert np.ptp(friction) == pytest.approx(3e-5 * 4e5, rel=0.05)
     assert np.all(group["curve"]["low"] <= friction)
     monkeypatch.chdir(maps.folder)
-    names: dict = {}
-    exec(found["python"], names)
+    names = run_python(found["python"])
     (said,) = names["found"]
     assert np.array_equal(said.friction_n, friction)
     for speed in ("0", "-1", "nan", "x", ""):
@@ -199,8 +194,7 @@ def test_each_seal_of_many_has_its_curves_and_the_python_names_its_fit(
     assert [("curve" in group) for group in shown] == [True] * 10 * len(GAUGES)
     monkeypatch.chdir(maps.folder)
     cut = get(maps, "/api/slice", path="results/seals/map.parquet", speed="0.03")
-    names: dict = {}
-    exec(cut["python"], names)
+    names = run_python(cut["python"])
     assert [group["assembly"] for group in cut["groups"]] == [f"S{number}" for number in range(10)]
     for group, said in zip(cut["groups"], names["found"], strict=True):
         assert list(said.friction_n) == group["curve"]["friction"]

@@ -15,10 +15,10 @@ from pneudrive.constants import AIR_GAS_CONSTANT_J_KG_K
 from pneudrive.simulation.trajectory import save
 from pneudrive.web.live import answer
 from pneudrive.web.workspace import Workspace
+from web.client import post, run_python
 from web.conftest import DRIVE, Served
 from web.frames import unpack
 from web.test_control import shell
-from web.test_views import post
 
 ASKED = {
     "path": "axis.toml",
@@ -62,8 +62,8 @@ def test_energy_is_that_of_the_run(served: Served, monkeypatch: pytest.MonkeyPat
     head, _ = asked(served, energy=True)
     found = head["energy"]
     monkeypatch.chdir(served.folder)
-    copied, names = post(served, "/api/copy", ASKED | {"energy": True, "columns": SHOWN}), {}
-    exec(copied["python"], names)
+    copied = post(served, "/api/copy", ASKED | {"energy": True, "columns": SHOWN})
+    names = run_python(copied["python"])
     assert found["accounts_j"] == names["energy"].accounts_j
     assert found["air_litres_anr"] == names["energy"].air_litres_anr
     shell(served, copied["command"])
@@ -88,8 +88,7 @@ def test_other_drives_and_files_are_those_of_python(served: Served, monkeypatch:
     others = ["light.toml", "kept.parquet"]
     head, arrays = asked(served, others=others)
     copied = post(served, "/api/copy", ASKED | {"others": others, "columns": SHOWN})
-    names: dict = {}
-    exec(copied["python"], names)
+    names = run_python(copied["python"])
     assert np.array_equal(arrays["position_m"], names["run"].position.to_numpy())
     assert np.array_equal(arrays["1/position_m"], names["run_1"].position.to_numpy())
     assert np.array_equal(arrays["2/position_m"], names["run_2"]["position_m"].to_numpy())
@@ -127,8 +126,7 @@ def test_a_trajectory_of_any_kind_is_read_by_the_copied_python(served: Served, m
     for suffix in ("csv", "nc"):
         save(run, f"kept.{suffix}")
         copied = post(served, "/api/copy", ASKED | {"others": [f"kept.{suffix}"], "columns": SHOWN})
-        names: dict = {}
-        exec(copied["python"], names)
+        names = run_python(copied["python"])
         name = "position" if suffix == "nc" else "position_m"
         assert np.array_equal(names["run_1"][name].to_numpy(), run.position.to_numpy())
 
@@ -139,8 +137,7 @@ def test_a_band_is_that_of_many_members(served: Served, monkeypatch: pytest.Monk
     assert head["band"]["members"] == 200
     copied = post(served, "/api/copy", ASKED | {"spreads": spreads, "columns": SHOWN})
     monkeypatch.chdir(served.folder)
-    names: dict = {}
-    exec(copied["python"], names)
+    names = run_python(copied["python"])
     for column, name in (("position_m", "position"), ("pressure_a_pa", "pressure_a")):
         low, high = names["band"][name].to_numpy()
         assert np.array_equal(arrays[f"band/{column}/low"], low)

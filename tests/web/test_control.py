@@ -18,10 +18,10 @@ from pneudrive.errors import Cancelled, CommandError, PneudriveWarning
 from pneudrive.web.live import answer
 from pneudrive.web.workspace import Workspace
 from waiting import until
+from web.client import post, run_python
 from web.conftest import DRIVE, Served
 from web.frames import unpack
 from web.test_friction import finished
-from web.test_views import post
 
 STEP = "250 mm; 0.1 s: 280 mm in 0.2 s"
 SLOW = "sine 60 mm 0.5 Hz around 250 mm"
@@ -71,8 +71,7 @@ def test_run_command_and_python_give_the_same_bits(served: Served, monkeypatch: 
     }
     assert head["view"]["tables"][0]["rows"] == [["moving_mass", "1.3"]]
     monkeypatch.chdir(served.folder)
-    names: dict = {}
-    exec(head["python"], names)
+    names = run_python(head["python"])
     shell(served, head["command"])
     assert (served.folder / "axis-pid.toml").read_text() == "mine"
     table = pl.read_parquet("axis-control.parquet")
@@ -93,7 +92,7 @@ def test_what_a_terminal_warns_of_is_told(served: Served, monkeypatch: pytest.Mo
     assert head["mismatch"] == ["load-step", "A force of 20 N from 6.2 s to 13.3 s; assumed."]
     monkeypatch.chdir(served.folder)
     with pytest.warns(PneudriveWarning) as told:
-        exec(head["python"], {})
+        run_python(head["python"])
     assert head["warnings"] == [str(one.message) for one in told]
     assert "the entry at 6.2 s has no effect" in head["warnings"][0]
 
@@ -103,8 +102,7 @@ def test_a_controller_file_is_run_too(served: Served, monkeypatch: pytest.Monkey
     pn.control.tune(drive, "inversion").save(served.folder / "MINE.TOML")
     head, drawn = asked(served, law="MINE.TOML", gains={}, setup="real", mismatch="")
     monkeypatch.chdir(served.folder)
-    names: dict = {}
-    exec(head["python"], names)
+    names = run_python(head["python"])
     assert np.array_equal(drawn["position_m"], names["run"].position.to_numpy())
     assert head["law"] == "inversion"
 
@@ -182,8 +180,7 @@ def test_a_comparison_is_run_cancelled_resumed_and_shown(served: Served, monkeyp
     assert not (served.folder / "results" / "laws" / "so-far.jsonl").exists()
     assert card["command"].startswith("pneudrive control benchmark axis.toml --laws inversion,pid")
     monkeypatch.chdir(served.folder)
-    names: dict = {}
-    exec(card["python"], names)
+    names = run_python(card["python"])
     made = names["card"]
     for cell in card["cells"]:
         assert cell["value"] == made.middle(cell["law"], cell["reference"], "max_error_m")

@@ -14,16 +14,11 @@ from pneudrive.characterise import write_map
 from pneudrive.cli.main import run as run_command
 from pneudrive.identify.static.result import FrictionFit
 from waiting import until
+from web.client import get, post, run_line, run_python
 from web.conftest import Served
-from web.test_recordings import MEASURED, get
+from web.test_recordings import MEASURED
 
 NAMES = ["O-ring_1bar.csv.xz", "O-ring_5bar.csv.xz"]
-
-
-def post(served: Served, address: str, body: object, status: int = 200) -> dict:
-    answered = served.client.post(address, json=body, headers=served.headers)
-    assert answered.status_code == status, answered.text
-    return answered.json()
 
 
 @pytest.fixture
@@ -46,9 +41,8 @@ def test_command_and_python_give_the_same_map(measured: Served, monkeypatch: pyt
         "pneudrive.report.write_report", lambda *_: "report.html", raising=False
     )  # its figures take long
     Path("results").mkdir()
-    assert run_command(shlex.split(copied["command"].splitlines()[-1])[1:]) == 0
-    names: dict = {}
-    exec(copied["python"], names)
+    assert run_line(copied["command"]) == 0
+    names = run_python(copied["python"])
     write_map(names["curves"], "by-python.csv")
     assert Path("results/o-ring/map.csv").read_bytes() == Path("by-python.csv").read_bytes()
     again = post(measured, "/api/jobs", {"recordings": NAMES[:1], "name": "o-ring"}, 400)
@@ -101,9 +95,8 @@ def test_a_map_is_fitted_again_by_command_and_by_python(
     asked = {"kind": "fit", "map": "results/o-rings/map.parquet", "law": law, "pressure": pressure, "name": "second"}
     copied = post(measured, "/api/work", asked)
     monkeypatch.chdir(measured.folder)
-    assert run_command(shlex.split(copied["command"].splitlines()[-1])[1:]) == 0
-    names: dict = {}
-    exec(copied["python"], names)
+    assert run_line(copied["command"]) == 0
+    names = run_python(copied["python"])
     fit = FrictionFit.from_toml(folder / "second.toml")
     assert fit.values.keys() == names["fit"].values.keys()
     assert np.array_equal([*fit.values.values()], [*names["fit"].values.values()], equal_nan=True)

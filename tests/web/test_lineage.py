@@ -17,7 +17,6 @@ from oracle.drive_records import drive, record
 from pneudrive.campaign.run import run_campaign
 from pneudrive.campaign.storage.folder import Campaign
 from pneudrive.characterise import write_map
-from pneudrive.cli.main import run as command_line
 from pneudrive.cli.main import run as run_command
 from pneudrive.describe.files.toml import value_text as toml_value
 from pneudrive.identify.dynamic.result import DriveFit
@@ -25,10 +24,9 @@ from pneudrive.simulation.trajectory import save_columns
 from pneudrive.web.app import make_app
 from pneudrive.web.workspace import Workspace
 from waiting import until
+from web.client import get, post, run_line, run_python
 from web.conftest import PORT, TOKEN, Served
 from web.maps import coulomb, friction_map
-from web.test_friction import post
-from web.test_recordings import get
 
 RUN, FIT, AFTER = "run.parquet", "fit.toml", "after.toml"
 LAWS = "results/laws"
@@ -230,10 +228,10 @@ def test_two_fits_are_compared_as_the_command_does(
     low, high = (float(end) for end in one["interval_after"].split(" … "))
     assert low <= 33.0 <= high
     monkeypatch.chdir(chain.folder)
-    assert run_command(shlex.split(found["command"])[1:]) == 0
+    assert run_line(found["command"]) == 0
     printed = capsys.readouterr().out
     assert "coulomb" in printed
-    exec(found["python"], {})
+    run_python(found["python"])
     assert "coulomb +10 %" in capsys.readouterr().out
     refused = post(chain, "/api/compare", {"before": names[0], "after": "axis.toml"}, 400)
     assert "of one kind" in refused["problems"][0]["what"]
@@ -325,9 +323,9 @@ def test_a_campaign_that_was_begun_anew_in_its_folder_shows_its_own_points(serve
 def test_the_plan_on_the_page_is_that_of_command_and_python(served: Served, capsys: pytest.CaptureFixture) -> None:
     (served.folder / "speeds.toml").write_text(PROTOCOL)
     shown = post(served, "/api/plan", {"protocol": "quick-look"})
-    assert command_line(shlex.split(shown["command"])[1:]) == 0
+    assert run_line(shown["command"]) == 0
     assert capsys.readouterr().out == f"{shown['text']}\n"
-    exec(shown["python"], {})
+    run_python(shown["python"])
     assert capsys.readouterr().out == f"{shown['text']}\n"
     pressures = PROTOCOL.replace('["0 bar gauge"]', '["0 bar gauge", "29 psi gauge"]')
     (served.folder / "psi.toml").write_text(pressures)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-import shlex
 import shutil
 import traceback
 from pathlib import Path
@@ -18,16 +17,11 @@ from pneudrive.signals.load import load_recordings
 from pneudrive.signals.motion import find_strokes
 from pneudrive.web.measured import recordings
 from waiting import until
+from web.client import get, post, run_line
 from web.conftest import Served
 from web.frames import unpack
 
 MEASURED = Path(__file__).parents[2] / "data" / "measurements" / "zillen-2021-pneumatic-piston"
-
-
-def get(served: Served, address: str, status: int = 200, **given: object) -> dict:
-    answered = served.client.get(address, params=given, headers=served.headers)
-    assert answered.status_code == status, answered.text
-    return answered.json()
 
 
 def window(served: Served, given: dict) -> bytes:
@@ -171,7 +165,7 @@ def test_two_recordings_aligned_and_measured(served: Served) -> None:
 
     asked = {"path": "early.parquet", "at": [0.6, 0.7], "columns": names, "shift": shift}
     asked |= {"beside": "rig/late.csv"}
-    answered = served.client.post("/api/measure", json=asked, headers=served.headers).json()
+    answered = post(served, "/api/measure", asked)
     row = answered["rows"][0]
     assert row["values"] == [early.position[600], early.position[700]]
     assert row["difference"] == early.position[700] - early.position[600]
@@ -181,11 +175,8 @@ def test_two_recordings_aligned_and_measured(served: Served) -> None:
     assert there["recording"] == "rig/late.csv"
     assert there["values"] == pytest.approx(row["values"], abs=1e-5)  # in the unit and towards the end of the first
     assert there["time_s"] == pytest.approx([0.6, 0.7], abs=1e-3)
-    assert post_measure(served, asked | {"at": [0.6]}) == post_measure(served, asked | {"columns": 3}) == 400
-
-
-def post_measure(served: Served, asked: dict) -> int:
-    return served.client.post("/api/measure", json=asked, headers=served.headers).status_code
+    for wrong in ({"at": [0.6]}, {"columns": 3}):
+        post(served, "/api/measure", asked | wrong, 400)
 
 
 def test_faults_are_placed_where_they_are(served: Served) -> None:
@@ -317,7 +308,7 @@ def test_a_layout_is_applied_to_what_is_shown(served: Served, monkeypatch: pytes
     )
 
     asked = {"path": "run.csv", "at": [1.0, 2.5], "columns": names[:2], "beside": "", "shift": 0.0}
-    rows = served.client.post("/api/measure", json=asked, headers=served.headers).json()["rows"]
+    rows = post(served, "/api/measure", asked)["rows"]
     assert rows[0]["values"] == pytest.approx([1e3 * truth.position_m[200], 1e3 * truth.position_m[500]])
     assert rows[1]["values"] == pytest.approx([1e-3 * truth.force_n[200], 1e-3 * truth.force_n[500]])
 
@@ -453,7 +444,7 @@ def test_times_that_fall_within_a_block_are_said(served: Served, fault: float) -
     said = "the time falls at sample 300: sample numbers replace it"
     assert found["notes"] == [said]
     asked = {"path": "run.parquet", "at": [400.0, 500.0], "columns": ["x"], "beside": "", "shift": 0}
-    row = served.client.post("/api/measure", json=asked, headers=served.headers).json()["rows"][0]
+    row = post(served, "/api/measure", asked)["rows"][0]
     assert row["values"] == list(table["x"][[400, 500]])
     shown = get(served, "/api/strokes", path="run.parquet")
     assert (shown["strokes"], shown["faults"]) == ([], {})
@@ -481,7 +472,7 @@ def test_a_recording_too_long_for_strokes_says_so(served: Served, monkeypatch: p
     assert "1,200 samples, and the limit is 1,199" in found["note"]
     monkeypatch.chdir(served.folder)
     commands = re.findall(r"pneudrive .*?(?= finds)", found["note"])
-    assert [run_command(shlex.split(one)[1:]) for one in commands] == [0]
+    assert [run_line(one) for one in commands] == [0]
 
 
 def test_a_layout_that_cannot_be_read_is_not_written(served: Served) -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import shlex
 from pathlib import Path
 
 import pytest
@@ -16,9 +15,9 @@ from pneudrive.sizing.result import SizingFolder, SizingResult
 from pneudrive.sizing.task import SizingTask
 from pneudrive.web.drive.sizing import FIRST
 from waiting import until
+from web.client import get, post, run_line, run_python
 from web.conftest import Served
-from web.test_friction import finished, post
-from web.test_recordings import get
+from web.test_friction import finished
 
 TASK = (Path(__file__).parents[1] / "data" / "sizing_task.toml").read_text("utf-8")
 ASKED = {"kind": "size", "task": "push.toml", "name": "push", "draws": 16}
@@ -29,9 +28,8 @@ def test_page_command_and_python_find_the_same(served: Served, monkeypatch: pyte
     copied = post(served, "/api/work", ASKED)
     monkeypatch.chdir(served.folder)
     Path("results").mkdir()
-    assert run_command(shlex.split(copied["command"].splitlines()[-1])[1:]) == 0
-    names: dict = {}
-    exec(copied["python"], names)
+    assert run_line(copied["command"]) == 0
+    names = run_python(copied["python"])
     found: SizingResult = names["found"]
     found.save("by-python")
     assert Path("results/push/ranking.csv").read_bytes() == Path("by-python/ranking.csv").read_bytes()

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shlex
 import zipfile
 from hashlib import sha256
 from pathlib import Path
@@ -10,15 +9,13 @@ from pathlib import Path
 import pytest
 
 import pneudrive as pn
-from pneudrive.cli.main import run as run_command
 from pneudrive.describe.circuit import Circuit
 from pneudrive.errors import CommandError
 from pneudrive.web.drive.run_request import described_at
 from pneudrive.web.drive.structure import kinds, restructured
 from pneudrive.web.workspace import Workspace
+from web.client import get, post, run_line, run_python
 from web.conftest import Served
-from web.test_friction import post
-from web.test_recordings import get
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 PAIR = (EXAMPLES / "two_cylinders.toml").read_text()
@@ -108,10 +105,9 @@ def test_page_command_and_python_write_the_same_fmu(
     copied = post(served, "/api/work", ASKED | change)
     monkeypatch.chdir(served.folder)
     Path("results").mkdir()
-    assert run_command(shlex.split(copied["command"].splitlines()[-1])[1:]) == 0
+    assert run_line(copied["command"]) == 0
     by_command = Path("results/x.fmu").read_bytes()
-    names: dict = {}
-    exec(copied["python"], names)
+    names = run_python(copied["python"])
     done = names["done"]
     assert Path("results/x.fmu").read_bytes() == by_command
     shown = get(served, "/api/fmu", path="results/x.fmu")

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import shlex
 import signal
 import time
 from pathlib import Path
@@ -14,14 +13,12 @@ import pytest
 
 import pneudrive as pn
 from oracle.drive_records import drive, record
-from pneudrive.cli.main import run as run_command
 from pneudrive.identify.dynamic.result import DriveFit
 from pneudrive.web.live import answer
 from pneudrive.web.workspace import Workspace
+from web.client import get, post, run_line, run_python
 from web.conftest import Served
 from web.frames import unpack
-from web.test_friction import post
-from web.test_recordings import get
 
 WRITTEN = "results/friday/validation.toml"
 ASKED = {"kind": "validate", "drive": "axis.toml", "recordings": ["friday.parquet"], "name": "friday"}
@@ -66,9 +63,8 @@ def test_page_command_and_python_find_the_same(served: Served, bench: Path, monk
     monkeypatch.chdir(served.folder)
     monkeypatch.setattr("pneudrive.report.validation.write_validation_report", lambda *_: "report.html")  # takes long
     Path("results").mkdir()
-    assert run_command(shlex.split(copied["command"].splitlines()[-1])[1:]) == 0
-    names: dict = {}
-    exec(copied["python"], names)
+    assert run_line(copied["command"]) == 0
+    names = run_python(copied["python"])
     found = names["found"]
     Path("results/by-python").mkdir()  # paths of inputs are relative to the folder
     for path in found.write("results/by-python"):
@@ -204,14 +200,13 @@ def test_a_suspect_is_identified_applied_and_traced(validated: Served, monkeypat
     fit = "results/friday/fit.toml"
     given = {**ASKED, "kind": "identify", "free": "valve.conductance", "out": fit}
     copied = post(validated, "/api/work", given)
-    assert run_command(shlex.split(copied["command"].splitlines()[-1])[1:]) == 0
-    names: dict = {}
-    exec(copied["python"], names)
+    assert run_line(copied["command"]) == 0
+    names = run_python(copied["python"])
     found = DriveFit.from_toml(fit)
     assert found.values == names["fit"].values
     assert found.intervals == names["fit"].intervals
     copied = post(validated, "/api/work", {"kind": "apply", "drive": "axis.toml", "fit": fit, "out": "after.toml"})
-    assert run_command(shlex.split(copied["command"].splitlines()[-1])[1:]) == 0
+    assert run_line(copied["command"]) == 0
     exec(copied["python"], names)
     assert names["after"].to_toml() == Path("after.toml").read_text()
 

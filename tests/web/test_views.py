@@ -20,6 +20,7 @@ from pneudrive.web.drive.run_request import RunLimit
 from pneudrive.web.live import MOST_IMPACTS, answer
 from pneudrive.web.messages import pack
 from pneudrive.web.workspace import Workspace
+from web.client import post, run_line, run_python
 from web.conftest import DRIVE, PORT, TOKEN, Served, TestClient
 from web.frames import unpack
 
@@ -41,12 +42,6 @@ COLUMNS = {
 }
 
 
-def post(served: Served, path: str, body: object, status: int = 200) -> dict:
-    answered = served.client.post(path, json=body, headers=served.headers)
-    assert answered.status_code == status, answered.text
-    return answered.json()
-
-
 def test_page_command_and_python_give_the_same_bits(served: Served, monkeypatch: pytest.MonkeyPatch) -> None:
     copied = post(served, "/api/copy", ASKED)
     with served.client.websocket_connect("/api/live", **served.socket) as socket:
@@ -56,11 +51,8 @@ def test_page_command_and_python_give_the_same_bits(served: Served, monkeypatch:
     assert head["synthetic"]
 
     monkeypatch.chdir(served.folder)
-    names: dict = {}
-    exec(copied["python"], names)
-    program, *words = shlex.split(copied["command"])
-    assert program == "pneudrive"
-    assert run_command(words) == 0
+    names = run_python(copied["python"])
+    assert run_line(copied["command"]) == 0
     table = pl.read_parquet("axis.parquet")
     assert head["hash"] == names["run"].attrs["description_hash"]
     for column, name in COLUMNS.items():
@@ -125,9 +117,8 @@ def test_a_command_from_a_file_of_the_folder(served: Served, monkeypatch: pytest
         assert "problems" not in head, head
         assert all(np.array_equal(drawn[name], values) for name, values in expected.items())
         copied = post(served, "/api/copy", asked)
-        names: dict = {}
-        exec(copied["python"], names)
-        assert run_command(shlex.split(copied["command"])[1:]) == 0
+        names = run_python(copied["python"])
+        assert run_line(copied["command"]) == 0
         column = "position_m" if path == "axis.toml" else "cylinder.position_m"
         assert drawn[column][-1] == names["run"][column.removesuffix("_m")][-1]
         assert drawn[column][-1] == pl.read_parquet(Path(path).with_suffix(".parquet"))[column][-1]
