@@ -29,11 +29,6 @@ STEP = "220 mm; 0.1 s: 280 mm in 0.3 s"
 CLOCK = ("step_time_s", "least_step_time_s")  # the only columns that are not functions of the seed
 
 
-@pytest.fixture(scope="module")
-def axis():
-    return pn.Circuit.load(AXIS)
-
-
 def test_from_a_description_to_a_scored_run(tmp_path, capsys, printed, axis):
     """The file that `tune` writes gives the bits of the law's name; another seed gives others."""
     file, out, picture = tmp_path / "controller.toml", tmp_path / "run.parquet", tmp_path / "run.png"

@@ -16,11 +16,6 @@ SWITCHING = AXIS.parent / "axes/switching.toml"
 MOVE = "240 mm; 50 ms: 245 mm in 0.15 s"
 
 
-@pytest.fixture(scope="module")
-def axis():
-    return pn.Circuit.load(AXIS)
-
-
 def ran(axis, file, **told):
     return pn.control.run(axis, controller=file, reference=MOVE, duration="0.3 s", **told)
 

@@ -30,11 +30,6 @@ MINE = (Path(__file__).parents[1] / "data" / "own_law.py.txt").read_text("utf-8"
 
 
 @pytest.fixture(scope="module")
-def axis():
-    return pn.Circuit.load(AXIS)
-
-
-@pytest.fixture(scope="module")
 def folder(tmp_path_factory):
     path = tmp_path_factory.mktemp("own")
     (path / "mine.py").write_text(MINE)

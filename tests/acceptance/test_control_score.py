@@ -27,11 +27,6 @@ STEP = "220 mm; 0.1 s: 280 mm in 0.3 s"
 CLOCKS = ("step_time", "least_step_time")
 
 
-@pytest.fixture(scope="module")
-def axis():
-    return pn.Circuit.load(AXIS)
-
-
 def test_a_mismatch_is_the_drive_that_it_says(axis):
     """Of a heavier drive with less friction: the bits of that drive under a law that believes in the other one."""
     true = axis.replace(

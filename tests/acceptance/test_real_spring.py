@@ -23,6 +23,11 @@ LAYOUT = DATA / "layout.toml"
 
 
 @pytest.fixture(scope="module")
+def recorded():
+    return dict(zip(FILES, load_recordings([*FILES.values()], LAYOUT), strict=True))
+
+
+@pytest.fixture(scope="module")
 def found():
     return characterise_recordings([*FILES.values()], LAYOUT)
 
@@ -47,8 +52,8 @@ def test_all_extension_levels_agree_with_the_mean_of_the_raw_columns(found, inde
         assert level.friction_n == pytest.approx(mean, rel=0.10)
 
 
-def test_the_interval_contains_five_percent_of_ram_area_and_30_ms(found):
-    for recording in load_recordings([*FILES.values()], LAYOUT):
+def test_the_interval_contains_five_percent_of_ram_area_and_30_ms(found, recorded):
+    for recording in recorded.values():
         (ram,) = recording.parallel
         wider = replace(recording, parallel=(ram._replace(force_n=1.05 * ram.force_n),))
         late = {
@@ -62,9 +67,9 @@ def test_the_interval_contains_five_percent_of_ram_area_and_30_ms(found):
 
 
 @pytest.mark.parametrize("seconds", [0.3, -0.3])
-def test_the_force_balance_removes_a_delay_of_the_pressures(seconds):
+def test_the_force_balance_removes_a_delay_of_the_pressures(recorded, seconds):
     """The friction is that of the recording before the shift; both values are printed."""
-    (charged,) = load_recordings([FILES["charged"]], LAYOUT)
+    charged = recorded["charged"]
     time = charged.time_s
     names = ("pressure_a_pa", "pressure_b_pa")
     late = {name: np.interp(time - seconds, time, getattr(charged, name)) for name in names}
@@ -79,9 +84,9 @@ def test_the_force_balance_removes_a_delay_of_the_pressures(seconds):
     assert "is removed" in str(found)
 
 
-def test_the_interval_of_one_part_contains_the_value_of_the_next():
+def test_the_interval_of_one_part_contains_the_value_of_the_next(recorded):
     """The second half of the recording counts as the next recording of the same machine."""
-    (charged,) = load_recordings([FILES["charged"]], LAYOUT)
+    charged = recorded["charged"]
     time = charged.time_s - charged.time_s[0]
     free = ["volumes", "heat"]
     first = pn.identify_motion(DATA / "spring.toml", charged.at(time < 225.0), free)
@@ -95,13 +100,12 @@ def test_the_interval_of_one_part_contains_the_value_of_the_next():
     assert outside  # the interval of one model alone does not contain all of them
 
 
-def test_recordings_of_one_machine_that_differ_are_reported(found):
+def test_recordings_of_one_machine_that_differ_are_reported(found, recorded):
     (note,) = (note for note in found.notes if "different friction" in note)
     assert "charged and vented" in note
     assert "does not predict" in note
-    (recording,) = load_recordings([FILES["vented"]], LAYOUT)
-    again = replace(recording, name="again", force_n=recording.force_n + 1.0)
-    same = characterise_recordings([recording, again])
+    again = replace(recorded["vented"], name="again", force_n=recorded["vented"].force_n + 1.0)
+    same = characterise_recordings([recorded["vented"], again])
     assert not any("different friction" in note for note in same.notes)
 
 

@@ -16,22 +16,9 @@ from pneudrive.identify.identified import Identified, apply_identified
 SPEED = np.geomspace(1e-3, 0.45, 20)
 
 
-@pytest.fixture
-def drive():
-    return Drive.load("catalogue:reference")
-
-
-@pytest.fixture
-def good(make_map, friction_of):
-    noise = 0.3 * np.random.default_rng(31).standard_normal(20)
-    return fit_friction(make_map(SPEED, friction_of(SPEED) + noise, 0.3))
-
-
-def test_kept_values_that_move_the_curve_are_told_with_both_forces(drive, make_map, friction_of):
+def test_kept_values_that_move_the_curve_are_told_with_both_forces(drive, noisy_fit):
     """Speeds above the fall of friction: breakaway and Stribeck speed stay those of the drive."""
-    speed = np.geomspace(0.05, 0.45, 20)
-    noise = 0.3 * np.random.default_rng(31).standard_normal(20)
-    fit = fit_friction(make_map(speed, friction_of(speed) + noise, 0.3))
+    fit = noisy_fit(np.geomspace(0.05, 0.45, 20), 0.3, 31)
     assert "breakaway" not in fit.determined
     slow = drive.replace({"friction.stribeck_velocity": "200 mm/s", "friction.breakaway": "60 N"})
     with pytest.warns(PneudriveWarning, match=r"does not determine .*breakaway.*the drive keeps its value") as said:

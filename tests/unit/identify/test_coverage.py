@@ -17,7 +17,6 @@ from oracle.fit_coverage import CASES, hits, hits_of_shapes
 from pneudrive.describe import Drive
 from pneudrive.describe.files.provenance import values
 from pneudrive.errors import DescriptionError, FitError
-from pneudrive.identify import fit_friction
 from pneudrive.identify.identified import Identified, apply_identified
 
 RUNS = 8
@@ -40,34 +39,21 @@ def test_intervals_of_forces_cover_the_choice_among_shapes_that_fit_as_well():
 
 # --- Each identified value of a drive says its interval and its recordings, in files and in results.
 
-SPEED = np.geomspace(1e-3, 0.45, 20)
 
-
-@pytest.fixture
-def drive():
-    return Drive.load("catalogue:reference")
-
-
-@pytest.fixture
-def fit(make_map, friction_of):
-    noise = 0.3 * np.random.default_rng(31).standard_normal(20)
-    return fit_friction(make_map(SPEED, friction_of(SPEED) + noise, 0.3))
-
-
-def test_applied_values_carry_interval_source_and_hash(drive, fit, tmp_path):
-    changed = fit.apply(drive)
+def test_applied_values_carry_interval_source_and_hash(drive, good, tmp_path):
+    changed = good.apply(drive)
     assert {"friction.coulomb", "friction.breakaway", "friction.viscous"} <= set(changed.provenance)
     assert "cylinder.bore" not in changed.provenance
     origin = changed.provenance["friction.coulomb"]
     low, high = origin.bounds_si(values(changed)["friction.coulomb"].mark)
-    wanted = fit.intervals["coulomb"]
-    assert low <= wanted[0] < fit.parameters["coulomb"] < wanted[1] <= high
+    wanted = good.intervals["coulomb"]
+    assert low <= wanted[0] < good.parameters["coulomb"] < wanted[1] <= high
     assert high - low == pytest.approx(wanted[1] - wanted[0], rel=1e-2)  # no systematic part in this map
-    recordings = fit.provenance["recordings"]
+    recordings = good.provenance["recordings"]
     assert origin.source.startswith(recordings[0])
-    assert origin.fit == hashlib.sha256(fit.toml().encode()).hexdigest()[:16]
-    i, j = (fit.free.index(name) for name in ("coulomb", "viscous"))
-    assert origin.correlation["friction.viscous"] == pytest.approx(fit.correlation[i, j], abs=1e-3)
+    assert origin.fit == hashlib.sha256(good.toml().encode()).hexdigest()[:16]
+    i, j = (good.free.index(name) for name in ("coulomb", "viscous"))
+    assert origin.correlation["friction.viscous"] == pytest.approx(good.correlation[i, j], abs=1e-3)
     assert -1.0 < origin.correlation["friction.viscous"] < -0.3  # level and slope of a line trade places
     (tmp_path / "drive.toml").write_text(changed.to_toml())
     again = Drive.load(tmp_path / "drive.toml")
@@ -79,8 +65,8 @@ def _friction(drive: Drive) -> dict[str, object]:
     return {f"friction.{k}": v for k, v in drive.to_dict()["friction"].items() if k != "law"}
 
 
-def test_provenance_goes_with_the_value(drive, fit, tmp_path):
-    changed = fit.apply(drive)
+def test_provenance_goes_with_the_value(drive, good, tmp_path):
+    changed = good.apply(drive)
     other = changed.replace({"friction.coulomb": "33 N", "supply.pressure": "6 bar abs"})
     assert "friction.coulomb" not in other.provenance
     assert other.provenance["friction.viscous"] == changed.provenance["friction.viscous"]
@@ -90,8 +76,8 @@ def test_provenance_goes_with_the_value(drive, fit, tmp_path):
         Drive.load(tmp_path / "drive.toml")
 
 
-def test_results_keep_it(drive, fit, tmp_path):
-    changed = fit.apply(drive)
+def test_results_keep_it(drive, good, tmp_path):
+    changed = good.apply(drive)
     run = pn.simulate(changed, "0 s: 0.2", "0.1 s")
     assert run.attrs["identified"]["friction.coulomb"]["source"] == changed.provenance["friction.coulomb"].source
     file = pn.save(run, tmp_path / "run.parquet")

@@ -200,17 +200,6 @@ def lost(fit):
     return {s.parameter: s for s in fit.undetermined}
 
 
-@pytest.fixture
-def noisy_fit(make_map, friction_of):
-    """Return the fit of a map of the true friction at these speeds, with white noise."""
-
-    def fit(speed, noise, seed, **parameters):
-        drawn = noise * np.random.default_rng(seed).standard_normal(speed.size)
-        return fit_friction(make_map(speed, friction_of(speed, **parameters) + drawn, noise))
-
-    return fit
-
-
 def test_two_speeds_cannot_give_a_stribeck_velocity(noisy_fit):
     fit = noisy_fit(np.repeat([0.005, 0.015], 4), 0.05, 1)
     assert np.isnan(fit.parameters["breakaway"])
