@@ -320,15 +320,10 @@ class Dropped(NamedTuple):
         Slot -> part, or "*" for any.
     choices : int
         Number of choices.
-    limit : str
-    said : str
-        Reason in words.
-    share : float
-        Largest possible value divided by the required value, see `Shortage`.
+    shortage : Shortage
+        Reason.
     """
 
     parts: Mapping[str, str]
     choices: int
-    limit: str
-    said: str
-    share: float = 0.0
+    shortage: Shortage

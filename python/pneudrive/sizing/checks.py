@@ -7,7 +7,7 @@ reports this.
 from __future__ import annotations
 
 import math
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -23,7 +23,7 @@ from pneudrive.views import Finding
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
 
-    from pneudrive.arrays import Array, Bools, Interval, NamedNumbers, Plain
+    from pneudrive.arrays import Array, Bools, Interval, NamedNumbers
     from pneudrive.sizing.task import SizingTask
 
 
@@ -491,10 +491,6 @@ class SizedDrive:
     def rank(self) -> tuple[Any, ...]:
         """Key of the ranking: open checks, air in steps of 2 %, then margin in steps of 1 %, then sizes."""
         return rank_of(self.open_checks, self.air, self.margin, tuple(self.sizes), self.name)
-
-    def to_dict(self) -> Plain:
-        """Return plain data."""
-        return asdict(self)
 
 
 @dataclass(frozen=True)

@@ -291,26 +291,20 @@ class Pruning:
                     others = [len(found[other]) for other in SLOTS if other != slot]
                     self._drop({slot: name}, int(np.prod(others)), shortage)
         for cylinder, tube in product(kept["cylinder"], kept["tube"]):
-            self._pair(cylinder, tube, kept)
+            # Leave out valves and flow controls that do not fit, or through which the gas cannot leave in time.
+            valves, controls = kept["valve"], kept["flow_control"]
+            slow = {one.name: bounds.fits(DriveChoice(cylinder, one, tube, NO_FLOW_CONTROL)) for one in valves}
+            slow |= {one.name: bounds.fits(DriveChoice(cylinder, NO_FLOW_CONTROL, tube, one)) for one in controls}
+            wide, open_ = ([one for one in every if slow[one.name] is None] for every in (valves, controls))
+            for slot, every, others in (("valve", valves, len(controls)), ("flow_control", controls, len(wide))):
+                for one in every:
+                    if others and (shortage := slow[one.name]) is not None:
+                        self._drop({"cylinder": cylinder.name, "tube": tube.name, slot: one.name}, others, shortage)
+            if wide and open_:
+                fill = air_estimate_kg(cylinder, tube, task)
+                left = min(count_open(DriveChoice(cylinder, valve, tube, NO_FLOW_CONTROL), task) for valve in wide)
+                self.pairs.append(TubedCylinder(cylinder, tube, wide, open_, fill, bounds.tubes[tube.name], left))
         self.pairs.sort(key=lambda one: (one.open_checks, one.fill, one.cylinder.name, one.tube.name))
 
     def _drop(self, parts: dict[str, str], count: int, shortage: Shortage) -> None:
-        every = {slot: parts.get(slot, "*") for slot in SLOTS}
-        self.dropped.append(Dropped(every, count, shortage.limit, shortage.said, shortage.share))
-
-    def _pair(self, cylinder: PartChoice, tube: PartChoice, kept: Mapping[str, Sequence[PartChoice]]) -> None:
-        """Leave out valves and flow controls that do not fit, or through which the gas cannot leave in time."""
-        names, bounds = {"cylinder": cylinder.name, "tube": tube.name}, self.bounds
-        valves, controls = kept["valve"], kept["flow_control"]
-        slow = {one.name: bounds.fits(DriveChoice(cylinder, one, tube, NO_FLOW_CONTROL)) for one in valves}
-        slow |= {one.name: bounds.fits(DriveChoice(cylinder, NO_FLOW_CONTROL, tube, one)) for one in controls}
-        wide = [valve for valve in valves if slow[valve.name] is None]
-        open_ = [control for control in controls if slow[control.name] is None]
-        for slot, every, others in (("valve", valves, len(controls)), ("flow_control", controls, len(wide))):
-            for one in every:
-                if others and (shortage := slow[one.name]) is not None:
-                    self._drop(names | {slot: one.name}, others, shortage)
-        if wide and open_:
-            fill = air_estimate_kg(cylinder, tube, self.task)
-            left = min(count_open(DriveChoice(cylinder, valve, tube, NO_FLOW_CONTROL), self.task) for valve in wide)
-            self.pairs.append(TubedCylinder(cylinder, tube, wide, open_, fill, bounds.tubes[tube.name], left))
+        self.dropped.append(Dropped({slot: parts.get(slot, "*") for slot in SLOTS}, count, shortage))

@@ -7,7 +7,7 @@ import json
 import math
 import os
 from contextlib import suppress
-from dataclasses import dataclass, field, replace
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -29,7 +29,6 @@ from pneudrive.views import Finding, ShownValue, View, Viewed
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
-    from types import TracebackType
 
     from matplotlib.figure import Figure
 
@@ -302,7 +301,7 @@ class SizingResult(Viewed):
         folder = Path(folder)
         folder.mkdir(parents=True, exist_ok=True)
         ranking = [(*drive.parts.values(), *(value.text for value in values_of(drive, 1))) for drive in self.ranked]
-        reasons = [(*one.parts.values(), str(one.choices), one.limit, f'"{one.said}"') for one in self.dropped]
+        reasons = [(*parts.values(), str(n), why.limit, f'"{why.said}"') for parts, n, why in self.dropped]
         tables = {TABLE: [(*(slot.replace("_", " ") for slot in SLOTS), *RANKING), *ranking]}
         tables[REASONS] = [(*SLOTS, "choices", "limit", "reason"), *reasons]
         files = {name: "".join(",".join(row) + "\n" for row in rows) for name, rows in tables.items()}
@@ -410,11 +409,11 @@ def nearest_miss(
             gives += " Narrower [spread] and supply.spread help as well."
             return NearestMiss(choice.parts, f"{name}, over the spreads", gives)
         return NearestMiss(choice.parts, name, _gives(name, limit, value, unit, "the nominal case gives"))
-    bound = max(pruned, key=lambda dropped: dropped.share)
+    parts, _, bound = max(pruned, key=lambda dropped: dropped.shortage.share)
     gives = f"{bound.said[0].upper()}{bound.said[1:]}."
     if bound.share > 0.0:
         gives += f" This is {100.0 * bound.share:.0f} % of what the task needs."
-    return NearestMiss(bound.parts, bound.limit, gives)
+    return NearestMiss(parts, bound.limit, gives)
 
 
 def _gives(name: str, limit: float, value: float, unit: str, source: str) -> str:
@@ -442,7 +441,7 @@ def _summary(result: SizingResult) -> Plain:
         **{name: getattr(result, name) for name in _STORED},
         "provisional": [vars(drive) for drive in result.provisional],
         "simulated": len(result.simulated),
-        "ranked": [drive.to_dict() for drive in result.ranked],
+        "ranked": [asdict(drive) for drive in result.ranked],
         "miss": None if result.miss is None else vars(result.miss),
         "assumed": result.circuit().assumed() if result.feasible else [],
         "savings": [saving._asdict() for saving in result.savings],
@@ -507,7 +506,7 @@ RULES = 3
 
 
 class SizingFolder:
-    """Finished choices of one task, in a folder that is locked until the search ends: ``with SizingFolder(...)``.
+    """Finished choices of one task, in a folder that is locked until it is closed.
 
     Parameters
     ----------
@@ -537,7 +536,17 @@ class SizingFolder:
         path = folder / ABOUT
         if path.exists():
             self._lock()
-            self._resume(path, about)
+            try:
+                begun = json.loads(path.read_text("utf-8"))
+            except (OSError, ValueError) as error:
+                self.close()
+                raise CommandError(f"{path} cannot be read: {error}") from None
+            if differ := [key for key in about if begun.get(key) != about[key]]:
+                self.close()
+                raise CommandError.of("sizing.other_task", where=str(path), folder=folder, differ=", ".join(differ))
+            self._stages = read_stages(folder / LINES)
+            if self._stages:
+                write_whole(folder / LINES, "".join(f"{line}\n" for line, _ in self._stages.values()))
         elif folder.is_dir() and any(one.name != LOCK for one in folder.iterdir()):
             raise CommandError(f"{folder} is not empty and holds no sizing", remedy="Choose a new folder.")
         else:
@@ -551,33 +560,14 @@ class SizingFolder:
             self._file = os.open(self.folder / LOCK, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC | NO_FOLLOW, 0o666)
             if take(self._file):
                 return
-            self.release()
+            self.close()
             raise CommandError.of("sizing.locked", folder=self.folder)
 
-    def release(self) -> None:
+    def close(self) -> None:
         """Release the folder for other processes."""
         if self._file is not None:
             os.close(self._file)
             self._file = None
-
-    def __enter__(self) -> SizingFolder:
-        return self
-
-    def __exit__(self, kind: type | None, error: BaseException | None, trace: TracebackType | None) -> None:
-        self.release()
-
-    def _resume(self, path: Path, about: Plain) -> None:
-        try:
-            begun = json.loads(path.read_text("utf-8"))
-        except (OSError, ValueError) as error:
-            raise CommandError(f"{path} cannot be read: {error}") from None
-        differ = [key for key in about if begun.get(key) != about[key]]
-        if differ:
-            told = {"folder": self.folder, "differ": ", ".join(differ)}
-            raise CommandError.of("sizing.other_task", where=str(path), **told)
-        self._stages = read_stages(self.folder / LINES)
-        if self._stages:
-            write_whole(self.folder / LINES, "".join(f"{line}\n" for line, _ in self._stages.values()))
 
     def stored(self, name: str, draws: int = 0) -> Any:  # noqa: ANN401 - SizedDrive, or Tuned for 0 draws
         """Return the stored drive of a choice for a number of samples, or its tuned settings; None if not stored."""
@@ -585,7 +575,7 @@ class SizingFolder:
 
     def store(self, name: str, stage: SizedDrive | Tuned) -> None:
         """Store a simulated drive, or the tuned settings of a choice."""
-        line = stage.to_dict() if isinstance(stage, SizedDrive) else {"name": name, **stage._asdict()}
+        line = asdict(stage) if isinstance(stage, SizedDrive) else {"name": name, **stage._asdict()}
         try:
             with open_to_append(self.folder / LINES) as file:
                 file.write(json.dumps(line) + "\n")

@@ -8,7 +8,7 @@ interrupted search resumes with the missing choices.
 from __future__ import annotations
 
 from collections import Counter
-from contextlib import nullcontext
+from contextlib import closing, nullcontext
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import islice
@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any
 from pneudrive.errors import Cancelled, CommandError
 from pneudrive.progress import Flag, Progress, Watch
 from pneudrive.sizing.candidate import Dropped, SizingCandidate, TubedCylinder
-from pneudrive.sizing.checks import Provisional, SizedDrive, hardest, machine_checks, simulated
+from pneudrive.sizing.checks import Provisional, Shortage, SizedDrive, hardest, machine_checks, simulated
 from pneudrive.sizing.prune import Pruning, nearest_possible
 from pneudrive.sizing.result import Saving, SizingFolder, SizingResult, nearest_miss, savings
 from pneudrive.sizing.strokes import COARSE, RTOL, points, run_all, tune_all
@@ -114,7 +114,7 @@ def size(
         if value < 1:
             raise CommandError(f"{name} = {value} is out of bounds", rule="at least 1")
     read, asked = _read(task), (draws, draws_best)
-    with nullcontext() if out is None else SizingFolder(Path(out), read, asked) as folder:
+    with nullcontext() if out is None else closing(SizingFolder(Path(out), read, asked)) as folder:
         return Search(read, most, asked, Watch(progress, cancel), folder).result(provisional)
 
 
@@ -163,13 +163,21 @@ class Search:
         """Samples of all choices."""
         return points(max(self.draws))
 
+    @property
+    def left(self) -> list[SizingCandidate]:
+        """Candidates that may do the task."""
+        return [one for one in self.candidates if not one.lost]
+
     def result(self, tell: Callable[[SizingResult], None] | None) -> SizingResult:
         """Run the search."""
         interrupted, complete = False, False
         try:
             self._first_ranking(tell)
             complete = self._converge()
-            self._save_air()
+            if (best := self._best()) is not None:  # a lower return pressure and shorter tubes may save air
+                for saving in savings(self._candidate(best).strokes, best, self.points[: self.draws[-2]]):
+                    self.savings.append(saving)
+                    self.watch.look()
         except (KeyboardInterrupt, Cancelled):
             if not self.provisional:
                 raise
@@ -179,24 +187,13 @@ class Search:
             made.save(self.folder.folder)
         return made
 
-    def _rank(self, best: Iterable[SizingCandidate], tell: Callable[[SizingResult], None] | None) -> None:
-        """Rank the best choices of cylinders, and report the first if it has changed."""
-        before = self.provisional[:1]
-        self.provisional = tuple(one.provisional() for one in sorted(best, key=self._promise))
-        if self.provisional[:1] != before:
-            made = self._made(False, False)
-            if tell is not None:
-                tell(made)
-            if self.folder is not None:
-                self.folder.tell(made.answer)
-
     def _made(self, complete: bool, interrupted: bool) -> SizingResult:
         simulated = [one.drive for one in self.candidates if one.drive is not None]
-        last = [one.drive for one in self.candidates if not one.lost and one.draws >= self.draws[-2]]
+        last = [one.drive for one in self.left if one.draws >= self.draws[-2]]
         ranked = sorted((one for one in last if one is not None and one.is_feasible), key=lambda drive: drive.rank)
         counts = Counter[str]()
         for one in self.dropped:
-            counts[one.limit] += one.choices
+            counts[one.shortage.limit] += one.choices
         left = self.pruning.enumerated - sum(counts.values())
         short = [(one.choice, known) for one in self.candidates if (known := one.tuned or one.rough) and one.lost]
         miss = None
@@ -213,7 +210,7 @@ class Search:
         if interrupted:
             notes = ("The search was interrupted: the ranking is that of the results so far.",)
         reasons = [(one.choice.parts, *one.lost.partition(": ")) for one in self.candidates if one.lost]
-        lost = [Dropped(parts, 1, limit, reason) for parts, limit, _, reason in reasons]
+        lost = [Dropped(parts, 1, Shortage(limit, 0.0, reason)) for parts, limit, _, reason in reasons]
         return SizingResult(
             *(self.task, self.pruning.enumerated, left, counts, self.tuned, tuple(simulated), tuple(ranked)),
             miss=miss,
@@ -238,7 +235,7 @@ class Search:
             pair.take(self.task, list(islice(found, len(runs))))
             if pair.late:
                 parts = {"cylinder": pair.cylinder.name, "valve": "*", "tube": pair.tube.name, "flow_control": "*"}
-                self.dropped.append(Dropped(parts, pair.count, "time", pair.late.said, pair.late.share))
+                self.dropped.append(Dropped(parts, pair.count, pair.late))
             else:
                 self.candidates += pair.candidates(self.task)
         gone = set(map(id, pairs))
@@ -260,7 +257,14 @@ class Search:
                 for name, every in own.items():
                     if left := [one for one in every if one.rough and not one.lost]:
                         best[name] = min(left, key=self._promise)
-                self._rank(best.values(), tell)
+                before = self.provisional[:1]
+                self.provisional = tuple(one.provisional() for one in sorted(best.values(), key=self._promise))
+                if self.provisional[:1] != before:
+                    made = self._made(False, False)
+                    if tell is not None:
+                        tell(made)
+                    if self.folder is not None:
+                        self.folder.tell(made.answer)
 
     def _next_of(self, every: Sequence[SizingCandidate]) -> list[SizingCandidate]:
         """Return the most promising choice of a cylinder with a tube that was not yet run with it, if there is one."""
@@ -279,7 +283,7 @@ class Search:
                 self.of_cylinder[name] = max(known, self.of_cylinder.get(name, known))
 
     def _best(self) -> SizedDrive | None:
-        final = (one for one in self.candidates if not one.lost and one.draws >= self.final)
+        final = (one for one in self.left if one.draws >= self.final)
         return min((one.drive for one in final if one.drive is not None), key=lambda drive: drive.rank, default=None)
 
     def _open(self) -> tuple[list[TubedCylinder], list[SizingCandidate]]:
@@ -289,10 +293,9 @@ class Search:
         """
         best = self._best()
         pairs = [one for one in self.unseen if best is None or one.rank <= best.rank[:3]]
-        for one in self.candidates:
-            if not one.lost:
-                one.look_at_reach(self.final)
-        left = [one for one in self.candidates if not one.lost and one.draws < self.final]
+        for one in self.left:
+            one.look_at_reach(self.final)
+        left = [one for one in self.left if one.draws < self.final]
         left = [one for one in left if best is None or one.bound(self.final) < best.rank]
         leading = {one for one in left if one.tuned is None}
         return pairs, [one for one in left if one.known is not None or one.lead not in leading]
@@ -315,23 +318,16 @@ class Search:
             elif not self._others():
                 return self.tuned < self.most or not self._open()[1]
 
-    def _save_air(self) -> None:
-        """Try a lower return pressure and shorter tubes on the best drive."""
-        if (best := self._best()) is not None:
-            for saving in savings(self._candidate(best).strokes, best, self.points[: self.draws[-2]]):
-                self.savings.append(saving)
-                self.watch.look()
-
     def _others(self) -> bool:
         """Advance choices of cylinders other than the best until enough are ranked.
 
         Return False if there is nothing to advance.
         """
         lost = Counter(one.cylinder for one in self.candidates if one.lost and one.known is not None)
-        met = {one.cylinder for one in self.candidates if not one.lost and one.draws >= self.draws[-2]}
+        met = {one.cylinder for one in self.left if one.draws >= self.draws[-2]}
         if len(met) >= LISTED:
             return False
-        waiting = [one for one in self.candidates if not one.lost and one.draws < self.draws[-2]]
+        waiting = [one for one in self.left if one.draws < self.draws[-2]]
         waiting.sort(key=lambda one: (-one.draws, one.known is None, self._promise(one)))
         others = [one for one in waiting if one.cylinder not in met and lost[one.cylinder] < TRIED]
         if not others and self.unseen:

@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from pneudrive import units
+from pneudrive.arrays import by_name
 from pneudrive.constants import AIR_GAS_CONSTANT_J_KG_K, ANR_DENSITY_KG_M3, ANR_TEMPERATURE_K, STANDARD_GRAVITY_M_S2
 from pneudrive.describe.circuit import Circuit
 from pneudrive.describe.system import System
@@ -172,7 +173,13 @@ class DriveStrokes:
         """Return the circuit of a stroke in the core's form, and its start. Equal keys differ only in numbers."""
         key = self.template_key(outward)
         if key not in _TEMPLATES:
-            circuit = _opened_circuit(self.choice, self.task, outward)
+            paths = {}  # the two paths that the valve opens
+            for name, of in self.choice.valve_paths.items():
+                conductance = f"{of['conductance']!r} m3/(s Pa)"
+                paths[name] = {"kind": "fitting", **of, "conductance": conductance}
+            ends = ("feed.2", "vent.1") if outward else ("vent.1", "feed.2")
+            joined = ("supply -> feed.1", "vent.2 -> ambient")
+            circuit = _around(self.choice, self.task, OPEN, paths, joined, ends)
             at = units.UnitFloat(0.0 if outward else self.task.stroke_m, "m", "mm")
             full, empty = ("b", "a") if outward else ("a", "b")
             pressures = {full: self.task.supply_pa, empty: self.task.ambient.pressure_pa}
@@ -322,7 +329,7 @@ def run_all(asked: Sequence[StrokeRuns], rtol: float = COARSE) -> list[StrokeRes
     with ThreadPoolExecutor(processors()) as pool:  # one group is often too small for all processors
         runs = pool.map(run, groups.values())
         for places, results in zip(groups.values(), runs, strict=True):
-            found |= dict(zip(places, results, strict=True))
+            found |= by_name(places, results)
     return [found[place] for place in range(len(asked))]
 
 
@@ -414,19 +421,6 @@ def _both_ways(share: Array) -> Array:
     return 2.0 * share - 1.0
 
 
-def _opened_circuit(choice: DriveChoice, task: SizingTask, outward: bool) -> Circuit:
-    """Return the circuit of one stroke, with the valve as the two paths that it opens."""
-    paths = {
-        name: {
-            "kind": "fitting",
-            **{key: f"{value!r} m3/(s Pa)" if key == "conductance" else value for key, value in of.items()},
-        }
-        for name, of in choice.valve_paths.items()
-    }
-    ends = ("feed.2", "vent.1") if outward else ("vent.1", "feed.2")
-    return _around(choice, task, OPEN, paths, ("supply -> feed.1", "vent.2 -> ambient"), ends)
-
-
 def _around(
     choice: DriveChoice,
     task: SizingTask,
@@ -447,7 +441,9 @@ def _around(
     }
     for end, (needle, cushion) in (("a", setting[2:]), ("b", setting[:2])):
         if choice.is_throttled:
-            components[f"flow_control_{end}"] = _opened(choice.flow_control, "needle", needle)
+            of, key = choice.flow_control, "needle_conductance"
+            table = {name: one for name, one in of.table.items() if not name.startswith("needle_")}
+            components[f"flow_control_{end}"] = table | {key: _opened_value(of.numbers[key], needle)}
         if choice.is_cushioned:
             key = f"cushion_{end}_needle_conductance"
             cylinder[key] = _opened_value(choice.cylinder.numbers[key], cushion)
@@ -459,11 +455,6 @@ def _around(
         connections=(*joined, f"{ends[0]} -> {way['a']}", f"{ends[1]} -> {way['b']}", "cylinder.rod -> load"),
         initial={"cylinder.position": "0 mm", "cylinder.b": str(task.supply.pressure)},
     )
-
-
-def _opened(part: PartChoice, key: str, share: float) -> Plain:
-    table = {name: one for name, one in part.table.items() if not name.startswith(f"{key}_")}
-    return table | {f"{key}_conductance": _opened_value(part.numbers[f"{key}_conductance"], share)}
 
 
 def _opened_value(whole: float, share: float) -> dict[str, str]:
@@ -574,7 +565,7 @@ def tune_all(every: Sequence[DriveStrokes], rough: Sequence[Tuned] | None = None
     found: dict[int, Tuned] = {}
     while asked:
         results = run_all(list(asked.values()))
-        due, asked = dict(zip(asked, results, strict=True)), {}
+        due, asked = by_name(asked, results), {}
         for place, result in due.items():
             try:
                 asked[place] = searches[place].send(result)
@@ -616,7 +607,7 @@ def _fine(strokes: DriveStrokes, rough: Tuned) -> Search:
         best, rows = rough, cases(strokes.task, outward)
         for _ in range(ROUNDS):
             asked = StrokeRuns(strokes, outward, draws, np.tile(np.array(setting), (MORE, 1)))
-            named = _margins(strokes.task, strokes.choice, outward, (yield asked))
+            named = _margins(strokes, outward, (yield asked))
             worst = np.unique([margins.argsort()[:WORST] for *_, margins in named])
             rows = np.unique(np.vstack([rows[3:], draws[worst]]), axis=0)  # with the openings of the previous round
             rows = np.vstack([cases(strokes.task, outward), rows])
@@ -639,8 +630,13 @@ def _joined(every: Sequence[Tuned]) -> Tuned:
 
 def _grid(strokes: DriveStrokes, outward: bool) -> tuple[Sequence[float], Sequence[float]]:
     """Return the first grid of openings of needle and cushion."""
-    choice = strokes.choice
-    needles = _needles(strokes, outward) if choice.is_throttled else [1.0]
+    task, choice, needles = strokes.task, strokes.choice, [1.0]
+    if choice.is_throttled:  # about C = A L / (t rho0 R (T0 T)^0.5), and fully open
+        limit = task.outward_s if outward else task.back_s
+        flow = ANR_DENSITY_KG_M3 * AIR_GAS_CONSTANT_J_KG_K * math.sqrt(ANR_TEMPERATURE_K * task.ambient.temperature_k)
+        needed = choice.areas_m2[1 if outward else 0] * task.stroke_m / (limit * flow)
+        whole = choice.flow_control.numbers["needle_conductance"]
+        needles = sorted({min(one * needed / whole, 1.0) for one in NEEDLES} | {1.0})
     return needles, CUSHIONS if choice.is_cushioned else (1.0,)
 
 
@@ -652,16 +648,6 @@ def _near(
     factors = [each if len(one) > 1 else (1.0,) for each, one in zip(finer, grid, strict=True)]
     own = setting[:2] if outward else setting[2:]
     return dict.fromkeys(tuple(min(a * b, 1.0) for a, b in zip(own, pair, strict=True)) for pair in product(*factors))
-
-
-def _needles(strokes: DriveStrokes, outward: bool) -> list[float]:
-    """Return the first openings of the needle: about C = A L / (t rho0 R (T0 T)^0.5), and fully open."""
-    task, choice = strokes.task, strokes.choice
-    limit = task.outward_s if outward else task.back_s
-    speed = ANR_DENSITY_KG_M3 * AIR_GAS_CONSTANT_J_KG_K * math.sqrt(ANR_TEMPERATURE_K * task.ambient.temperature_k)
-    needed = choice.areas_m2[1 if outward else 0] * task.stroke_m / (limit * speed)
-    whole = choice.flow_control.numbers["needle_conductance"]
-    return sorted({min(one * needed / whole, 1.0) for one in NEEDLES} | {1.0})
 
 
 def _best(
@@ -678,7 +664,7 @@ def _best(
     """
     places = ("needle_out", "cushion_out") if outward else ("needle_back", "cushion_back")
     openings = np.array(list(pairs))
-    settings = [setting._replace(**dict(zip(places, pair, strict=True))) for pair in openings.tolist()]
+    settings = [setting._replace(**by_name(places, pair)) for pair in openings.tolist()]
     shares, shape = np.array(settings), (len(settings), len(rows))
     known = StrokeResults(*np.full((len(StrokeResults._fields), len(settings) * len(rows)), np.nan))
     is_run, named, table = np.zeros(shape, bool), [], np.array([])
@@ -691,7 +677,7 @@ def _best(
         for column, values in zip(known, found, strict=True):
             column[todo.ravel()] = values
         is_run |= todo
-        named = _margins(strokes.task, strokes.choice, outward, known)
+        named = _margins(strokes, outward, known)
         table = np.where(is_run, [margins.reshape(shape) for *_, margins in named], np.inf)
         todo = _next_runs(table, is_run, openings)
     whole = np.flatnonzero(is_run.all(axis=1)).tolist()
@@ -739,10 +725,9 @@ def _next_runs(table: Array, is_run: Bools, openings: Array) -> Bools:
     return left & (number <= AT_ONCE)
 
 
-def _margins(
-    task: SizingTask, choice: DriveChoice, outward: bool, found: StrokeResults
-) -> list[tuple[str, float, Array, Array]]:
+def _margins(strokes: DriveStrokes, outward: bool, found: StrokeResults) -> list[tuple[str, float, Array, Array]]:
     """Return name, limit, values and margins of the limits that the needles affect."""
+    task, choice = strokes.task, strokes.choice
     way, limit = ("out", task.outward_s) if outward else ("back", task.back_s)
     named = [(f"time {way}", limit, found.time)]
     if task.end_speed_m_s is not None:
