@@ -119,38 +119,34 @@ def equilibrium(
     whole = HeldDrive(drive)
     whole.actuation.commands(command)  # a switching valve has no commands between its positions
     plant = whole.static
-    x = 0.5 * plant.stroke_m
-    if load is None:
-        return at_velocity(plant, command, x, 0.0)
-    return under_load(plant, command, x, number_of(load, "N", "load"))
+    return pinned(plant, command) if load is None else under_load(plant, command, number_of(load, "N", "load"))
 
 
-def at_velocity(plant: HeldDrive, command: float, position: float, velocity: float) -> Equilibrium:
-    """Return the steady state at an imposed velocity; see `equilibrium`."""
-    gas, _ = _SteadySearch(plant, command, position).settle(velocity)
-    return state_at(plant, command, position, velocity, gas)
+def pinned(plant: HeldDrive, command: float) -> Equilibrium:
+    """Return the steady state of a piston that is pinned at mid stroke; see `equilibrium`."""
+    return state_at(plant, command, *_SteadySearch(plant, command).settle(0.0))
 
 
-def state_at(plant: HeldDrive, command: float, position: float, velocity: float, gas: Array) -> Equilibrium:
-    """Return an equilibrium from the pressures and temperatures of all nodes, shape (nodes, 2)."""
+def state_at(plant: HeldDrive, command: float, gas: Array, velocity: float) -> Equilibrium:
+    """Return an equilibrium at mid stroke from pressures and temperatures of all nodes, shape (nodes, 2)."""
+    position = plant.middle_m
     force = plant.force(plant.session(command, position, velocity, gas).linearise([]))
     friction = plant.sliding(velocity, plant.pressures(gas), position) if velocity else 0.0
     (p_a, t_a), (p_b, t_b) = plant.chamber(gas, "a"), plant.chamber(gas, "b")
     return Equilibrium(command, position, velocity, p_a, p_b, t_a, t_b, force, friction, friction - force)
 
 
-def under_load(plant: HeldDrive, command: float, position: float, load: float) -> Equilibrium:
-    """Return the steady motion that a drive at rest reaches under a load in +x.
+def under_load(plant: HeldDrive, command: float, load: float) -> Equilibrium:
+    """Return the steady motion at mid stroke that a drive at rest reaches under a load in +x.
 
     The velocity is 0 if the drive does not move.
     """
-    gas, velocity = gas_under_load(plant, command, position, load)
-    return state_at(plant, command, position, velocity, gas)
+    return state_at(plant, command, *gas_under_load(plant, command, load))
 
 
-def gas_under_load(plant: HeldDrive, command: float, position: float, load: float = 0.0) -> tuple[Array, float]:
+def gas_under_load(plant: HeldDrive, command: float, load: float = 0.0) -> tuple[Array, float]:
     """Return pressures and temperatures of all nodes, shape (nodes, 2), and the velocity; see `under_load`."""
-    search = _SteadySearch(plant, command, position, load, free=True)
+    search = _SteadySearch(plant, command, load, free=True)
     try:
         return search.settle(search.toward * SLOWEST)
     except SimulationError:  # near rest, friction that falls with speed leads away from the steady motion
@@ -172,7 +168,7 @@ def full_speeds(drive: DriveOrCircuit, otherwise: float) -> Pair:
         return _SPEEDS[key]
     try:
         plant = HeldDrive(drive).static
-        searches = [_SteadySearch(plant, way, 0.5 * plant.stroke_m, free=True) for way in (1.0, -1.0)]
+        searches = [_SteadySearch(plant, way, free=True) for way in (1.0, -1.0)]
         out, back = (abs(search.settle(search.toward * START_M_S)[1]) for search in searches)
     except (CommandError, SimulationError):
         out = back = otherwise
@@ -183,23 +179,21 @@ def full_speeds(drive: DriveOrCircuit, otherwise: float) -> Pair:
 
 
 class _SteadySearch:
-    """Search for a steady state: implicit integration at fixed position with growing steps.
+    """Search for a steady state: implicit integration at mid stroke with growing steps.
 
     Unknowns are ln p and ln T of all nodes and, under a load, the velocity. A step is an implicit Euler step. As it
     grows, it becomes a Newton step. The search therefore follows the motion of the drive and ends at the drive's final
     state.
     """
 
-    def __init__(
-        self, plant: HeldDrive, command: float, position: float, load: float = 0.0, *, free: bool = False
-    ) -> None:
-        self.plant, self.command, self.position, self.load, self.free = plant, command, position, load, free
+    def __init__(self, plant: HeldDrive, command: float, load: float = 0.0, *, free: bool = False) -> None:
+        self.plant, self.command, self.load, self.free = plant, command, load, free
         self.toward = math.copysign(1.0, command)
 
     def _rates(self, z: Array) -> Array:
         gas = self._gas(z)
-        gas_rates, force = self.plant.rates(self.plant.session(self.command, self.position, z[-1], gas))
-        friction = self.plant.sliding(z[-1], self.plant.pressures(gas), self.position) if self.free else 0.0
+        gas_rates, force = self.plant.rates(self.plant.session(self.command, self.plant.middle_m, z[-1], gas))
+        friction = self.plant.sliding(z[-1], self.plant.pressures(gas), self.plant.middle_m) if self.free else 0.0
         return np.append(gas_rates, (force + self.load - friction) / self.plant.mass)
 
     def _gas(self, z: Array) -> Array:
@@ -222,7 +216,11 @@ class _SteadySearch:
             own = z.size if self.free and not rests else z.size - 1
             left, is_long = np.max(np.abs(found[:own])), lasting > LASTING_S
             if left < (ROUNDED if is_long else SETTLED) and (is_long or np.max(np.abs(step)) < SETTLED):
-                self._check_held(z, found[:own])
+                for k, node in enumerate(self.plant.nodes):  # a pressure without effect on any rate is undetermined
+                    beside = z.copy()
+                    beside[k] += HELD
+                    if np.max(np.abs(self._rates(beside)[:own] - found[:own])) < SETTLED:
+                        raise SimulationError.of("datasheet.any_pressure", node=node, command=self.command)
                 return self._gas(z), 0.0 if rests else float(z[-1])
             step, far = self._step(z, found, own, lasting)
             share, found = self._damped(z, step, found, own)
@@ -234,14 +232,6 @@ class _SteadySearch:
                 z[-1] = self.toward * SLOWEST
                 found = self._rates(z)
         raise SimulationError.of("datasheet.no_state", command=self.command, velocity=float(z[-1]))
-
-    def _check_held(self, z: Array, found: Array) -> None:
-        """Raise an error if a pressure has no effect on any rate and is therefore undetermined."""
-        for k, node in enumerate(self.plant.nodes):
-            beside = z.copy()
-            beside[k] += HELD
-            if np.max(np.abs(self._rates(beside)[: found.size] - found)) < SETTLED:
-                raise SimulationError.of("datasheet.any_pressure", node=node, command=self.command)
 
     def _damped(self, z: Array, step: Array, found: Array, own: int) -> tuple[float, Array]:
         """Return the fraction of a step to take, and the rates after it.
@@ -338,7 +328,7 @@ def linearise(
     if whole.actuation.is_switched:
         raise CommandError.of("datasheet.not_linear", name=whole.name, valves=" and ".join(whole.actuation.held))
     plant = whole.static
-    x = 0.5 * plant.stroke_m if position is None else number_of(position, "m", "position")
+    x = plant.middle_m if position is None else number_of(position, "m", "position")
     if opening not in OPENINGS:
         raise CommandError(f'opening = "{opening}" is not known', remedy='"+" or "-"')
     at = open_command(plant, command, OPENINGS[opening])
@@ -392,13 +382,15 @@ def gas_at(plant: HeldDrive, pressures: Any = None) -> Array:  # noqa: ANN401 - 
     return np.array([(value, plant.ambient[1]) for value in values])
 
 
-def moving_gas(plant: HeldDrive, position: float) -> Array:
-    """Return the gas of slow steady motion in +x at ambient temperature, shape (nodes, 2): the usual operating point.
+def moving_gas(plant: HeldDrive) -> Array:
+    """Return the gas of slow steady motion in +x at mid stroke and ambient temperature, the usual operating point.
+
+    Its shape is (nodes, 2).
 
     Warn if the drive does not move.
     """
     command = plant.sizes((plant.edge(1.0)[0] + SMALL,))[0]
-    gas, velocity = gas_under_load(plant, command, position)
+    gas, velocity = gas_under_load(plant, command)
     if velocity == 0.0:
         warn(f"{plant.name} does not move in +x: instead of slow motion, the operating point is rest")
     gas[:, 1] = plant.ambient[1]

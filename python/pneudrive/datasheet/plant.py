@@ -192,14 +192,15 @@ class HeldDrive:
             raise DescriptionError(f"a {type(described).__name__} is not a drive", remedy='pn.Drive.load("drive.toml")')
         self.described = described
         self.circuit = described.circuit
-        pistons = [name for name, one in self.circuit.components.items() if one.entry["kind"].startswith("cylinder/")]
+        self.parts = self.circuit.components
+        pistons = [name for name, one in self.parts.items() if one.entry["kind"].startswith("cylinder/")]
         self.valves = list(self.circuit.commandable)
         if len(pistons) != 1 or not self.valves:
             raise CommandError.of(
                 "datasheet.pistons", name=self.circuit.name, pistons=len(pistons), valves=len(self.valves)
             )
         self.piston, self.valve = pistons[0], self.valves[0]
-        self.cylinder: Any = self.circuit.components[self.piston]
+        self.cylinder: Any = self.parts[self.piston]
         if actuation is None and isinstance(described, Drive) and not described.valve.is_switching:
             actuation = Actuation({self.valve: 1.0}, {self.valve: -1.0})
         self.actuation = actuation_of(self.circuit) if actuation is None else actuation
@@ -258,7 +259,7 @@ class HeldDrive:
 
     def table(self, name: str) -> Plain:
         """Return the table of a component as described."""
-        return self.circuit.components[name].plain()
+        return self.parts[name].plain()
 
     def varied(self, parts: Mapping[str, Plain]) -> HeldDrive:
         """Return the drive with other tables of some components and the same commands."""
@@ -300,7 +301,7 @@ class HeldDrive:
             if port.component in self.valves:
                 return port.id, passed[::-1]
             others = [other for other in wiring.ports(port.component) if other != port and other in wiring.at]
-            if len(others) != 1 or self.circuit.components[port.component].entry["kind"] in _ENDS:
+            if len(others) != 1 or self.parts[port.component].entry["kind"] in _ENDS:
                 break
             passed.append((port.component, others[0].name, port.name))
             at = wiring.at[others[0]]
@@ -322,7 +323,7 @@ class HeldDrive:
     def edge(self, direction: float) -> tuple[float, bool]:
         """Return the signal up to which a valve is shut in a direction, and whether its flow begins with zero slope."""
         full = self.actuation.out if direction >= 0.0 else self.actuation.back
-        parts = {name: self.circuit.components[name] for name, value in full.items() if value}
+        parts = {name: self.parts[name] for name, value in full.items() if value}
         return max((shut_up_to(part, full[name]) for name, part in parts.items()), default=(0.0, False))
 
     def is_at_b(self, node: str) -> bool:
@@ -347,6 +348,11 @@ class HeldDrive:
         return float(self.cylinder.stroke)
 
     @property
+    def middle_m(self) -> float:
+        """Position at mid stroke, m."""
+        return 0.5 * self.stroke_m
+
+    @property
     def bore_m(self) -> float:
         """Bore, m."""
         return float(self.cylinder.bore)
@@ -356,13 +362,13 @@ class HeldDrive:
         """Force on piston and moved bodies without pressure, N: of their weight, and of the loads if that is more."""
         weight = 0.0
         for name in self.moved:
-            incline = getattr(self.circuit.components[name], "incline", 0.0)
+            incline = getattr(self.parts[name], "incline", 0.0)
             weight += self.masses[name] * STANDARD_GRAVITY_M_S2 * math.sin(incline)
         return max(abs(weight), abs(weight - self.sum_of("load", "force")))
 
     def sum_of(self, kind: str, key: str) -> float:
         """Return the sum of a number over the components of a kind."""
-        return sum(getattr(part, key) for part in self.circuit.components.values() if part.kind == kind)
+        return sum(getattr(part, key) for part in self.parts.values() if part.kind == kind)
 
     @cached_property
     def supply(self) -> str:
@@ -391,7 +397,7 @@ class HeldDrive:
     @cached_property
     def frictions(self) -> dict[str, Plain]:
         """Friction in the core's form of the piston and each slide that has friction, by component."""
-        laws = {name: getattr(self.circuit.components[name], "friction", None) for name in self.slides}
+        laws = {name: getattr(self.parts[name], "friction", None) for name in self.slides}
         return {name: law.core() for name, law in laws.items() if law is not None}
 
     @cached_property
@@ -413,7 +419,7 @@ class HeldDrive:
         A coupling transmits weight and friction of its slide only at the end of its play.
         """
         plant, lags = self.frictionless, {self.piston: 0.0}  # the same masses and couplings
-        middle, least = 0.5 * self.stroke_m, LEAST_LAG_M
+        middle, least = self.middle_m, LEAST_LAG_M
         for name in self.slides[1:]:
             carried = self.sliding_of(name, LEAST_VELOCITY, (self.ambient[0], self.ambient[0]), middle) + CONTACT_N
 
@@ -507,7 +513,7 @@ class HeldDrive:
         loads = [f"{name}.load_force_n" for name in self.slides]
         found = {}
         for velocity in (0.0, 1.0):  # sticking: the contact takes the load
-            linear = self.session(half, 0.5 * self.stroke_m, velocity, gas).linearise(loads)
+            linear = self.session(half, self.middle_m, velocity, gas).linearise(loads)
             for k, name in enumerate(self.slides):
                 rate = linear.B[linear.states.index(f"{name}.velocity_m_s"), k]
                 if rate != 0.0:
@@ -575,7 +581,7 @@ def _search(circuit: Circuit) -> Actuation:
         commands = {name: command for name, (command, _) in zip(kinds, choice, strict=True)}
         seen = {name: command for name, (_, command) in zip(kinds, choice, strict=True)}
         plant = HeldDrive(copy, actuation=Actuation(seen, seen))
-        session = plant.settled(1.0, 0.5 * plant.stroke_m)
+        session = plant.settled(1.0, plant.middle_m)
         forces.append((session.read(f"{plant.piston}.friction_force_n"), commands))
     ends = []
     for sign in (-1.0, 1.0):

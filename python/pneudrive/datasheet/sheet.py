@@ -225,9 +225,7 @@ def build(
 def _hazards(plant: HeldDrive, results: dict[str, xr.Dataset]) -> Iterator[Finding]:
     """Yield the findings on the load at loss of pressure, and on the impacts."""
     ambient = plant.ambient[0]
-    holds = abs(plant.sliding(LEAST_VELOCITY, (ambient, ambient), 0.5 * plant.stroke_m)) + plant.sum_of(
-        LOCK, "holding_force"
-    )
+    holds = abs(plant.sliding(LEAST_VELOCITY, (ambient, ambient), plant.middle_m)) + plant.sum_of(LOCK, "holding_force")
     if plant.hanging_n > holds:
         text = (
             f"without pressure, weight and load pull the piston with {plain(plant.hanging_n)} N, but friction at rest"

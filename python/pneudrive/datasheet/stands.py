@@ -37,11 +37,11 @@ def flow_through(plant: HeldDrive, side: str, *, inward: bool, upstream: float, 
     circuit = plant.circuit
     port, line = plant.line(side)
     name = port.partition(".")[0]
-    valve = circuit.components[name].plain()
+    valve = plant.table(name)
     edge = path_of(valve, exhaust=not inward)
     if "flow_table" in valve or not edge:
         raise CommandError.of("datasheet.no_single_flow", valve=name)
-    parts = {"edge": {"kind": "fitting"} | edge} | {name: circuit.components[name] for name, *_ in line}
+    parts = {"edge": {"kind": "fitting"} | edge} | {name: plant.parts[name] for name, *_ in line}
     way = [("edge", "1", "2"), *line]
     if not inward:
         way = [*((n, out, near) for n, near, out in line[::-1]), way[0]]
@@ -65,20 +65,6 @@ def reduce_flow(
 
     found = least_squares(misfit, [1.0, 0.3], bounds=([0.1, 0.0], [10.0, 0.99]), xtol=1e-15, ftol=1e-15, gtol=1e-15)
     return float(found.x[0]) * first, float(found.x[1]), float(np.max(np.abs(found.fun)))
-
-
-def _fed(plant: HeldDrive) -> list[str]:
-    """Return the chambers that are connected to a valve, without chambers open to the ambient.
-
-    Raises
-    ------
-    CommandError
-        The test stand does not exist.
-    """
-    fed = [side for side in plant.sides if plant.has_line(side)]
-    if not fed:
-        plant.line(plant.sides[0])
-    return fed
 
 
 @characteristic(
@@ -112,9 +98,12 @@ def _flows(plant: HeldDrive) -> Found:
     """
     before = plant.supply_pa
     ratios, density = np.array(RATIOS), plant.circuit.gas.anr_density_kg_m3
-    index = float(getattr(plant.circuit.components[plant.valve], "subsonic_index", 0.5))
+    index = float(getattr(plant.parts[plant.valve], "subsonic_index", 0.5))
     named, flows, rows = [], [], []
-    for side in _fed(plant):
+    fed = [side for side in plant.sides if plant.has_line(side)]  # without chambers open to the ambient
+    if not fed:
+        plant.line(plant.sides[0])
+    for side in fed:
         for inward in (True, False):
             named.append(f"{'supply to' if inward else 'exhaust of'} {side}")
             flows.append(flow_through(plant, side, inward=inward, upstream=before, ratios=ratios))

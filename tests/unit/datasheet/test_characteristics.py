@@ -12,7 +12,7 @@ import pneudrive as pn
 from pneudrive.datasheet.characteristics.air import FULL_S, NORMAL_DENSITY_KG_M3, drawn_mass
 from pneudrive.datasheet.characteristics.response import _end, _with_mass
 from pneudrive.datasheet.characteristics.steady import _mode, velocity_gain
-from pneudrive.datasheet.equilibrium import at_velocity
+from pneudrive.datasheet.equilibrium import pinned
 from pneudrive.datasheet.plant import HeldDrive
 from pneudrive.datasheet.registry import characteristics
 from pneudrive.datasheet.strokes import litres_anr
@@ -38,7 +38,7 @@ def test_steady_velocities_under_command_and_load():
 
 
 def test_velocity_gain_is_that_of_choked_exhaust():
-    slope, zone = velocity_gain(HeldDrive(DRIVE), 1.0, 0.25)
+    slope, zone = velocity_gain(HeldDrive(DRIVE), 1.0)
     assert f"{slope:.4f}" == "4.0628"
     assert abs(zone) < 1e-9
     small = pn.equilibrium(DRIVE, 0.2, load=0.0)
@@ -73,8 +73,7 @@ def test_equilibrium_is_where_a_long_run_ends():
     session = circuit.start({"cylinder.position": "250 mm"}, rtol=1e-10)
     session.set("valve.command", 0.002)
     session.advance(60.0)
-    x = session.read("cylinder.position_m")
-    found = at_velocity(HeldDrive(circuit), 0.002, x, 0.0)
+    found = pinned(HeldDrive(circuit), 0.002)
     assert abs(session.read("cylinder.velocity_m_s")) < 1e-9
     assert found.pressure_a_pa == pytest.approx(session.read("cylinder.a.pressure_pa"), rel=1e-6)
     assert found.pressure_b_pa == pytest.approx(session.read("cylinder.b.pressure_pa"), rel=1e-6)

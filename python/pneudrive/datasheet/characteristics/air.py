@@ -48,15 +48,6 @@ def full_half_s(plant: HeldDrive) -> float:
     return max(FULL_S, SLOW * strokes.half_s)
 
 
-def accounts_of(plant: HeldDrive, half_s: float) -> NamedNumbers:
-    """Return the energy accounts of one cycle by name, as the difference between REPEATS + 1 and REPEATS cycles."""
-    many, few = (
-        cycle(plant, half_s, repeats=count, ledger=True, rtol=RTOL).attrs["ledger"]["accounts"]
-        for count in (REPEATS + 1, REPEATS)
-    )
-    return {name: value - few[name] for name, value in many.items()}
-
-
 @lru_cache(maxsize=64)  # characteristics of one drive share runs
 def drawn_mass(plant: HeldDrive, half_s: float, repeats: int = REPEATS) -> float:
     """Return the mass that one cycle draws from the supply, integrated over the solver's steps, kg."""
@@ -206,9 +197,13 @@ def _exergy(plant: HeldDrive) -> Found:
         half of the period of the cycle
     """
     half_period = full_half_s(plant)
-    found = accounts_of(plant, half_period)
+    many, few = (  # one cycle is the difference between REPEATS + 1 and REPEATS cycles
+        cycle(plant, half_period, repeats=count, ledger=True, rtol=RTOL).attrs["ledger"]["accounts"]
+        for count in (REPEATS + 1, REPEATS)
+    )
+    found = {name: value - few[name] for name, value in many.items()}
     t_0 = plant.ambient[1]
-    supply_k = plant.session(1.0, 0.5 * plant.stroke_m).read(plant.supply.replace("pressure_pa", "temperature_k"))
+    supply_k = plant.session(1.0, plant.middle_m).read(plant.supply.replace("pressure_pa", "temperature_k"))
     (h, s), (h_0, s_0) = (_entering(plant, *gas) for gas in ((plant.supply_pa, supply_k), plant.ambient))
     # The flow exergy of the supplied gas against ambient is h - h_0 - T_0 (s - s_0).
     drawn = drawn_mass(plant, half_period) * (h - h_0 - t_0 * (s - s_0))

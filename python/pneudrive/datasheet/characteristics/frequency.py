@@ -88,8 +88,8 @@ def _bode(plant: HeldDrive) -> Found:
     resonance : Hz
         frequency of the largest response
     """
-    x = 0.5 * plant.stroke_m
-    linear = linear_model(plant, open_command(plant, 0.0), x, moving_gas(plant, x), "sliding")
+    x = plant.middle_m
+    linear = linear_model(plant, open_command(plant, 0.0), x, moving_gas(plant), "sliding")
     f = np.array(FREQUENCIES)
     output = f"{plant.piston}.velocity_m_s"
     velocity = response(linear, output, f)
@@ -157,7 +157,7 @@ def _harmonics(plant: HeldDrive, amplitude: float, frequency: float) -> tuple[fl
     def sine(t: float) -> float:  # held from a step to the next: the value at its middle
         return amplitude * math.sin(2.0 * math.pi * frequency * (t + 0.5 / rate))
 
-    start = start_of(plant, 0.5 * plant.stroke_m, plant.pressures(gas_at(plant)))
+    start = start_of(plant, plant.middle_m, plant.pressures(gas_at(plant)))
     try:
         plans = {name: lambda t, size=size: size * sine(t) for name, size in plant.actuation.out.items()}
         run = simulate_plant(plant, plans, periods / frequency, rate, initial=start)
@@ -231,7 +231,7 @@ def _load_harmonics(plant: HeldDrive, amplitude: float, frequency: float, gas: A
     NaN if the piston reaches an end.
     """
     rate, periods = STEPS * frequency, SETTLING + COUNTED
-    session = plant.session(0.0, 0.5 * plant.stroke_m, 0.0, gas)
+    session = plant.session(0.0, plant.middle_m, 0.0, gas)
     sine = amplitude * np.sin(2.0 * math.pi * (np.arange(periods * STEPS) + 0.5) / STEPS)  # held from step to step
     session.schedule(plant.load, [(k / rate, float(force)) for k, force in enumerate(sine)])
     session.advance(SETTLING / frequency)
@@ -270,11 +270,11 @@ def moved(drive: Drive, name: str, factor: float) -> Drive:
 
 def _of(plant: HeldDrive) -> NamedNumbers:
     """Return the results of one drive."""
-    x = 0.5 * plant.stroke_m
+    x = plant.middle_m
     spring = adiabatic_stiffness(plant.static, x, "3 bar abs")
     stroke = one_stroke(plant, 1.0, 0.0, plant.before(1.0)).strokes[0]
     return {
-        "steady_speed": under_load(plant.static, 1.0, x, 0.0).velocity_m_s,
+        "steady_speed": under_load(plant.static, 1.0, 0.0).velocity_m_s,
         "stall_force": full_force(plant.static, 1.0)[1],
         "natural_frequency": math.sqrt(spring / plant.mass) / (2.0 * math.pi),
         "stroke_time": stroke.stroke_time,

@@ -65,9 +65,7 @@ def short_columns(plant: HeldDrive, run: xr.Dataset) -> Columns:
 def expected_time(plant: HeldDrive, command: float) -> float:
     """Return a sufficient time for one stroke, s."""
     try:
-        speed = min(
-            abs(under_load(plant.static, side * command, 0.5 * plant.stroke_m, 0.0).velocity_m_s) for side in (1, -1)
-        )
+        speed = min(abs(under_load(plant.static, side * command, 0.0).velocity_m_s) for side in (1, -1))
     except (CommandError, SimulationError):
         speed = USUAL_SPEED
     return max(EXPECTED * plant.stroke_m / speed, LEAST_S) if speed > 0.0 else LONGEST * LEAST_S
@@ -358,7 +356,7 @@ def _cushion(plant: HeldDrive, end_speed: float = END_SPEED) -> Found:
 def _with_mass(plant: HeldDrive, share: float) -> HeldDrive:
     """Return the drive with the masses of piston, loads and slides multiplied by a factor."""
     own = {}
-    for name, part in plant.circuit.components.items():
+    for name, part in plant.parts.items():
         key = "moving_mass" if name == plant.piston else "mass"
         if hasattr(part, key):
             own[name] = plant.table(name) | {key: f"{share * getattr(part, key)!r} kg"}
@@ -368,16 +366,16 @@ def _with_mass(plant: HeldDrive, share: float) -> HeldDrive:
 def _with_needle(plant: HeldDrive, side: str, share: float) -> HeldDrive:
     """Return the drive with the needle of a cushion opened by a factor."""
     key = f"cushion_{side}_needle_conductance"
-    si = getattr(plant.circuit.components[plant.piston], f"{key}_m3_s_pa")
+    si = getattr(plant.parts[plant.piston], f"{key}_m3_s_pa")
     return plant.varied({plant.piston: plant.table(plant.piston) | {key: f"{share * si!r} m3/(s Pa)"}})
 
 
 def _end(plant: HeldDrive, side: str, speed: float) -> Pair:
     """Return end speed, m/s, and peak pressure, Pa, of a piston that enters a cushion at a given speed."""
     toward = 1.0 if side == "b" else -1.0
-    length = float(getattr(plant.circuit.components[plant.piston], f"cushion_{side}_length_m"))
+    length = float(getattr(plant.parts[plant.piston], f"cushion_{side}_length_m"))
     x = plant.stroke_m - length - BEFORE_M if side == "b" else length + BEFORE_M
-    a, b = plant.pressures(moving_gas(plant.static, 0.5 * plant.stroke_m))
+    a, b = plant.pressures(moving_gas(plant.static))
     a, b = (a, b) if side == "b" else (b, a)
     own = plant.piston
     start = {f"{own}.position": f"{x!r} m", f"{own}.velocity": f"{toward * speed!r} m/s"}
@@ -435,7 +433,7 @@ def _times(plant: HeldDrive) -> Found:
 
 def _run(plant: HeldDrive, table: Plain) -> ArrayPair:
     """Command the valve on and off; return times and the pressure of a volume at its working port."""
-    ports = [port["name"] for port in plant.circuit.components[plant.valve].entry["ports"]]
+    ports = [port["name"] for port in plant.parts[plant.valve].entry["ports"]]
     outlet = "4" if "4" in ports else "2"
     other = [f"valve.{port}" for port in ports if port in ("2", "4") and port != outlet]
     circuit = type(plant.circuit).model_validate(

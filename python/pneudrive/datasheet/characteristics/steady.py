@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pneudrive.datasheet.characteristic import Found, ResultValue, characteristic
-from pneudrive.datasheet.equilibrium import SIDE, at_velocity, gas_at, linear_model, under_load
+from pneudrive.datasheet.equilibrium import SIDE, gas_at, linear_model, pinned, under_load
 from pneudrive.datasheet.plant import LEAST_VELOCITY, HeldDrive
 from pneudrive.errors import CommandError, SimulationError
 from pneudrive.numbers import plain
@@ -33,11 +33,10 @@ def full_force(plant: HeldDrive, direction: float, velocity: float = LEAST_VELOC
     Blocked force: force of gas, weight and described load on a pinned piston. Stall force: blocked force minus
     the friction at a velocity, by default breakaway: the largest load that a piston at rest can move.
     """
-    x = 0.5 * plant.stroke_m
-    rest = at_velocity(plant, direction, x, 0.0)
+    rest = pinned(plant, direction)
     pressures = (rest.pressure_a_pa, rest.pressure_b_pa)
     blocked = direction * rest.gas_force_n
-    return blocked, blocked - abs(plant.sliding(direction * velocity, pressures, x))
+    return blocked, blocked - abs(plant.sliding(direction * velocity, pressures, plant.middle_m))
 
 
 @characteristic(
@@ -72,7 +71,6 @@ def _velocity(plant: HeldDrive) -> Found:
     dead_zone : 1 over direction
         command at which that line crosses zero velocity
     """
-    x = 0.5 * plant.stroke_m
     sizes = plant.sizes(COMMANDS)
     commands = np.array([*(-u for u in reversed(sizes)), *sizes])
     try:
@@ -80,7 +78,7 @@ def _velocity(plant: HeldDrive) -> Found:
     except SimulationError:  # a blocked piston has no steady state, as behind a quick exhaust valve
         stall = math.nan
     against = np.array([share * stall for share in LOAD_SHARES] if stall == stall else [0.0])
-    found = np.array([[_moving(plant, u, x, -math.copysign(1.0, u) * load) for load in against] for u in commands])
+    found = np.array([[_moving(plant, u, -math.copysign(1.0, u) * load) for load in against] for u in commands])
     values = {
         "command": commands,
         "load_force": against,
@@ -90,22 +88,22 @@ def _velocity(plant: HeldDrive) -> Found:
     }
     if len(sizes) == 1:  # a switching valve has no small commands
         return values
-    gains, zones = zip(*(velocity_gain(plant, u, x) for u in (1.0, -1.0)), strict=True)
+    gains, zones = zip(*(velocity_gain(plant, u) for u in (1.0, -1.0)), strict=True)
     return values | {"velocity_gain": gains, "dead_zone": zones}
 
 
-def _moving(plant: HeldDrive, command: float, position: float, load: float) -> tuple[float, float, float]:
+def _moving(plant: HeldDrive, command: float, load: float) -> tuple[float, float, float]:
     try:
-        found = under_load(plant, command, position, load)
+        found = under_load(plant, command, load)
     except SimulationError:
         return math.nan, math.nan, math.nan
     return found.velocity_m_s, found.pressure_a_pa, found.pressure_b_pa
 
 
-def velocity_gain(plant: HeldDrive, direction: float, position: float) -> tuple[float, float]:
+def velocity_gain(plant: HeldDrive, direction: float) -> tuple[float, float]:
     """Return slope and dead zone of the line through two small commands at which the piston moves."""
     commands = [plant.edge(direction)[0] + small for small in SMALL]
-    (low, slow), (high, fast) = ((u, abs(_moving(plant, direction * u, position, 0.0)[0])) for u in commands)
+    (low, slow), (high, fast) = ((u, abs(_moving(plant, direction * u, 0.0)[0])) for u in commands)
     if not slow > 0.0:
         return math.nan, math.nan
     slope = (fast - slow) / (high - low)
@@ -143,24 +141,23 @@ def _force(plant: HeldDrive, points: int = 12) -> Found:
     stall_force : N over direction
         largest load that the resting piston can move: blocked force minus breakaway force
     """
-    x = 0.5 * plant.stroke_m
     directions = (1.0, -1.0)
     blocked, stall = zip(*(full_force(plant, direction) for direction in directions), strict=True)
     shares = np.linspace(0.0, 0.99, points)
     loads = np.array([[share * max(most, 0.0) for share in shares] for most in stall])
     speeds = np.array(
         [
-            [abs(_moving(plant, direction, x, -direction * load)[0]) for load in row]
+            [abs(_moving(plant, direction, -direction * load)[0]) for load in row]
             for direction, row in zip(directions, loads, strict=True)
         ]
     )
     return shares, loads, speeds, blocked, stall
 
 
-def _blocked(plant: HeldDrive, command: float, position: float) -> float:
+def _blocked(plant: HeldDrive, command: float) -> float:
     """Return the pressure difference with a blocked piston, Pa; NaN if no steady state exists."""
     try:
-        found = at_velocity(plant, command, position, 0.0)
+        found = pinned(plant, command)
     except SimulationError:
         return math.nan
     return found.pressure_a_pa - found.pressure_b_pa
@@ -194,13 +191,12 @@ def _pressure_gain(plant: HeldDrive) -> Found:
     centre_pressure_b : Pa
         absolute pressure in chamber b at the centre
     """
-    x = 0.5 * plant.stroke_m
     commands = np.array([*(-u for u in reversed(BLOCKED)), *BLOCKED])
-    difference = np.array([_blocked(plant, u, x) for u in commands])
+    difference = np.array([_blocked(plant, u) for u in commands])
     try:
-        rest = at_velocity(plant, 0.0, x, 0.0)
+        rest = pinned(plant, 0.0)
         centre = (rest.pressure_a_pa, rest.pressure_b_pa)
-        slope = (_blocked(plant, TINY, x) - _blocked(plant, -TINY, x)) / (2.0 * TINY)
+        slope = (_blocked(plant, TINY) - _blocked(plant, -TINY)) / (2.0 * TINY)
     except SimulationError:  # no leak: any pressure holds at a shut valve
         centre, slope = (math.nan, math.nan), math.inf
     return commands, difference, slope, *centre
@@ -316,7 +312,7 @@ def _stiffness(plant: HeldDrive, pressures: Any = None) -> Found:  # noqa: ANN40
     fast = [[adiabatic_stiffness(plant, x, p) for p in levels] for x in positions]
     slow = [[dynamic_stiffness(plant, one, 1j * SLOW).real for one in row] for row in models]
     level = levels[:2][-1]
-    middle = _at(plant, 0.5 * plant.stroke_m, level)
+    middle = _at(plant, plant.middle_m, level)
     over = np.asarray([dynamic_stiffness(plant, middle, 2j * math.pi * f) for f in FREQUENCIES])
     loss = np.imag(over) / np.real(over)
     return {
@@ -378,7 +374,7 @@ def _frequency(plant: HeldDrive, pressures: Any = None) -> Found:  # noqa: ANN40
     modes = np.array(
         [[_mode(linear_model(plant, SIDE, x, gas_at(plant, p), friction="sliding")) for p in levels] for x in positions]
     )
-    half = 0.5 * plant.stroke_m
+    half = plant.middle_m
     by_mass = [
         [math.sqrt(adiabatic_stiffness(plant, half, p, m) / (m * plant.mass)) / (2.0 * math.pi) for p in levels]
         for m in MASSES
