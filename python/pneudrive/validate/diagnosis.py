@@ -317,7 +317,7 @@ class _Regression:
                 amount = float(np.clip((column @ self.left) / (column @ column), *cause.bounds))
                 linear.append(_Fit.single(cause, amount, column, self.left - amount * column, self.left))
         linear.sort(key=lambda fit: -fit.share)
-        refined = [fit if fit.cause.profile else self.newton(fit) for fit in linear[:REFINED]]
+        refined = [fit if fit.cause.profile else self.newton(fit.causes, fit.amounts) for fit in linear[:REFINED]]
         refined = sorted([*refined, *linear[REFINED:]], key=lambda fit: -fit.share)
         # Among indistinguishable causes, the one with the fewest coefficients comes first.
         rivals = [fit for fit in refined if self.is_rival(fit, refined[0])]
@@ -345,20 +345,16 @@ class _Regression:
                 rest = self.left - matrix @ np.linalg.lstsq(matrix, self.left, rcond=None)[0]
                 rests.append((float(rest @ rest), cause))
         best = [cause for _, cause in sorted(rests, key=lambda pair: pair[0])[:JOINT]]
-        fits = [
-            self.newton(_start([*companions, cause]))
-            for cause in self.watch.each(best, "causes tested with fitted values")
-        ]
-        companion = self.newton(_start([*companions[1:], companions[0]]))
+        tested = self.watch.each(best, "causes tested with fitted values")
+        fits = [self.newton([*companions, cause], np.zeros(len(companions) + 1)) for cause in tested]
+        companion = self.newton([*companions[1:], companions[0]], np.zeros(len(companions)))
         least = 1.0 - max(share, companion.share)
         fits = sorted((fit for fit in fits if RIVAL * (1.0 - fit.share) < least), key=lambda fit: -fit.share)
         return [fit for fit in fits if self.is_shown(fit)]
 
-    def newton(self, start: _Fit) -> _Fit:
+    def newton(self, every: list[Cause], amounts: Array) -> _Fit:
         """Refine the amounts of causes by Gauss-Newton. A cause that makes the description invalid explains nothing."""
-        every = start.causes
-        amounts = start.amounts
-        best = replace(start, amounts=0.0 * start.amounts, after=self.left, share=0.0)
+        best = _Fit(every, 0.0 * amounts, np.zeros((len(every), 1)), self.left, 0.0)
         low, high = np.array([cause.bounds for cause in every]).T
         for _ in range(NEWTON_STEPS + (not amounts.any())):
             here, columns = self.residual(every, amounts), []
@@ -443,11 +439,6 @@ class _Regression:
         best = min(sizes)
         every = [a for a, size in zip(amounts, sizes, strict=True) if size <= RIVAL * best] + [fit.amount]
         return min(every), max(every)
-
-
-def _start(every: list[Cause]) -> _Fit:
-    """Return causes with amounts of zero, the start of a joint fit."""
-    return _Fit(every, np.zeros(len(every)), np.zeros((len(every), 1)), np.zeros(1), 0.0)
 
 
 def diagnose(

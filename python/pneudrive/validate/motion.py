@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from pneudrive.arrays import Array, Bools, Columns, NamedNumbers, Pair, Plain, by_name
+from pneudrive.arrays import Array, Bools, Pair, Plain, by_name
 from pneudrive.describe.circuit import Circuit
 from pneudrive.describe.files import toml
 from pneudrive.errors import CommandError, RecordingError
@@ -331,13 +331,32 @@ def _balance(recording: Recording, begin_s: float) -> Closure:
     sliding = _sliding(recording, time)
     found, residual, power = sliding.closed(recording)
     span, size_n = float(np.ptp(recording.force_n)) or 1.0, rms(residual)
-    friction, offset = _friction(by_name(sliding.names, found))
+    value = by_name(sliding.names, found)
+    offset = 0.5 * (value["d1"] + value["d-1"]) if "d1" in value and "d-1" in value else 0.0
+    friction = {
+        way: (way * (value[f"d{way}"] - offset), value.get(f"e{way}", 0.0)) for way in (1, -1) if f"d{way}" in value
+    }
     extra = {force.name: -force.force_n[sliding.use] for force in recording.parallel}
-    gas = _gas(recording)[sliding.use]
+    gauge_a, gauge_b = (p - recording.ambient_pressure_pa for p in (recording.pressure_a_pa, recording.pressure_b_pa))
+    gas = (recording.area_a_m2 * gauge_a - recording.area_b_m2 * gauge_b)[sliding.use]
     least = [abs(d) for d, _ in friction.values() if np.isfinite(d)]
     if np.ptp(gas) > VISIBLE * max(*least, NOISE_FACTOR * noise_level(recording.force_n)):
         extra["gas"] = -gas
-    gains, viscous, correlation = _free_gains(time[sliding.use], sliding, recording.balance_n()[sliding.use], extra)
+    matrix = np.column_stack([sliding.base, *extra.values()])  # gains of forces relative to their stated areas
+    scale = np.sqrt(np.mean(matrix**2, axis=0))
+    scaled, balance = matrix / scale, recording.balance_n()[sliding.use]
+    inverse = np.linalg.pinv(scaled.T @ scaled)
+    solution = inverse @ (scaled.T @ balance)
+    edges = np.unique(np.floor(time[sliding.use] / BLOCK_S), return_index=True)[1]  # covariance from blocks of time
+    scores = np.add.reduceat(scaled * (balance - scaled @ solution)[:, None], edges, axis=0)
+    blocks, n = len(edges), len(sliding.names)
+    covariance = inverse @ (scores.T @ scores) @ inverse * blocks / max(blocks - matrix.shape[1], 1)
+    values, deviations = (solution / scale).tolist(), (np.sqrt(np.diag(covariance)) / scale).tolist()
+    freedom, place = max(blocks - matrix.shape[1], 3), sliding.names.index("e1") if "e1" in sliding.names else n - 1
+    gains = {name: Estimate.of(1.0 + values[i], deviations[i], freedom, "") for i, name in enumerate(extra, start=n)}
+    viscous, correlation = Estimate.of(values[place], deviations[place], freedom, "N s/m"), None
+    if next(iter(extra), "gas") != "gas":
+        correlation = float(covariance[place, n] / np.sqrt(covariance[place, place] * covariance[n, n]))
     doubts = tuple(_doubts(recording, sliding, size_n / span, brakes=power > 0.0))
     return Closure(
         recording.name, size_n, size_n / span, friction, offset, gains, viscous, correlation, span,
@@ -375,50 +394,6 @@ def _sliding(recording: Recording, time: Array) -> _Sliding:
             if high > ONE_SPEED * low:
                 columns[f"e{way}"] = np.where(there, v, 0.0)
     return _Sliding(use, np.column_stack([*columns.values()]), list(columns), v)
-
-
-def _friction(value: NamedNumbers) -> tuple[dict[int, Pair], float]:
-    """Return friction at zero speed and its slope by direction, and the offset (half the sum of both directions)."""
-    both = "d1" in value and "d-1" in value
-    offset = 0.5 * (value["d1"] + value["d-1"]) if both else 0.0
-    found = {
-        way: (way * (value[f"d{way}"] - offset), value.get(f"e{way}", 0.0)) for way in (1, -1) if f"d{way}" in value
-    }
-    return found, offset
-
-
-def _gas(recording: Recording) -> Array:
-    ambient = recording.ambient_pressure_pa
-    a = recording.area_a_m2 * (recording.pressure_a_pa - ambient)
-    return a - recording.area_b_m2 * (recording.pressure_b_pa - ambient)
-
-
-def _free_gains(
-    time_s: Array, sliding: _Sliding, balance: Array, extra: Columns
-) -> tuple[dict[str, Estimate], Estimate, float | None]:
-    """Return gains of forces relative to their stated areas. Their covariance comes from blocks of time."""
-    base, names = sliding.base, sliding.names
-    matrix = np.column_stack([base, *extra.values()])
-    scale = np.sqrt(np.mean(matrix**2, axis=0))
-    inverse = np.linalg.pinv((matrix / scale).T @ (matrix / scale))
-    solution = inverse @ ((matrix / scale).T @ balance)
-    rest = balance - (matrix / scale) @ solution
-    edges = np.unique(np.floor(time_s / BLOCK_S), return_index=True)[1]
-    scores = np.add.reduceat((matrix / scale) * rest[:, None], edges, axis=0)
-    blocks = len(edges)
-    covariance = inverse @ (scores.T @ scores) @ inverse * blocks / max(blocks - matrix.shape[1], 1)
-    value, deviation = solution / scale, np.sqrt(np.diag(covariance)) / scale
-    freedom, n = max(blocks - matrix.shape[1], 3), base.shape[1]
-    gains = {
-        name: Estimate.of(1.0 + float(value[n + i]), float(deviation[n + i]), freedom, "")
-        for i, name in enumerate(extra)
-    }
-    place = names.index("e1") if "e1" in names else len(names) - 1
-    viscous = Estimate.of(float(value[place]), float(deviation[place]), freedom, "N s/m")
-    if not extra or next(iter(extra)) == "gas":
-        return gains, viscous, None
-    correlation = covariance[place, n] / np.sqrt(covariance[place, place] * covariance[n, n])
-    return gains, viscous, float(correlation)
 
 
 def _doubts(recording: Recording, sliding: _Sliding, share: float, *, brakes: bool) -> list[str]:
@@ -557,7 +532,6 @@ def validate_motion(
         Input is not valid.
     """
     watch = Watch(progress, cancel)
-    recordings = [recordings] if isinstance(recordings, str | Path | Recording) else list(recordings)
     described, fit = motions.described_circuit(circuit)
     fitted = {} if fit is None else fit.hashes
     records, driven = driven_recordings(recordings, layout), DrivenCircuit(described)
@@ -666,9 +640,8 @@ def validate_regulator(
     RecordingError, LayoutError
         A recording cannot be read.
     """
-    files = [recordings] if isinstance(recordings, str | Path) else list(recordings)
     runs, fitted, made = [], {}, dict.fromkeys(fit.recordings, "") | fit.hashes
-    for record in read_volume_recordings(files, layout):
+    for record in read_volume_recordings(recordings, layout):
         model = fit.simulate(record)
         size_pa = rms(record.pressure_pa - model)
         span = float(np.ptp(record.pressure_pa)) or 1.0
