@@ -170,7 +170,20 @@ def select_friction_law(
             raise FitError(f"the law {name!r} cannot be compared", remedy=nearest(name, sliding.NAMES))
     data, _, selected = sliding.selected(friction_map, exclude_flags=exclude_flags)
     forms = _forms(data, pressure)
-    held_out, folds = _folds(friction_map, data, hold_out)
+    if hold_out is None:
+        hold_out = "pressure" if pressure_levels(data).max() >= 2 else "speed"
+    held_out = hold_out if isinstance(hold_out, str) else "label"
+    if hold_out == "pressure":
+        folds = pressure_levels(data)
+    elif hold_out == "speed":
+        folds = np.searchsorted([high for _, high in distinct_levels(data.speed_m_s)], data.speed_m_s)
+    else:
+        groups = data.group
+        if hold_out != "recording":
+            groups = of_values(friction_map, row_labels(friction_map, hold_out), data)
+        folds = np.unique(groups, return_inverse=True)[1]
+    if folds.max() < 2:
+        raise FitError.of("identify.few_conditions", name=held_out, count=int(folds.max()) + 1)
     wanted = [(name, form) for name in dict.fromkeys(sliding.NAMES[law] for law in laws) for form in forms]
     each = Watch(progress, cancel).each(wanted, "laws fitted, each with every condition left out once")
     tried = [_compared(name, form, data, folds, selected) for name, form in each]
@@ -220,27 +233,6 @@ def _forms(data: sliding.Observations, wanted: Sequence[str] | None) -> tuple[st
     return (None, *(forms if any(varied) else ()))
 
 
-def _folds(
-    friction_map: xr.Dataset, data: sliding.Observations, wanted: str | Sequence[str] | None
-) -> tuple[str, Ints]:
-    """Return the kind of held-out conditions, and for each value the index of its group."""
-    if wanted is None:
-        wanted = "pressure" if pressure_levels(data).max() >= 2 else "speed"
-    name = wanted if isinstance(wanted, str) else "label"
-    if wanted == "pressure":
-        folds = pressure_levels(data)
-    elif wanted == "speed":
-        tops = np.array([high for _, high in distinct_levels(data.speed_m_s)])
-        folds = np.searchsorted(tops, data.speed_m_s)
-    elif wanted == "recording":
-        folds = np.unique(data.group, return_inverse=True)[1]
-    else:
-        folds = np.unique(of_values(friction_map, row_labels(friction_map, wanted), data), return_inverse=True)[1]
-    if folds.max() < 2:
-        raise FitError.of("identify.few_conditions", name=name, count=int(folds.max()) + 1)
-    return name, np.asarray(folds, dtype=np.int64)
-
-
 def _compared(name: str, form: str | None, data: sliding.Observations, folds: Ints, selected: Plain) -> Compared | str:
     """Fit and predict, or return the reason why this is not possible."""
     wide = float(data.speed_m_s.max() / data.speed_m_s.min()) >= SPEED_SPAN
@@ -251,11 +243,14 @@ def _compared(name: str, form: str | None, data: sliding.Observations, folds: In
         return f"{name} is not compared: {problem.what}"
     error, inside = np.empty(len(data)), np.empty(len(data), dtype=bool)
     squares, means = np.empty((2, int(folds.max()) + 1))
+    plain = replace(fit.model, chambers=(), pressure="linear", knee_pa=None)
     for fold in range(squares.size):
         left = folds == fold
-        at = data.take(left)
-        try:
-            without = _without(fit.model, form, data.take(~left))
+        at, rest = data.take(left), data.take(~left)
+        try:  # with the model that all values together determine
+            chosen, lost = choose_model(plain, rest, pressure=form)
+            found, scatter = estimated(with_knee(chosen, rest), rest)
+            without = assembled(fit.model.law, found, scatter, {}, lost, [], {"direction": "both"})
         except FitError as problem:
             raise FitError.of(
                 "identify.needs_condition", name=name, at=_condition(at), reason=problem.what
@@ -281,14 +276,6 @@ def _compared(name: str, form: str | None, data: sliding.Observations, folds: In
         worst_at=_condition(data.take(folds == worst)),
         viscous=wide,
     )
-
-
-def _without(model: sliding.FrictionModel, form: str | None, rest: sliding.Observations) -> FrictionFit:
-    """Fit a subset of the values with the model that all values together determine."""
-    plain = replace(model, chambers=(), pressure="linear", knee_pa=None)
-    chosen, lost = choose_model(plain, rest, pressure=form)
-    found, scatter = estimated(with_knee(chosen, rest), rest)
-    return assembled(model.law, found, scatter, {}, lost, [], {"direction": "both"})
 
 
 def _condition(at: sliding.Observations) -> str:
@@ -381,17 +368,12 @@ class Prior(Shown):
         spread = rng.multivariate_normal(
             np.zeros(centre.size), covariance * np.outer(share, share), DRAWS, method="eigh"
         )
-        points = _physical(fit.model, np.vstack([centre, centre + spread[1:]]))
+        points = np.vstack([centre, centre + spread[1:]])
+        for k, name in enumerate(fit.model.names):
+            if name in ("coulomb", "viscous"):  # positive, as in a fit
+                points[:, k] = np.maximum(points[:, k], 0.05 * abs(points[0, k]))
         values = int(fit.statistics["values"])
         return cls(fit.model, points, np.broadcast_to(known, (DRAWS, *known.shape)).copy(), values)
-
-
-def _physical(model: sliding.FrictionModel, points: Array) -> Array:
-    """Keep forces and the viscous coefficient positive, as in a fit."""
-    for k, name in enumerate(model.names):
-        if name in ("coulomb", "viscous"):
-            points[:, k] = np.maximum(points[:, k], 0.05 * abs(points[0, k]))
-    return points
 
 
 @dataclass(frozen=True)
@@ -536,7 +518,15 @@ def next_measurements(
     """
     prior = Prior.of_fit(source) if isinstance(source, FrictionFit) else source
     noise = _noise(source) if noise_n is None else noise_n
-    _check(limits, criterion, points, seconds, noise)
+    low, high = limits.speed_m_s
+    if not 0.0 < low < high:
+        raise FitError("speeds to choose from must be positive and span a range", value=f"{low:g} .. {high:g} m/s")
+    if criterion not in ("D", "I"):
+        raise FitError(f"there is no criterion {criterion!r}", rule="D: all parameters; I: the prediction over a range")
+    if points is not None and (points < 1 or seconds is not None):
+        raise FitError("points is at least 1, and cannot be combined with seconds", value=f"points = {points}")
+    if not np.isfinite(noise) or noise <= 0.0:
+        raise FitError.of("identify.no_noise", noise=noise)
     grid = _grid(limits, SPEEDS if seconds is None else SPEEDS_IN_TIME)
     region = None
     if criterion == "I":
@@ -566,18 +556,6 @@ def next_measurements(
         float(cost @ counts),
         limits,
     )
-
-
-def _check(limits: Limits, criterion: str, points: int | None, seconds: float | None, noise: float) -> None:
-    low, high = limits.speed_m_s
-    if not 0.0 < low < high:
-        raise FitError("speeds to choose from must be positive and span a range", value=f"{low:g} .. {high:g} m/s")
-    if criterion not in ("D", "I"):
-        raise FitError(f"there is no criterion {criterion!r}", rule="D: all parameters; I: the prediction over a range")
-    if points is not None and (points < 1 or seconds is not None):
-        raise FitError("points is at least 1, and cannot be combined with seconds", value=f"points = {points}")
-    if not np.isfinite(noise) or noise <= 0.0:
-        raise FitError.of("identify.no_noise", noise=noise)
 
 
 def _noise(source: FrictionFit | Prior) -> float:

@@ -111,6 +111,8 @@ def comparison_figure(every: Mapping[str, FittedData]) -> Figure:
 
 # --- Identified values for a drive: values by their names in the drive file, intervals, recordings.
 
+#: Written form of a value.
+Written = Quantity | StatedPressure
 #: Number of digits of interval bounds, which are rounded outwards, and of a value without an interval.
 DIGITS = 5
 #: Largest rounding error of a value, as a fraction of its interval; values with a wide interval keep two digits.
@@ -164,7 +166,7 @@ class Identified:
         ends = {n: (low - forces.get(n, 0.0), high - forces.get(n, 0.0)) for n, (low, high) in self.intervals.items()}
         return replace(self, values=values, intervals=ends)
 
-    def origins(self, marks: Mapping[str, Quantity | StatedPressure | None]) -> dict[str, dict[str, object]]:
+    def origins(self, marks: Mapping[str, Written | None]) -> dict[str, dict[str, object]]:
         """Return the tables of provenance, with the units of `marks`."""
         out = {}
         for name, interval in self.intervals.items():
@@ -261,7 +263,7 @@ def apply_identified(
     return after.replace({"provenance": origins}).read_from(found.file)
 
 
-def _off_bounds(found: Identified, known: Mapping[str, Quantity | StatedPressure | None]) -> Identified:
+def _off_bounds(found: Identified, known: Mapping[str, Written | None]) -> Identified:
     """Replace values at a bound that a drive does not accept, such as a force of 0 N, by the smallest written value."""
     values = dict(found.values)
     for name, (low, high) in found.intervals.items():
@@ -271,7 +273,7 @@ def _off_bounds(found: Identified, known: Mapping[str, Quantity | StatedPressure
     return replace(found, values=values)
 
 
-def _said(found: Identified, name: str, mark: Quantity | StatedPressure | None) -> dict[str, str]:
+def _said(found: Identified, name: str, mark: Written | None) -> dict[str, str]:
     """Return the origin of a value of a line or a circuit in the form stored with the value."""
     source = {"source": joined(found.sources.get(name, ())) or "a recording"}
     if name not in found.intervals:
@@ -331,14 +333,14 @@ def _both(drive: Drive, table: str) -> dict[str, str]:
     return out
 
 
-def _way(mark: Quantity | StatedPressure | None) -> tuple[Quantity, str]:
+def _way(mark: Written | None) -> tuple[Quantity, str]:
     """Return unit and suffix of a written value: inner pressures are absolute."""
     if isinstance(mark, StatedPressure):
         return Quantity("Pa", "bar"), " abs"
     return mark or Quantity(""), ""
 
 
-def _size(mark: Quantity | StatedPressure | None) -> Quantity:
+def _size(mark: Written | None) -> Quantity:
     """Return the unit for differences: pressure without abs, temperature in K."""
     quantity, _ = _way(mark)
     return Quantity("K", "K") if quantity.si_unit == "K" else quantity
@@ -347,7 +349,7 @@ def _size(mark: Quantity | StatedPressure | None) -> Quantity:
 def _rounded(
     value: float,
     interval: Interval | None,
-    mark: Quantity | StatedPressure | None,
+    mark: Written | None,
     digits: int = DIGITS,
 ) -> str | float:
     """Write a value in its common unit, with digits according to its interval."""
@@ -371,14 +373,14 @@ def _rounded(
     return f"{plain} {unit or si_unit.replace('^', '')}{behind}"
 
 
-def _written(value: float, mark: Quantity | StatedPressure | None) -> str | float:
+def _written(value: float, mark: Written | None) -> str | float:
     if not math.isfinite(value):
         return "inf" if value > 0.0 else "-inf"
     quantity, behind = _way(mark)
     return units.write(value, quantity.si_unit, quantity.written) + behind if quantity.si_unit else value
 
 
-def _ends(interval: Interval, mark: Quantity | StatedPressure | None) -> list[str | float]:
+def _ends(interval: Interval, mark: Written | None) -> list[str | float]:
     """Write both ends of an interval, rounded outwards."""
     return [_written(_outward(end, up=up), mark) for end, up in zip(interval, (False, True), strict=True)]
 

@@ -30,10 +30,10 @@ from pneudrive.estimate.estimates import Transforms, rms, student
 from pneudrive.files.inputs import origin
 from pneudrive.free.parameters import DriveFamily, Parameter
 from pneudrive.identify.base import Fit, FitFile, Undetermined, recording_tables
-from pneudrive.identify.dynamic import search
 from pneudrive.identify.dynamic.fit import noise_of, solve
 from pneudrive.identify.dynamic.problem import FitProblem, FittedRecording, Iterate
 from pneudrive.identify.dynamic.result import CORRELATED, LARGEST_REACH, applied_note, warn_of_mixture
+from pneudrive.identify.dynamic.search import SearchOptions, Solved, Watcher, join_segments, profile, solution
 from pneudrive.identify.dynamic.sensors import Channel
 from pneudrive.identify.identified import FittedData, number_table, sentence, sentences
 from pneudrive.numbers import plain
@@ -189,13 +189,21 @@ def identify_volume(
     watch = Watch(progress, cancel)
     records = read_volume_recordings(recordings, layout)
     names, held = _free(tank, records, free)
-    watcher = search.Watcher(lambda at: watch.tell(at.step, 0, "steps of the search"), watch)
+    watcher = Watcher(lambda at: watch.tell(at.step, 0, "steps of the search"), watch)
     tried = [(_minima(one, records, names, watcher), one) for one in _linear_regions(tank, records)]
     minima, tank = min(tried, key=lambda found: found[0][0][0])
     problem, _ = _problem(tank, records, names, watch)
-    options = search.SearchOptions(None, RTOL, threads=1)
+    options = SearchOptions(None, RTOL, threads=1)
     solved = solve(problem, minima[0][1], options, watcher)
-    others = _other_minima(solved, [point for _, point in minima[1:]]) if solved.converged else []
+    others: list[Solved] = []  # further minima that the recordings cannot distinguish from the best one
+    for _, point in minima[1:] if solved.converged else ():
+        try:
+            end, at, converged = join_segments(solved.problem, point, None)
+        except FitError:
+            continue
+        is_new = all(np.abs(end.eta - other.point.eta).max() > APART for other in (solved, *others))
+        if converged and is_new and at.cost - solved.at.cost < student(solved.freedom) ** 2:
+            others.append(solution(solved.problem, end, at))
     return _result(tank, records, solved, others, held, options.notes)
 
 
@@ -297,17 +305,18 @@ def _upper(tank: Tank, name: str) -> float:
 
 
 def _minima(
-    tank: Tank, records: list[VolumeRecording], names: list[str], watcher: search.Watcher
+    tank: Tank, records: list[VolumeRecording], names: list[str], watcher: Watcher
 ) -> list[tuple[float, Iterate]]:
     """Search from several starts on thinned samples; return the minima of the cost, best first."""
     bends = [i for i, name in enumerate(names) if name in BENDS]
     problem, first = _problem(tank, [_thinned(r) for r in records], names, watcher.watch)
+    problem.believed = first.states
     found: list[tuple[float, Iterate]] = []
     for apart in [(0.0,) * len(bends), *product(*(BENDS[names[i]] for i in bends))]:
         eta = first.eta.copy()
         eta[bends] += apart
         try:
-            point, at, _ = search.join_segments(problem, Iterate(eta, first.states), first.states, watcher)
+            point, at, _ = join_segments(problem, Iterate(eta, first.states), watcher)
         except FitError:
             continue
         found.append((at.cost, point))
@@ -318,20 +327,6 @@ def _minima(
         if all(np.abs(point.eta - known.eta).max() > APART for _, known in distinct):
             distinct.append((cost, point))
     return distinct
-
-
-def _other_minima(solved: search.Solved, points: list[Iterate]) -> list[search.Solved]:
-    """Return further minima that the recordings cannot distinguish from the best minimum."""
-    problem, found = solved.problem, []
-    for point in points:
-        try:
-            end, at, converged = search.join_segments(problem, point, solved.believed, None)
-        except FitError:
-            continue
-        is_new = all(np.abs(end.eta - other.point.eta).max() > APART for other in (solved, *found))
-        if converged and is_new and at.cost - solved.at.cost < student(solved.freedom) ** 2:
-            found.append(search.solution(problem, end, solved.believed, at))
-    return found
 
 
 def _thinned(record: VolumeRecording) -> VolumeRecording:
@@ -346,14 +341,17 @@ def _thinned(record: VolumeRecording) -> VolumeRecording:
 def _result(
     tank: Tank,
     records: list[VolumeRecording],
-    solved: search.Solved,
-    others: list[search.Solved],
+    solved: Solved,
+    others: list[Solved],
     held: list[Undetermined],
     interrupted: list[str],
 ) -> VolumeFit:
     problem = solved.problem
     values = problem.named(solved.point.eta)
-    intervals = {n: _hull(solved, others, n) for n in problem.names} if solved.converged else {}
+    intervals: dict[str, Interval] = {}
+    for name in problem.names if solved.converged else ():  # over all minima, relative to the cost of the best one
+        ends = [profile(minimum, name, least=solved.at.cost) for minimum in (solved, *others)]
+        intervals[name] = min(low for low, _ in ends), max(high for _, high in ends)
     lost = [u for n in intervals if (u := _lost(tank, records, n, values[n], *intervals[n]))]
     fitted, rests, shares = {}, [], []
     for experiment, residual, record in zip(problem.experiments, solved.at.residuals, records, strict=True):
@@ -399,12 +397,6 @@ def _result(
     )
 
 
-def _hull(solved: search.Solved, others: list[search.Solved], name: str) -> Interval:
-    """Return the union of intervals over all minima, with the cost limit relative to the best minimum."""
-    ends = [search.profile(minimum, name, least=solved.at.cost) for minimum in (solved, *others)]
-    return min(low for low, _ in ends), max(high for _, high in ends)
-
-
 def _stated(tank: Tank, name: str) -> float:
     """Return the value in the tank's description; 0 without a leak."""
     own, _, key = NUMBERS[name][0].partition(".")
@@ -434,7 +426,7 @@ def _lost(
     return Undetermined(name, reason, sentences("tank")[name])
 
 
-def _alternatives(others: list[search.Solved]) -> list[str]:
+def _alternatives(others: list[Solved]) -> list[str]:
     """Return a note on values that fit as well as the best values."""
     notes = []
     for minimum in others:
@@ -446,7 +438,7 @@ def _alternatives(others: list[search.Solved]) -> list[str]:
     return notes
 
 
-def _notes(tank: Tank, solved: search.Solved, tau: float, interrupted: list[str]) -> list[str]:
+def _notes(tank: Tank, solved: Solved, tau: float, interrupted: list[str]) -> list[str]:
     notes = []
     if tank.line is not None and tank.line.linear_above == SHORT_REGION:
         notes.append(f"line.linear_above = {SHORT_REGION:g} fits the end of the recordings better than the default")
@@ -596,9 +588,11 @@ def identify_regulator(
     own = {r.name: _fit([r], best.x).x for r in records}
     runs = {name: _named(point) for name, point in own.items()}
     intervals, correlation = _intervals(records, best, own)
-    least_s, largest_s = _dead_time(records, best.x)
+    step = float(np.median(np.diff(records[0].time_s)))
+    sizes = np.sqrt([2.0 * _fit(records, best.x, delay).cost for delay in DELAYS * step])
+    fits = DELAYS[sizes < 1.02 * sizes.min()] * step  # dead times that fit within 2 % of the best residual
+    least_s, largest_s = float(fits.min()), float(fits.max())
     if least_s == 0.0:
-        step = float(np.median(np.diff(records[0].time_s)))
         lost.append(sentence("regulator", "dead_time", most=largest_s, step=step))
     if abs(correlation) > TIED:
         lost.append(sentence("regulator", "tied", correlation=correlation))
@@ -678,11 +672,3 @@ def _intervals(
     low, high = (REGULATOR_SCALES.natural(best.x + sign * deviation) for sign in (-1.0, 1.0))
     ends = {name: (float(low[i]), float(high[i])) for i, name in enumerate(REGULATOR_UNITS)}
     return ends, float(inverse[0, 1] / np.sqrt(inverse[0, 0] * inverse[1, 1]))
-
-
-def _dead_time(records: Sequence[VolumeRecording], point: Array) -> Interval:
-    """Return the smallest and the largest dead time that fit within 2 % of the best residual."""
-    step = float(np.median(np.diff(records[0].time_s)))
-    sizes = np.sqrt([2.0 * _fit(records, point, delay).cost for delay in DELAYS * step])
-    fits = DELAYS[sizes < 1.02 * sizes.min()] * step
-    return float(fits.min()), float(fits.max())

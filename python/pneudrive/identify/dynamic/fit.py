@@ -16,9 +16,16 @@ from pneudrive.estimate.estimates import Transforms, rms, student
 from pneudrive.files.inputs import origin
 from pneudrive.free.parameters import Parameter, chosen, family_of, numbers_of, with_shape
 from pneudrive.identify.base import SIMULATED, Fit, Undetermined
-from pneudrive.identify.dynamic import problem as shooting
 from pneudrive.identify.dynamic import search
 from pneudrive.identify.dynamic import sensors as sensing
+from pneudrive.identify.dynamic.problem import (
+    FitProblem,
+    FittedRecording,
+    Iterate,
+    segment_starts,
+    start_states,
+    white_noise,
+)
 from pneudrive.identify.dynamic.result import LARGEST_REACH, DriveFit, assembled, unresolved_damping
 from pneudrive.identify.follow.driven import check_follow
 from pneudrive.identify.follow.fit import FollowFit, identify_motion
@@ -212,9 +219,24 @@ def identify(
     watcher = search.Watcher(progress, Watch(cancel=cancel))
 
     def attempt(values: Array | None) -> search.Solved:
-        start = None if values is None else values[: len(parameters)]
-        problem, point = _problem(drive, parameters, records, present, described, options, watcher.watch, start)
-        return solve(problem, point, options, watcher)
+        """Search from start values, with the recordings in segments of the present options."""
+        family = family_of(drive, parameters, options.axis)
+        start = np.array([p.value for p in parameters]) if values is None else values[: len(parameters)]
+        experiments, states = [], []
+        for record, channels in zip(records, present, strict=True):
+            own = [described[name] for name in channels]
+            starts = segment_starts(record.time_s, options.first_segment_s(record))
+            noise = np.array([noise_of(c, record, options.rtol) for c in own])
+            how = options.rtol, options.threads, options.delay_s or 0.0, watcher.watch
+            experiments.append(FittedRecording(record, own, starts, family, noise, *how))
+            states.append(start_states(experiments[-1], drive, start))
+        free_sensors = sensing.sensor_parameters(
+            [*described.values()], [r.name for r in records], [set(p) for p in present], delay=options.delay_s is None
+        )
+        transforms = transforms_of(parameters, free_sensors, drive)
+        problem = FitProblem(parameters, free_sensors, transforms, experiments)
+        first = transforms.internal(np.r_[start, [sensing.START[s.kind] for s in free_sensors]])
+        return solve(problem, Iterate(first, states), options, watcher)
 
     best = _best_of_attempts(attempt, options)
     for experiment in best.problem.experiments:
@@ -273,7 +295,7 @@ def _resolvable(
     numbers = numbers_of(drive)
     force = numbers.get(f"{of}.breakaway", numbers[f"{of}.coulomb"]).value
     position = described["position"]
-    noise = [shooting.white_noise(r["position_m"]) for r in records if "position_m" in r]
+    noise = [white_noise(r["position_m"]) for r in records if "position_m" in r]
     step = max(position.resolution, np.median(noise) if noise else 0.0)
     lost = unresolved_damping(step, force, numbers[f"{of}.bristle_stiffness"].value)
     if lost is None:
@@ -286,36 +308,6 @@ def _resolvable(
     return rest
 
 
-def _problem(
-    drive: Drive | Circuit,
-    parameters: list[Parameter],
-    records: list[DriveRecording],
-    present: list[list[str]],
-    described: dict[str, sensing.Channel],
-    options: search.SearchOptions,
-    watch: Watch,
-    values: Array | None = None,
-) -> tuple[shooting.FitProblem, shooting.Iterate]:
-    """Return the fit problem (recordings in segments) and the starts of segments, from start values."""
-    family = family_of(drive, parameters, options.axis)
-    values = np.array([p.value for p in parameters]) if values is None else values
-    experiments, states = [], []
-    for record, names in zip(records, present, strict=True):
-        own = [described[name] for name in names]
-        starts = shooting.segment_starts(record.time_s, options.first_segment_s(record))
-        noise = np.array([noise_of(c, record, options.rtol) for c in own])
-        how = options.rtol, options.threads, options.delay_s or 0.0, watch
-        experiments.append(shooting.FittedRecording(record, own, starts, family, noise, *how))
-        states.append(shooting.start_states(experiments[-1], drive, values))
-    free_sensors = sensing.sensor_parameters(
-        list(described.values()), [r.name for r in records], [set(p) for p in present], delay=options.delay_s is None
-    )
-    transforms = transforms_of(parameters, free_sensors, drive)
-    problem = shooting.FitProblem(parameters, free_sensors, transforms, experiments)
-    first = transforms.internal(np.r_[values, [sensing.START[s.kind] for s in free_sensors]])
-    return problem, shooting.Iterate(first, states)
-
-
 def _least_noise(channel: sensing.Channel, rtol: float) -> float:
     """Return the lower limit of the noise of a channel: resolution of the sensor, error of the solver."""
     return float(np.hypot(channel.resolution / np.sqrt(12.0), rtol * _SCALE.get(channel.unit, 1.0)))
@@ -323,13 +315,11 @@ def _least_noise(channel: sensing.Channel, rtol: float) -> float:
 
 def noise_of(channel: sensing.Channel, record: DriveRecording | VolumeRecording, rtol: float) -> float:
     """Return the initial standard deviation of a channel: stated, or from sample-to-sample differences."""
-    white = shooting.white_noise(record[channel.column]) if channel.noise is None else channel.noise
+    white = white_noise(record[channel.column]) if channel.noise is None else channel.noise
     return float(np.hypot(white, _least_noise(channel, rtol)))
 
 
-def solve(
-    problem: shooting.FitProblem, point: shooting.Iterate, options: search.SearchOptions, watcher: search.Watcher
-) -> search.Solved:
+def solve(problem: FitProblem, point: Iterate, options: search.SearchOptions, watcher: search.Watcher) -> search.Solved:
     """Search, and estimate the noise of the sensors from the residuals, until the noise converges.
 
     If a search stops early, its residuals are not used as noise before the last attempt.
@@ -343,6 +333,7 @@ def solve(
             for length_s in (*options.ladder, options.segment_s):
                 point = _regrouped(problem, search.predict_segments(problem, point, watcher), length_s)
                 watcher.point = point
+        problem.believed = believed
         stages = (False,) if options.axis is None else (False, True)
         for is_whole in stages:
             if is_whole:
@@ -350,53 +341,52 @@ def solve(
                 for experiment in problem.experiments:  # the solver's error adds up over a long segment
                     experiment.rtol = max(LAST_RTOL * options.rtol, 1e-12)
             for _ in range(NOISE_ROUNDS):
-                point, at, converged = search.join_segments(problem, point, believed, watcher)
+                point, at, converged = search.join_segments(problem, point, watcher)
                 if not (converged or options.last_attempt) or not _renew_noise(problem, at, options.rtol):
                     break
         if converged and family.settle(problem.values(point.eta)[: problem.drive_size]):
-            point, at, converged = search.join_segments(problem, point, believed, watcher)
+            point, at, converged = search.join_segments(problem, point, watcher)
     except KeyboardInterrupt:
         options.interrupted = True
-        problem.held[:] = False
+        problem.held[:], problem.believed = False, believed
         options.notes.append("the search was interrupted: these are the best values so far")
         point, at, converged = watcher.point, None, False
     if at is None:
         shots = problem.run(point)
         if isinstance(shots, str):
             raise FitError("the search ended at values for which the drive cannot be simulated", value=shots)
-        at = search.linearise(problem, point, believed, shots)
+        at = search.linearise(problem, point, shots)
     over = _over_noise(problem, at)
     missed = {name: ratio for name, ratio in over.items() if ratio > MISFIT and not options.interrupted}
     score = float(np.mean(np.log([max(ratio, 1e-9) for ratio in over.values()])))
-    found = search.solution(problem, point, believed, at)
+    found = search.solution(problem, point, at)
     return replace(found, converged=converged, missed=missed, score=score, segment_s=options.segment_s)
 
 
-def _over_noise(problem: shooting.FitProblem, at: search.Misfit) -> NamedNumbers:
+def _over_noise(problem: FitProblem, at: search.Misfit) -> NamedNumbers:
     """Return the residuals of each channel in the worst recording, relative to its sample-to-sample noise."""
     worst: NamedNumbers = {}
     for experiment, residual in zip(problem.experiments, at.residuals, strict=True):
         for c, channel in enumerate(experiment.channels):
-            used = experiment.weight[:, c] > 0.0
-            own = experiment.noise[c] * rms(residual[used, c])
-            white = max(shooting.white_noise(experiment.measured[:, c]), _least_noise(channel, RTOL))
+            own = experiment.noise[c] * rms(residual[experiment.weight[:, c] > 0.0, c])
+            white = max(white_noise(experiment.measured[:, c]), _least_noise(channel, RTOL))
             worst[channel.name] = max(worst.get(channel.name, 0.0), own / white)
     return worst
 
 
-def _regrouped(problem: shooting.FitProblem, point: shooting.Iterate, length_s: float | None) -> shooting.Iterate:
+def _regrouped(problem: FitProblem, point: Iterate, length_s: float | None) -> Iterate:
     """Join the short segments of the first phase to longer ones with the same starts."""
     states = []
     for experiment, state in zip(problem.experiments, point.states, strict=True):
         old = experiment.starts
-        wanted = shooting.segment_starts(experiment.recording.time_s, length_s)
+        wanted = segment_starts(experiment.recording.time_s, length_s)
         kept = np.unique(np.abs(old[:, None] - wanted).argmin(axis=0))
         experiment.starts = old[kept]
         states.append(state[kept])
-    return shooting.Iterate(point.eta, states)
+    return Iterate(point.eta, states)
 
 
-def _renew_noise(problem: shooting.FitProblem, at: search.Misfit, rtol: float) -> bool:
+def _renew_noise(problem: FitProblem, at: search.Misfit, rtol: float) -> bool:
     """Estimate noise that is not stated from the residuals; return whether the noise changed."""
     changed = False
     for experiment, residual in zip(problem.experiments, at.residuals, strict=True):
@@ -481,7 +471,7 @@ def identify_presliding(
         raise FitError(f"law {drive.friction.law} has no bristle stiffness", remedy="Choose lugre or elasto-plastic.")
     every = loops if isinstance(loops, (list, tuple)) else [loops]
     columns = [_columns(loop) for loop in every]
-    step = max(shooting.white_noise(position) for _, position, _ in columns)
+    step = max(white_noise(position) for _, position, _ in columns)
     found = [reversal for loop in columns for reversal in _reversals(*loop, step)]
     most = max((_swing(reversal) for reversal in found), default=0.0)
     found = [reversal for reversal in found if _swing(reversal) >= WHOLE_SWING * most]

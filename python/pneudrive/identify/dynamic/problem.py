@@ -288,6 +288,8 @@ class FitProblem:
         for i, s in enumerate(sensors, start=self.drive_size):
             if np.isfinite(s.uncertainty) and s.uncertainty > 0.0:
                 self.prior[i] = (s.size / s.uncertainty) ** 2
+        #: Prior starts of each recording, of which only the first one is used.
+        self.believed: list[Array] = []
         #: Mask of temporarily held coordinates.
         self.held = np.zeros(self.size, dtype=bool)
 
@@ -313,10 +315,6 @@ class FitProblem:
     def named(self, eta: Array) -> NamedNumbers:
         """Return the free values by name, SI."""
         return by_name(self.names, self.values(eta))
-
-    def prior_cost(self, eta: Array) -> float:
-        """Return the cost of the deviation from prior knowledge."""
-        return float(self.prior @ eta**2)
 
     def rms(self, residuals: list[Array]) -> NamedNumbers:
         """Return the root mean square of each channel's residuals, SI."""
@@ -365,7 +363,7 @@ class FitProblem:
             out[..., place] = shot_by_parameter[..., p] * self.sensors[place - p].size
         return out
 
-    def measure(self, index: int, eta: Array, outputs: Array, derivatives: Array) -> ArrayPair:
+    def measure(self, index: int, eta: Array, outputs: Array, derivatives: Array | None = None) -> ArrayPair:
         """Pass outputs through the sensors and compare them with the measurements, in units of the noise.
 
         Parameters
@@ -374,7 +372,7 @@ class FitProblem:
             Recording.
         eta : ndarray, shape (P,)
         outputs : ndarray, shape (n, c)
-        derivatives : ndarray, shape (n, c, P + more)
+        derivatives : ndarray, shape (n, c, P + more), optional
             Derivatives with respect to the global coordinates (zeros for the sensors), then to others.
 
         Returns
@@ -382,29 +380,29 @@ class FitProblem:
         residual : ndarray, shape (n, c)
             (measured - model) / noise; 0 for missing measurements.
         derivatives : ndarray, shape (n, c, P + more)
-            Derivatives of the model, over the noise.
+            Derivatives of the model, over the noise; of shape (n, c, 0) without `derivatives`.
         """
         experiment, values = self.experiments[index], self.values(eta)
         time = experiment.recording.time_s
-        model, slopes = np.empty_like(outputs), np.empty_like(derivatives)
+        model, slopes = np.empty_like(outputs), np.empty((*outputs.shape, 0))
+        slopes = slopes if derivatives is None else np.empty_like(derivatives)
         for c, channel in enumerate(experiment.channels):
-            own = ((i, s) for i, s in enumerate(self.sensors) if s.channel == channel.name)
+            own = ((i, s) for i, s in enumerate(self.sensors, self.drive_size) if s.channel == channel.name)
             number = {s.kind: i for i, s in own if s.recording in (None, index)}
             gain, lag, offset = (
-                float(values[self.drive_size + number[k]]) if k in number else getattr(channel, k)
-                for k in ("gain", "lag", "offset")
+                float(values[number[k]]) if k in number else getattr(channel, k) for k in ("gain", "lag", "offset")
             )
             h = lagged(time, outputs[:, c], lag)
             model[:, c] = gain * h + offset
+            if derivatives is None:
+                continue
             slopes[:, c] = gain * lagged(time, derivatives[:, c], lag)
             if "offset" in number:
-                i = self.drive_size + number["offset"]
-                slopes[:, c, i] += self.sensors[number["offset"]].size
+                slopes[:, c, number["offset"]] += self.sensors[number["offset"] - self.drive_size].size
             if "gain" in number:
-                slopes[:, c, self.drive_size + number["gain"]] += h
+                slopes[:, c, number["gain"]] += h
             if "lag" in number:  # differentiate lag h' + h = u by the lag
-                rate = (outputs[:, c] - h) / lag
-                slopes[:, c, self.drive_size + number["lag"]] -= gain * lag * lagged(time, rate, lag)
+                slopes[:, c, number["lag"]] -= gain * lag * lagged(time, (outputs[:, c] - h) / lag, lag)
         weight = experiment.weight / experiment.noise
         residual = np.where(weight > 0.0, experiment.measured - model, 0.0) * weight
         return residual, slopes * weight[:, :, None]

@@ -32,7 +32,7 @@ from pneudrive.estimate.estimates import rms, student
 from pneudrive.files.inputs import INPUTS, inputs_of
 from pneudrive.free.parameters import DriveFamily, Parameter, family_of, numbers_of
 from pneudrive.identify.base import HASH_DIGITS, SIMULATED, Fit, FitFile, Undetermined, recording_tables
-from pneudrive.identify.dynamic.problem import Iterate
+from pneudrive.identify.dynamic.problem import FitProblem, Iterate
 from pneudrive.identify.dynamic.search import SearchOptions, Solved, profile
 from pneudrive.identify.dynamic.sensors import CHANNELS
 from pneudrive.identify.export import SlidingCurve, curve_of_drive
@@ -256,23 +256,16 @@ def applied_note(solved: Solved, kept: Collection[str]) -> list[str]:
 def _free_run(solved: Solved, values: Array) -> NamedNumbers:
     """Return the root mean square error of each channel of free runs, SI; empty if a run fails."""
     problem = solved.problem
-    segments = [experiment.starts for experiment in problem.experiments]
+    whole = [replace(experiment, starts=np.zeros(1, dtype=np.int64)) for experiment in problem.experiments]
+    free = FitProblem(problem.parameters, problem.sensors, problem.transforms, whole)
     point = Iterate(problem.transforms.internal(values), [states[:1] for states in solved.point.states])
     try:
-        for experiment in problem.experiments:
-            experiment.starts = np.zeros(1, dtype=np.int64)
-        shots = problem.run(point, derivatives=False)
-        if isinstance(shots, str):
-            return {}
-        return problem.rms([
-            problem.measure(i, point.eta, s.outputs, np.zeros((*s.outputs.shape, problem.size)))[0]
-            for i, s in enumerate(shots)
-        ])  # fmt: skip
+        shots = free.run(point, derivatives=False)
     except FitError:  # the core rejects such a drive
         return {}
-    finally:
-        for experiment, starts in zip(problem.experiments, segments, strict=True):
-            experiment.starts = starts
+    if isinstance(shots, str):
+        return {}
+    return free.rms([free.measure(i, point.eta, shot.outputs)[0] for i, shot in enumerate(shots)])
 
 
 #: Relative error of each term of a model of a drive (assumed).
@@ -293,7 +286,10 @@ def model_errors(drive: Drive | Circuit, solved: Solved) -> NamedNumbers:
         return {}
     found = zip(solved.problem.parameters, solved.problem.values(solved.point.eta).tolist(), strict=False)
     free = [replace(p, value=value) for p, value in found]
-    held = _held(drive, free, solved)
+    own = solved.problem.experiments[0].family  # held: numbers of the drive that are not derived from free ones
+    known = {*own.paths, *(one.path for one in own.settled), *(p.core for p in free)}
+    held = [replace(p, value=own.get(p.core)) for p in numbers_of(drive).values() if p.core not in known]
+    held = [p for p in held if p.value != 0.0 and not p.name.startswith(("gas.", "valve.linear_above"))]
     family = family_of(drive, [*free, *held])
     values = np.array([p.value for p in (*free, *held)])
     sizes = (max(abs(p.value), p.size if np.isinf(p.lower) else 0.0) for p in (*free, *held))
@@ -313,14 +309,6 @@ def model_errors(drive: Drive | Circuit, solved: Solved) -> NamedNumbers:
     floor = np.linalg.norm(inverse @ off, axis=1) * steps[: len(free)][shown]
     names = [p.name for p, one in zip(free, shown, strict=True) if one]
     return by_name(names, floor)
-
-
-def _held(drive: Drive | Circuit, free: list[Parameter], solved: Solved) -> list[Parameter]:
-    """Return the held numbers of the drive that are not derived from free ones, with their values."""
-    family = solved.problem.experiments[0].family
-    known = {*family.paths, *(one.path for one in family.settled), *(p.core for p in free)}
-    every = [replace(p, value=family.get(p.core)) for p in numbers_of(drive).values() if p.core not in known]
-    return [p for p in every if p.value != 0.0 and not p.name.startswith(("gas.", "valve.linear_above"))]
 
 
 def _balances(solved: Solved, index: int, family: DriveFamily, values: Array) -> Along:
@@ -473,7 +461,7 @@ def assembled(drive: Drive | Circuit, solved: Solved, options: SearchOptions, st
     intervals = by_name(names, zip(low.tolist(), high.tolist(), strict=True))
     statistics = _statistics(solved, steps)
     fit = DriveFit(
-        values=dict(zip(names[: problem.drive_size], values.tolist(), strict=False)),
+        values=by_name(names[: problem.drive_size], values[: problem.drive_size]),
         units={**{p.name: p.unit for p in parameters}, **{s.name: s.unit for s in problem.sensors}},
         sensors=by_name(names[problem.drive_size :], values[problem.drive_size :]),
         free=tuple(names),
@@ -486,7 +474,16 @@ def assembled(drive: Drive | Circuit, solved: Solved, options: SearchOptions, st
         converged=solved.converged,
         fits=not solved.missed,
         model_errors=model_errors(drive, solved),
-        provenance=_provenance(drive, solved, options),
+        provenance={
+            "version": __version__,
+            "method": "output error",
+            "drive": drive.name,
+            "description_hash": drive.description_hash,
+            "recordings": recording_tables(records),
+            "start": {p.name: p.value for p in parameters},
+            "segment_s": solved.segment_s if solved.segment_s is not None else "one",
+            "rtol": options.rtol,
+        },
         start=drive,
         fitted=_fitted(solved),
         solved=solved,
@@ -523,7 +520,13 @@ def _notes(drive: Drive | Circuit, options: SearchOptions, solved: Solved, stati
     if coloured and solved.converged:
         notes.append(f"residuals are correlated over time: {', '.join(coloured)}; intervals are widened for it")
     if solved.missed:
-        notes += _misfit(solved.missed, statistics)
+        fits = {k: v for k, v in statistics.items() if k.startswith("fit_percent.")}
+        worst = min(fits, key=lambda k: fits[k])
+        if fits[worst] < SENSELESS_PERCENT:
+            channel = worst.removeprefix("fit_percent.")
+            notes.append(sentence("notes", "not_followed", channel=channel, fit=fits[worst]))
+        off = ", ".join(f"{name} is off by {ratio:.2g} times its noise" for name, ratio in solved.missed.items())
+        notes.append(sentence("notes", "misfit", missed=off))
     if any(r.synthetic for r in problem.records):
         notes.append(SIMULATED)
     return notes
@@ -532,18 +535,6 @@ def _notes(drive: Drive | Circuit, options: SearchOptions, solved: Solved, stati
 def _written(name: str, si: float, unit: str) -> str:
     factor, shown = readable(unit)
     return f"{name} = {plain(si / factor, 4)} {shown}".strip()
-
-
-def _misfit(missed: NamedNumbers, statistics: NamedNumbers) -> list[str]:
-    """Return a note on channels that the model does not follow."""
-    notes = []
-    fits = {k: v for k, v in statistics.items() if k.startswith("fit_percent.")}
-    worst = min(fits, key=lambda k: fits[k])
-    if fits[worst] < SENSELESS_PERCENT:
-        channel = worst.removeprefix("fit_percent.")
-        notes.append(sentence("notes", "not_followed", channel=channel, fit=fits[worst]))
-    off = ", ".join(f"{name} is off by {ratio:.2g} times its noise" for name, ratio in missed.items())
-    return [*notes, sentence("notes", "misfit", missed=off)]
 
 
 def _statistics(solved: Solved, steps: int) -> NamedNumbers:
@@ -568,17 +559,3 @@ def _fitted(solved: Solved) -> dict[str, FittedData]:
             name = f"{record.name}, {channel.name}"
             out[name] = FittedData("time_s", channel.column, record.time_s, measured, model)
     return out
-
-
-def _provenance(drive: Drive | Circuit, solved: Solved, options: SearchOptions) -> Plain:
-    problem = solved.problem
-    return {
-        "version": __version__,
-        "method": "output error",
-        "drive": drive.name,
-        "description_hash": drive.description_hash,
-        "recordings": recording_tables(problem.records),
-        "start": {p.name: p.value for p in problem.parameters},
-        "segment_s": solved.segment_s if solved.segment_s is not None else "one",
-        "rtol": options.rtol,
-    }

@@ -168,29 +168,24 @@ class Joined(Misfit):
     carried: list[ArrayPair]
 
 
-def judge(
-    problem: FitProblem, point: Iterate, believed: list[Array], shots: list[Shot], *, reset: bool = False
-) -> Misfit:
+def judge(problem: FitProblem, point: Iterate, shots: list[Shot], *, reset: bool = False) -> Misfit:
     """Return the misfit of a point from its runs.
 
     Parameters
     ----------
     problem : FitProblem
     point : Iterate
-    believed : list of ndarray
-        Prior starts, of which only the first of each recording is used.
     shots : list of Shot
         Runs of each recording's segments.
     reset : bool
         Whether segments start from measurements, so that only unmeasured states are carried over.
     """
     residuals: list[Array] = []
-    gap, cost = 0.0, problem.prior_cost(point.eta)
+    gap, cost = 0.0, float(problem.prior @ point.eta**2)
     penalty = 0.0
     for i, (experiment, shot) in enumerate(zip(problem.experiments, shots, strict=True)):
-        nothing = np.zeros((*shot.outputs.shape, problem.size))
-        r = problem.measure(i, point.eta, shot.outputs, nothing)[0]
-        away = (believed[i][0] - point.states[i][0]) / experiment.belief
+        r = problem.measure(i, point.eta, shot.outputs)[0]
+        away = (problem.believed[i][0] - point.states[i][0]) / experiment.belief
         cost += float(np.sum(r**2)) + float(away @ away)
         scaled = _gaps(problem, point, shot, i, reset=reset) / experiment.size
         penalty += r.size / max(len(scaled), 1) * float(np.sum(scaled**2))
@@ -199,9 +194,7 @@ def judge(
     return Misfit(cost, cost if reset else cost + penalty, gap, residuals)
 
 
-def linearise(
-    problem: FitProblem, point: Iterate, believed: list[Array], shots: list[Shot], *, reset: bool = False
-) -> Joined:
+def linearise(problem: FitProblem, point: Iterate, shots: list[Shot], *, reset: bool = False) -> Joined:
     """Return the normal equations of all recordings, from runs with derivatives; parameters as for `judge`.
 
     Raises
@@ -214,27 +207,27 @@ def linearise(
     for i, (experiment, shot) in enumerate(zip(problem.experiments, shots, strict=True)):
         with np.errstate(over="ignore", invalid="ignore"):  # what is not finite is named below
             by_unknown, closing = _condense(problem, point, shot, i, reset=reset)
-            outputs, jac = _outputs(problem, i, shot, point, by_unknown, closing)
+            outputs = shot.outputs.copy()  # with gaps closed to first order, and their Jacobian
+            jac = np.empty((*outputs.shape, by_unknown.shape[2]))
+            for j, where in enumerate(experiment.segments):
+                outputs[where] += shot.by_start[where] @ closing[j]
+                jac[where] = shot.by_start[where] @ by_unknown[j]
+            jac[:, :, :size] += problem.by_coordinates(i, shot.by_parameter, point.eta)
             closed, jac = problem.measure(i, point.eta, outputs, jac)
             flat, rest = jac.reshape(closed.size, -1), closed.ravel()
             information, gradient = flat.T @ flat, flat.T @ rest
         if not (np.isfinite(information).all() and np.isfinite(gradient).all()):
-            raise _overflow(problem, i, information)
+            lost = ~np.isfinite(np.diag(information))
+            names = [name for name, is_lost in zip(problem.names, lost, strict=False) if is_lost]
+            by = ", ".join(names) or "its start"
+            raise FitError.of("identify.overflow", name=experiment.recording.name, by=by)
         information[size:, size:] += np.eye(len(information) - size)
-        gradient[size:] += (believed[i][0] - point.states[i][0]) / experiment.belief
+        gradient[size:] += (problem.believed[i][0] - point.states[i][0]) / experiment.belief
         blocks.append((information, gradient))
         slopes.append(jac)
         carried.append((by_unknown, closing))
-    misfit = judge(problem, point, believed, shots, reset=reset)
+    misfit = judge(problem, point, shots, reset=reset)
     return Joined(**vars(misfit), blocks=blocks, slopes=slopes, carried=carried)
-
-
-def _overflow(problem: FitProblem, i: int, information: Array) -> FitError:
-    """Return the error for derivatives that are not finite."""
-    lost = ~np.isfinite(np.diag(information))
-    names = [name for name, is_lost in zip(problem.names, lost, strict=False) if is_lost]
-    by = ", ".join(names) or "its start"
-    return FitError.of("identify.overflow", name=problem.experiments[i].recording.name, by=by)
 
 
 def _gaps(problem: FitProblem, point: Iterate, shot: Shot, i: int, *, reset: bool) -> Array:
@@ -268,19 +261,6 @@ def _condense(problem: FitProblem, point: Iterate, shot: Shot, i: int, *, reset:
     return by_unknown, closing
 
 
-def _outputs(problem: FitProblem, i: int, shot: Shot, point: Iterate, by_unknown: Array, closing: Array) -> ArrayPair:
-    """Return the outputs with gaps closed to first order, and their Jacobian (all unknowns of the recording)."""
-    size = problem.size
-    outputs = shot.outputs.copy()
-    jac = np.empty((*outputs.shape, by_unknown.shape[2]))
-    by_eta = problem.by_coordinates(i, shot.by_parameter, point.eta)
-    for j, where in enumerate(problem.experiments[i].segments):
-        outputs[where] += shot.by_start[where] @ closing[j]
-        jac[where] = shot.by_start[where] @ by_unknown[j]
-    jac[:, :, :size] += by_eta
-    return outputs, jac
-
-
 def predict_segments(problem: FitProblem, point: Iterate, watcher: Watcher) -> Iterate:
     """Run the first phase, until the point is near enough for the second phase.
 
@@ -289,17 +269,17 @@ def predict_segments(problem: FitProblem, point: Iterate, watcher: Watcher) -> I
     """
     problem.held = problem.offsets
     least = [e.noise.copy() for e in problem.experiments]
-    believed = [s.copy() for s in point.states]
+    problem.believed = [s.copy() for s in point.states]
     shots = _run(problem, point, "start", reset=True)
     longest, closings = LONGEST, 0
     for _ in range(MOST_STEPS):
-        residuals = judge(problem, point, believed, shots, reset=True).residuals
+        residuals = judge(problem, point, shots, reset=True).residuals
         for experiment, residual, floor in zip(problem.experiments, residuals, least, strict=True):
             count = np.maximum(experiment.weight.sum(axis=0), 1.0)
             off = experiment.noise * np.sqrt(np.sum(residual**2, axis=0) / count)
             experiment.noise = np.maximum(floor, off)
-        at = linearise(problem, point, believed, shots, reset=True)
-        found = _shortened(problem, point, at, longest, believed, reset=True)
+        at = linearise(problem, point, shots, reset=True)
+        found = _shortened(problem, point, at, longest, reset=True)
         if found is None:  # carried states may be far off: first move only these
             if closings == MOST_CLOSINGS:
                 break
@@ -333,7 +313,6 @@ def _shortened(
     point: Iterate,
     at: Joined,
     longest: float,
-    believed: list[Array],
     *,
     reset: bool = False,
     share: float = 1.0,
@@ -347,13 +326,17 @@ def _shortened(
     before = at.merit
     while longest >= SHORTEST:
         step = bounded_step(information, gradient, longest)
-        trial = problem.possible(_moved(point, at, step, share))
+        states = []
+        for state, (n, g), (by_unknown, closing) in zip(point.states, at.blocks, at.carried, strict=True):
+            right = g[step.size :] - n[step.size :, : step.size] @ step
+            states.append(state + share * (by_unknown @ np.r_[step, start_solution(n, right)] + closing))
+        trial = problem.possible(replace(point, eta=point.eta + share * step, states=states))
         try:
             shots = problem.run(trial, derivatives=False)
         except FitError:  # the core rejects such a drive
             shots = ""
         if not isinstance(shots, str):
-            standing = judge(problem, trial, believed, shots, reset=reset)
+            standing = judge(problem, trial, shots, reset=reset)
             if standing.merit < before:
                 return trial, standing, min(LONGER * longest, LONGEST)
         longest = SHORTER * min(longest, float(np.abs(step).max(initial=0.0)))
@@ -372,7 +355,7 @@ def equations(problem: FitProblem, point: Iterate, at: Joined) -> ArrayPair:
 
 
 def join_segments(
-    problem: FitProblem, point: Iterate, believed: list[Array], watcher: Watcher | None, most: int = MOST_STEPS
+    problem: FitProblem, point: Iterate, watcher: Watcher | None, most: int = MOST_STEPS
 ) -> tuple[Iterate, Joined, bool]:
     """Run the second phase to its end.
 
@@ -383,7 +366,7 @@ def join_segments(
     """
     shots = _run(problem, point, "segment")
     longest = LONGEST
-    at = linearise(problem, point, believed, shots)
+    at = linearise(problem, point, shots)
     for _ in range(most):
         information, gradient = equations(problem, point, at)
         step = bounded_step(information, gradient, LONGEST)
@@ -397,26 +380,18 @@ def join_segments(
         exact = at.cost < EXACT_SHARE**2 * sum(r.size for r in at.residuals)
         if short or (exact and at.gap < SOLVER_GAP):
             return point, at, True
-        found = _shortened(problem, point, at, longest, believed)
+        found = _shortened(problem, point, at, longest)
         if found is None and at.gap < SOLVER_GAP and length >= 1.0:  # the starts move too far
-            shares = (_shortened(problem, point, at, LONGEST, believed, share=share) for share in SHARES)
+            shares = (_shortened(problem, point, at, LONGEST, share=share) for share in SHARES)
             found = next(filter(None, shares), None)
         if found is None:
             return point, at, length < 1.0 and at.gap < SOLVER_GAP
         point, _, longest = found
         shots = _run(problem, point, "drive")
-        at = linearise(problem, point, believed, shots)
+        at = linearise(problem, point, shots)
         if watcher is not None:
             watcher.step(problem, "steps with joined segments", at, point)
     return point, at, False
-
-
-def _moved(point: Iterate, at: Joined, step: Array, share: float) -> Iterate:
-    states, size = [], step.size
-    for state, (n, g), (by_unknown, closing) in zip(point.states, at.blocks, at.carried, strict=True):
-        right = g[size:] - n[size:, :size] @ step
-        states.append(state + share * (by_unknown @ np.r_[step, start_solution(n, right)] + closing))
-    return replace(point, eta=point.eta + share * step, states=states)
 
 
 #: Largest lag for the correlation of residuals, as a fraction of a recording.
@@ -432,8 +407,6 @@ class Solved:
     ----------
     problem : FitProblem
     point : Iterate
-    believed : list of ndarray
-        Prior starts of each recording.
     at : Joined
     freedom : int
         Degrees of freedom.
@@ -456,7 +429,6 @@ class Solved:
 
     problem: FitProblem
     point: Iterate
-    believed: list[Array]
     at: Joined
     freedom: int
     slopes: list[Array]
@@ -496,7 +468,7 @@ class Solved:
         return by_coordinate @ self.internal_covariance @ by_coordinate.T
 
 
-def solution(problem: FitProblem, point: Iterate, believed: list[Array], at: Joined) -> Solved:
+def solution(problem: FitProblem, point: Iterate, at: Joined) -> Solved:
     """Return the end of a search, from the linearisation there."""
     matrix, _ = reduced(at.blocks, problem.size)
     matrix += np.diag(problem.prior)
@@ -518,7 +490,7 @@ def solution(problem: FitProblem, point: Iterate, believed: list[Array], at: Joi
             inflation[i, c] = (float(np.mean(r**2)), correlation_time(r))
     measured = int(sum(e.weight.sum() for e in problem.experiments))
     freedom = max(measured - size - sum(s.shape[1] for s in point.states), 1)
-    return Solved(problem, point, believed, at, freedom, slopes, inverse, axes[:, ~good].T, inflation)
+    return Solved(problem, point, at, freedom, slopes, inverse, axes[:, ~good].T, inflation)
 
 
 def correlation_time(residual: Array) -> float:
@@ -561,7 +533,17 @@ def profile(solved: Solved, name: str, least: float | None = None) -> Interval:
     allowed = reach**2 * (spread / plain) ** 2 if plain > 0.0 else reach**2
 
     def held(value: float, start: Iterate) -> tuple[float, Iterate]:
-        return _constrained(problem, start, solved.believed, value, index)
+        """Return the best cost with the coordinate held, and its point."""
+        eta = start.eta.copy()
+        eta[index] = value
+        problem.held = np.arange(problem.size) == index
+        try:
+            moved, at, _ = join_segments(problem, replace(start, eta=eta), None, most=PROFILE_FITS)
+        except FitError:
+            return np.inf, start
+        finally:
+            problem.held = np.zeros(problem.size, dtype=bool)
+        return at.cost, moved
 
     least = solved.at.cost if least is None else least
     at, ends = point.eta[index], []
@@ -570,22 +552,6 @@ def profile(solved: Solved, name: str, least: float | None = None) -> Interval:
         eta[index] = end
         ends.append(float(problem.values(eta)[index]))
     return min(ends), max(ends)
-
-
-def _constrained(
-    problem: FitProblem, point: Iterate, believed: list[Array], value: float, index: int
-) -> tuple[float, Iterate]:
-    """Return the best cost with one coordinate held."""
-    eta = point.eta.copy()
-    eta[index] = value
-    problem.held = np.arange(problem.size) == index
-    try:
-        moved, at, _ = join_segments(problem, replace(point, eta=eta), believed, None, most=PROFILE_FITS)
-    except FitError:
-        return np.inf, point
-    finally:
-        problem.held = np.zeros(problem.size, dtype=bool)
-    return at.cost, moved
 
 
 #: Segment lengths in the first phase, s, and in a second attempt; smallest number of samples of a segment.

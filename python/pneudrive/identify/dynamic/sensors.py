@@ -131,16 +131,20 @@ START = {"offset": 0.0, "gain": 1.0, "lag": 2e-3, "delay": 0.0}
 OFFSET_SIZE = {"m": 1e-3, "Pa": 1e3, "m/s": 1e-2, "K": 1.0, "N": 1.0, "m/s^2": 1.0}
 
 
-def channel(name: str, sensor: Sensor) -> Channel:
-    """Convert a sensor to SI.
+def channel(name: str, sensor: Sensor | Keyed) -> Channel:
+    """Convert a sensor, or its keywords, to SI.
 
     Raises
     ------
     FitError
-        A quantity has another dimension, or is out of bounds.
+        A keyword is unknown, a quantity has another dimension, or is out of bounds.
     """
-    unit = meaning(CHANNELS[name])[1]
-    stated = {key: given for key, given in vars(sensor).items() if given is not None}
+    unit, known = meaning(CHANNELS[name])[1], [field.name for field in fields(Sensor)]
+    properties = vars(sensor) if isinstance(sensor, Sensor) else sensor
+    for key in properties:
+        if key not in known:
+            raise FitError(f"sensor {name}: {key} is not known", remedy=nearest(str(key), known))
+    stated = {key: given for key, given in properties.items() if given is not None}
     values = {key: START[key] for key, given in stated.items() if given == "free" and key in START}
     free = frozenset(values)
     for key in (key for key in stated if key not in free):
@@ -186,18 +190,7 @@ def channels_of(names: list[str], sensors: Mapping[str, Sensor | Keyed] | None) 
     unknown = sorted(set(said) - set(names))
     if unknown:
         raise FitError.of("identify.no_channel", name=unknown[0], known=", ".join(names))
-    made = {name: _made(name, given) for name, given in said.items()}
-    return [channel(name, made.get(name, Sensor())) for name in names]
-
-
-def _made(name: str, given: Sensor | Keyed) -> Sensor:
-    if isinstance(given, Sensor):
-        return given
-    known = [f.name for f in fields(Sensor)]
-    for key in given:
-        if key not in known:
-            raise FitError(f"sensor {name}: {key} is not known", remedy=nearest(str(key), known))
-    return Sensor(**given)
+    return [channel(name, said.get(name, {})) for name in names]
 
 
 #: Typical delay of a valve, s, which scales its coordinate (assumed).

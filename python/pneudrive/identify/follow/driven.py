@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -18,7 +19,6 @@ from pneudrive.signals.recording import Recording
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
-    from pathlib import Path
 
     from numpy.typing import NDArray
 
@@ -85,16 +85,16 @@ def check_follow(follow: str) -> None:
 
 
 def driven_recordings(
-    recordings: Iterable[str | Path | Recording], layout: Layout | str | Path | None = None
+    recordings: str | Path | Recording | Iterable[str | Path | Recording], layout: Layout | str | Path | None = None
 ) -> list[DrivenRecording]:
-    """Read recordings of a driven piston: time, position and both pressures, with a force if there is one.
+    """Read one or several recordings of a driven piston: time, position, both pressures, and a force if there is one.
 
     Raises
     ------
     RecordingError, LayoutError
         If a file cannot be read, or a channel is missing.
     """
-    items = list(recordings)
+    items = [recordings] if isinstance(recordings, str | Path | Recording) else list(recordings)
     files = [item for item in items if not isinstance(item, Recording)]
     read = iter(load_recordings(files, layout)) if files else iter(())
     return [driven_recording(item if isinstance(item, Recording) else next(read)) for item in items]

@@ -70,18 +70,14 @@ def check_readings(driven: DrivenCircuit, records: Sequence[DrivenRecording]) ->
         for side, value in zip(SIDES, record.pressures_pa.min(axis=1), strict=True):
             if value < LEAST_LEVEL * STANDARD_ATMOSPHERE_PA:
                 raise RecordingError(where=record.name, **stated("readings", "low", side=side, value=value))
-        _refuse_swapped(record)
+        # The pressure of a chamber must not rise while its gas expands.
+        ranges = record.ranges_pa / record.pressures_pa.mean(axis=1)
+        together = [np.corrcoef(p, record.positions_m)[0, 1] for p in record.pressures_pa]
+        wrong = [together[0] > TOGETHER and ranges[0] > BEYOND, together[1] < -TOGETHER and ranges[1] > BEYOND]
+        if any(wrong):
+            said = stated("readings", "swapped" if all(wrong) else "reversed", side="a" if wrong[0] else "b")
+            raise RecordingError(where=record.name, **said)
     return doubts
-
-
-def _refuse_swapped(record: DrivenRecording) -> None:
-    """Reject pressures that rise while the gas of their chamber expands."""
-    ranges = record.ranges_pa / record.pressures_pa.mean(axis=1)
-    together = [np.corrcoef(p, record.positions_m)[0, 1] for p in record.pressures_pa]
-    wrong = [together[0] > TOGETHER and ranges[0] > BEYOND, together[1] < -TOGETHER and ranges[1] > BEYOND]
-    if any(wrong):
-        said = stated("readings", "swapped" if all(wrong) else "reversed", side="a" if wrong[0] else "b")
-        raise RecordingError(where=record.name, **said)
 
 
 def _open_doubts(driven: DrivenCircuit, record: DrivenRecording) -> list[str]:
@@ -319,8 +315,6 @@ def identify_motion(
         Input is not valid; the message gives value, rule and remedy.
     """
     watch = Watch(progress, cancel)
-    if isinstance(recordings, str | Path | Recording):
-        recordings = [recordings]
     if not free:
         raise FitError("no number is free", remedy=f"Name some of {', '.join(GROUPS)}.")
     described = circuit if isinstance(circuit, Circuit) else Circuit.load(circuit)

@@ -208,7 +208,7 @@ def solve_follow(problem: FollowProblem, begin: FollowPoint | None = None, passe
         raws, converged = [], False
         for number in range(passes):
             point, raws, converged = _search(problem, point, pool, is_first=number == 0)
-            _reweight(problem, point, raws)
+            problem.weights = [_weights(problem, at, raw, point.local[at, 4]) for at, raw in enumerate(raws)]
         residuals = [problem.residual(at, raw, point.local[at, 4]) for at, raw in enumerate(raws)]
         jacobians = _jacobians(problem, point, raws, residuals, pool)
     covariance, freedom = _covariance(problem, point, residuals, jacobians)
@@ -315,8 +315,12 @@ def _search(
         problem.watch.tell(step, MOST_STEPS, f"{problem.model}: steps of a search, most")
         matrix, gradient = _normal(problem, point, residuals, _jacobians(problem, point, raws, residuals, pool))
         diagonal = np.diag(matrix).copy()
-        if is_first and step == 0:
-            _refuse_idle(problem, diagonal)
+        if is_first and step == 0:  # no shared number may be without an effect on the pressures
+            own = diagonal[: low.size]
+            idle = [n.name for n, v in zip(problem.numbers, own, strict=True) if v <= WITHOUT_EFFECT * own.max()]
+            if idle:
+                names = ", ".join(r.name for r in problem.records)
+                raise FitError.of("identify.no_effect", name=idle[0], recordings=names)
         for _ in range(8):
             scaled = matrix + np.diag(damping * np.maximum(diagonal, 1e-12))
             move = np.asarray(np.linalg.solve(scaled, -gradient), float)
@@ -340,25 +344,13 @@ def _search(
     return point, raws, False
 
 
-def _refuse_idle(problem: FollowProblem, diagonal: Array) -> None:
-    """Reject a shared parameter without an effect on the pressures."""
-    own = diagonal[: len(problem.numbers)]
-    idle = [n.name for n, value in zip(problem.numbers, own, strict=True) if value <= WITHOUT_EFFECT * own.max()]
-    if idle:
-        raise FitError.of("identify.no_effect", name=idle[0], recordings=", ".join(r.name for r in problem.records))
-
-
-def _reweight(problem: FollowProblem, point: FollowPoint, raws: list[Array]) -> None:
-    """Weight the residuals by their size and correlation time."""
-    weights = []
-    for at, raw in enumerate(raws):
-        record, (begin, end) = problem.records[at], problem.parts[at]
-        rest = record.pressures_pa - problem.shown(at, raw, point.local[at, 4])
-        rest = rest[:, (record.grid_s >= begin) & (record.grid_s <= end) & np.isfinite(rest[0])]
-        size = np.maximum(np.sqrt(np.mean(rest**2, axis=1)), record.noise_pa)
-        tau = np.array([_correlation_time(one) for one in rest])
-        weights.append(1.0 / (size * np.sqrt(tau)))
-    problem.weights = weights
+def _weights(problem: FollowProblem, at: int, raw: Array, delay_s: float) -> Array:
+    """Return the weights of both residuals of a recording, from their size and correlation time."""
+    record, (begin, end) = problem.records[at], problem.parts[at]
+    rest = record.pressures_pa - problem.shown(at, raw, delay_s)
+    rest = rest[:, (record.grid_s >= begin) & (record.grid_s <= end) & np.isfinite(rest[0])]
+    size = np.maximum(np.sqrt(np.mean(rest**2, axis=1)), record.noise_pa)
+    return 1.0 / (size * np.sqrt([_correlation_time(one) for one in rest]))
 
 
 def _correlation_time(rest: Array) -> float:

@@ -241,13 +241,16 @@ def fit_any_law(
     unknown = [n for n in free or () if n not in known]
     if unknown:
         raise FitError.of("identify.no_parameter", law=friction.law, name=unknown[0], known=", ".join(known))
-    seen = _seen(_with_sizes(sliding.AnyLaw(friction, known), data), data)
+    whole = _with_sizes(sliding.AnyLaw(friction, known), data)
+    value, jac = whole.value_and_jacobian(whole.internal(whole.given), data)
+    sizes = np.abs(jac).max(axis=0)
+    seen = tuple(n for n, s in zip(known, sizes, strict=True) if s > NO_EFFECT * np.abs(value).max())
     model = _with_sizes(sliding.AnyLaw(friction, tuple(free) if free else seen), data)
     if not model.names:
         raise FitError("none of the free parameters has an effect on steady sliding", value=", ".join(free or known))
     if len(data) <= len(model.names):
-        sizes = f"{len(data)} values, {len(model.names)} parameters"
-        raise FitError("the friction map has too few values for this law", value=sizes)
+        counts = f"{len(data)} values, {len(model.names)} parameters"
+        raise FitError("the friction map has too few values for this law", value=counts)
     found = estimate(model, data)
     matrix, theta = found.covariance, model.natural(found.q)
     reach = student(found.dof) * np.sqrt(np.diag(matrix))
@@ -310,12 +313,6 @@ def _with_sizes(model: sliding.AnyLaw, data: sliding.Observations) -> sliding.An
     uppers = [entry["upper"] for entry in model.entries()]
     most = np.array([np.inf if top is None else 0.5 * top for top in uppers])
     return replace(model, start=tuple(np.where(zero, np.minimum(sizes, most), start).tolist()))
-
-
-def _seen(model: sliding.AnyLaw, data: sliding.Observations) -> tuple[str, ...]:
-    value, jac = model.value_and_jacobian(model.internal(model.given), data)
-    size = np.abs(jac).max(axis=0)
-    return tuple(n for n, s in zip(model.names, size, strict=True) if s > NO_EFFECT * np.abs(value).max())
 
 
 def fit_characterisation(characterisation: Characterisation) -> tuple[dict[str, dict[str, FrictionFit]], list[str]]:

@@ -13,8 +13,9 @@ from pneudrive.describe.tables.dependences import DEPENDENCES
 from pneudrive.describe.tables.friction import Friction
 from pneudrive.errors import FitError, warn
 from pneudrive.estimate.estimates import CONFIDENCE, student
-from pneudrive.identify import export, identified
+from pneudrive.identify import export
 from pneudrive.identify.base import Fit, FitFile
+from pneudrive.identify.identified import Dependences, FittedData, apply_identified, sentence, sentences, stated
 from pneudrive.identify.static import model as sliding
 from pneudrive.identify.static.diagnose import estimated, interval_over_knees
 from pneudrive.repr_tables import Shown
@@ -26,6 +27,7 @@ if TYPE_CHECKING:
 
     from pneudrive.arrays import Array, Columns, Keyed, NamedNumbers, Pair, Plain
     from pneudrive.describe.drive import Drive
+    from pneudrive.identify.identified import Identified
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
@@ -51,13 +53,13 @@ class SlidingFit(Fit):
         """Internal coordinates of the model at the estimates, shape (p,)."""
         return self.model.internal(self.estimates)
 
-    def compared(self) -> dict[str, identified.FittedData]:
+    def compared(self) -> dict[str, FittedData]:
         """Return measured and fitted friction. Empty if the fit was read from a file."""
         data = self.observations
         if data is None:
             return {}
         model, _ = self.model.force_and_slopes(self.estimates, data)
-        return {"friction": identified.FittedData("speed_m_s", "friction_n", data.speed_m_s, data.friction_n, model)}
+        return {"friction": FittedData("speed_m_s", "friction_n", data.speed_m_s, data.friction_n, model)}
 
 
 #: Laws of a fit from a file, and required entries of its statistics.
@@ -135,7 +137,7 @@ class FrictionFit(SlidingFit, kind="friction map"):
     law: str
     model: sliding.FrictionModel
     weights: Array | None = field(default=None, repr=False)
-    dependences: identified.Dependences = field(default_factory=identified.Dependences)
+    dependences: Dependences = field(default_factory=Dependences)
 
     def correlated(self) -> list[str]:
         """Return sentences on pairs of parameters with a correlation above 0.9, each with a remedy."""
@@ -220,9 +222,7 @@ class FrictionFit(SlidingFit, kind="friction map"):
         takes_curve = other_law or (self.model.stribeck and "stribeck_exponent" in known)
         missing = sorted({"coulomb", "breakaway", "stribeck_velocity", "viscous"} - forces)
         if other_law and missing:
-            raise FitError(
-                **identified.stated("application", "no_stribeck", law=drive.friction.law, missing=", ".join(missing))
-            )
+            raise FitError(**stated("application", "no_stribeck", law=drive.friction.law, missing=", ".join(missing)))
         self._check_pressure(drive)
         changes: dict[str, object] = {"friction.law": self.law} if other_law else {}
         if takes_curve and self.model.lorentzian:
@@ -230,11 +230,11 @@ class FrictionFit(SlidingFit, kind="friction map"):
         found = self.identified(curve=takes_curve and not self.model.lorentzian)
         kept = drive.friction.parameters.get("breakaway", 0.0)
         if "coulomb" in forces and "breakaway" not in forces and not other_law and kept > self.values["coulomb"]:
-            warn(identified.sentence("notes", "breakaway", kept=kept, coulomb=self.values["coulomb"]))
+            warn(sentence("notes", "breakaway", kept=kept, coulomb=self.values["coulomb"]))
         for note in self.dependences.notes:
             warn(note)
         law = str(changes.get("friction.law", drive.friction.law))
-        after = identified.apply_identified(found, drive, changes, self.dependences.for_law(law))
+        after = apply_identified(found, drive, changes, self.dependences.for_law(law))
         self._warn_of_kept(after)
         return after
 
@@ -254,9 +254,9 @@ class FrictionFit(SlidingFit, kind="friction map"):
                 "own": friction_n[k],
                 "fitted": fitted.friction_n[k],
             }
-            warn(identified.sentence("notes", "kept", kept=", ".join(kept), **at))
+            warn(sentence("notes", "kept", kept=", ".join(kept), **at))
 
-    def identified(self, *, curve: bool = False) -> identified.Identified:
+    def identified(self, *, curve: bool = False) -> Identified:
         """Return the determined parameters under their names in the drive file. `curve` adds the exponent.
 
         The intervals combine statistical (profile likelihood) and systematic uncertainty in quadrature. If the data
@@ -271,12 +271,12 @@ class FrictionFit(SlidingFit, kind="friction map"):
 
     def _check_pressure(self, drive: Drive) -> None:
         if self.model.chambers and self.model.pressure != "linear":
-            raise FitError(**identified.stated("application", "curved", form=self.model.pressure))
+            raise FitError(**stated("application", "curved", form=self.model.pressure))
         seals = drive.friction.pressure
         if seals is None or self.model.chambers:
             return
         if any((*seals.coulomb_n_pa, *seals.breakaway_n_pa)):
-            raise FitError(**identified.stated("application", "pressure"))
+            raise FitError(**stated("application", "pressure"))
 
     def _curve(self, speeds_m_s: Any, gauges_pa: Pair) -> export.SlidingCurve:  # noqa: ANN401 - checked
         speed, gauges = export.speeds_over(speeds_m_s, "fit"), gauges_pa
@@ -290,7 +290,7 @@ class FrictionFit(SlidingFit, kind="friction map"):
             entries.append(export.CurveEntry(name, value, self.units[name], *ends, source, note))
         exponent = self.values.get("stribeck_exponent", 2.0)
         shape = "lorentzian" if self.model.lorentzian else f"exp(-(v/vs)^{exponent:g})"
-        effects = identified.sentences("not_exported")
+        effects = sentences("not_exported")
         lost = [effects[key].partition(":")[0] for key in self.dependences.tables if key in effects]
         pressure = effects["pressure"].format(a=gauges[0] / 1e5, b=gauges[1] / 1e5)
         return export.SlidingCurve(
@@ -339,7 +339,7 @@ class FrictionFit(SlidingFit, kind="friction map"):
         known = {name for name, entry in file.entries.items() if entry.standard_error is not None}
         found["intervals"] = {name: ends for name, ends in found["intervals"].items() if name in known}
         found["systematic"] = dict.fromkeys(found["free"], 0.0) | found["systematic"]
-        found["dependences"] = identified.Dependences.of_table(file.content.get("dependences", {}))
+        found["dependences"] = Dependences.of_table(file.content.get("dependences", {}))
         return found | {"law": file.content["law"], "model": model}
 
     def _shown(self) -> NamedNumbers:
@@ -443,14 +443,14 @@ class LawFit(SlidingFit, kind="law"):
         for key in steady:
             there = getattr(theirs, key)
             if there is not None and there != getattr(own, key):
-                raise FitError(**identified.stated("application", "modifier", key=key))
+                raise FitError(**stated("application", "modifier", key=key))
         tables: Plain = {key: value for key in steady if (value := getattr(own, key)) is not None}
         if (own.law, own.formula) != (theirs.law, theirs.formula):
             tables = {key: value for key, value in self.friction.to_dict().items() if key not in AT_REST}
         with_law = drive.replace({f"friction.{key}": value for key, value in tables.items()}) if tables else drive
-        return identified.apply_identified(self.identified(), with_law)
+        return apply_identified(self.identified(), with_law)
 
-    def identified(self) -> identified.Identified:
+    def identified(self) -> Identified:
         """Return the determined parameters under their names in the drive file, with their whole uncertainty."""
         return self.identified_as({name: f"friction.{name}" for name in self.determined})
 
@@ -541,7 +541,7 @@ def with_map(fit: Sliding, friction_map: xr.Dataset) -> Sliding:
 def _values(fit: SlidingFit, friction_map: xr.Dataset) -> sliding.Observations:
     data = values_of_fit(friction_map, fit.provenance)
     if data is None or sliding.fingerprint(data) != fit.provenance["map_sha256"]:
-        raise FitError(**identified.stated("application", "other_map"))
+        raise FitError(**stated("application", "other_map"))
     return data
 
 

@@ -175,7 +175,7 @@ def estimate(
     -------
     RobustEstimate
     """
-    dof = _freedom(model, data)
+    dof = max(len(data) - len(model.names) - model.chosen, 1)
     floor = SCALE_FLOOR * (np.max(np.abs(data.friction_n)) / np.median(data.stderr_n))
     starts = starts or model.starting_points(data)
     small_sample = np.sqrt(len(data) / dof)
@@ -184,11 +184,6 @@ def estimate(
     q, best = min(candidates, key=lambda c: c[1])
     near = [c for c in candidates if c[1] <= best + HARDLY_WORSE * scale**2]
     others = [c[0] for c in near if model.stribeck and abs(c[0][2] - q[2]) > SAME_VELOCITY]
-    counts = {
-        "starts": len(starts),
-        "agreeing": len(near) - len(others),
-        "rival": float(np.exp(others[0][2])) if others else np.nan,
-    }
     for _ in range(0 if fixed_scale else MAX_ROUNDS):
         updated = max(proposal_2(_residual(model, q, data), scale, dof, kind.tuning), floor)
         done = abs(updated / scale - 1.0) < 1e-6
@@ -196,12 +191,36 @@ def estimate(
         if done or kind is LINEAR:
             break
         q = _polish(model, data, q, kind, scale)[0]
-    found = _describe(model, data, q, scale, kind, fixed_scale)
-    return replace(found, **counts)
-
-
-def _freedom(model: StaticLaw, data: Observations) -> int:
-    return max(len(data) - len(model.names) - model.chosen, 1)
+    value, jac = model.value_and_jacobian(q, data)
+    residual = (data.friction_n - value) / data.stderr_n
+    u = residual / scale
+    psi, slope = kind.psi(u), kind.slope(u)
+    mean_slope = max(float(np.mean(slope)), 1.0 / u.size)
+    # Huber's small-sample factor for regression [huber2009]
+    correction = 1.0 + len(model.names) / u.size * float(np.var(slope)) / mean_slope**2
+    variance = correction**2 * float(np.sum(psi**2)) / dof * (scale / mean_slope) ** 2
+    weight = np.where(np.abs(u) > 1e-12, psi / np.where(np.abs(u) > 1e-12, u, 1.0), 1.0)
+    lower, upper = model.bounds(data)
+    reach = 1e-6 * np.maximum(np.abs(q), 1.0)
+    active = (q - lower < reach) | (upper - q < reach)
+    if model.stribeck:  # an excess indistinguishable from zero counts as at its bound
+        active[1] = active[1] or np.exp(q[1]) < 1e-6 * np.max(np.abs(data.friction_n))
+    return RobustEstimate(
+        model=model,
+        data=data,
+        q=q,
+        scale=scale,
+        residual=residual,
+        jacobian=jac / data.stderr_n[:, None],
+        weight=weight,
+        pseudo=value + data.stderr_n * psi * scale / mean_slope,
+        variance=1.0 if fixed_scale else variance,
+        active=active,
+        cost=float(np.sum(kind.rho(u))),
+        starts=len(starts),
+        agreeing=len(near) - len(others),
+        rival=float(np.exp(others[0][2])) if others else np.nan,
+    )
 
 
 def _residual(model: StaticLaw, q: Array, data: Observations) -> Array:
@@ -245,40 +264,6 @@ def proposal_2(residual: Array, scale: float, dof: int, k: float) -> float:
         if abs(factor - 1.0) < 1e-9:
             break
     return scale
-
-
-def _describe(
-    model: StaticLaw, data: Observations, q: Array, scale: float, kind: Loss, fixed_scale: bool
-) -> RobustEstimate:
-    value, jac = model.value_and_jacobian(q, data)
-    residual = (data.friction_n - value) / data.stderr_n
-    u = residual / scale
-    psi, slope = kind.psi(u), kind.slope(u)
-    mean_slope = max(float(np.mean(slope)), 1.0 / u.size)
-    # Huber's small-sample factor for regression [huber2009]
-    correction = 1.0 + len(model.names) / u.size * float(np.var(slope)) / mean_slope**2
-    variance = correction**2 * float(np.sum(psi**2)) / _freedom(model, data) * (scale / mean_slope) ** 2
-    if fixed_scale:
-        variance = 1.0
-    weight = np.where(np.abs(u) > 1e-12, psi / np.where(np.abs(u) > 1e-12, u, 1.0), 1.0)
-    lower, upper = model.bounds(data)
-    reach = 1e-6 * np.maximum(np.abs(q), 1.0)
-    active = (q - lower < reach) | (upper - q < reach)
-    if model.stribeck:  # an excess indistinguishable from zero counts as at its bound
-        active[1] = active[1] or np.exp(q[1]) < 1e-6 * np.max(np.abs(data.friction_n))
-    return RobustEstimate(
-        model=model,
-        data=data,
-        q=q,
-        scale=scale,
-        residual=residual,
-        jacobian=jac / data.stderr_n[:, None],
-        weight=weight,
-        pseudo=value + data.stderr_n * psi * scale / mean_slope,
-        variance=variance,
-        active=active,
-        cost=float(np.sum(kind.rho(u))),
-    )
 
 
 #: p-value of the residuals, given their standard errors, below which a scatter is added.
