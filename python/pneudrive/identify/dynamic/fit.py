@@ -197,10 +197,9 @@ def identify(
         return identify_motion(drive, recordings, free, layout=layout, progress=progress, cancel=cancel)
     axis = drive.axis_names if isinstance(drive, Circuit) else None
     columns = {} if axis is None else {full: short for short, full in axis[1]}
-    needed = ("time_s", "command")
-    records = read_drive_recordings(recordings, layout, needed, gaps=True, names=columns)
+    records = read_drive_recordings(recordings, layout, ("time_s", "command"), gaps=True, names=columns)
     present = [sensing.channels_in(record, channels) for record in records]
-    options = search.SearchOptions(SEGMENT_S, RTOL, threads=2)
+    options = search.SearchOptions(SEGMENT_S, RTOL, threads=2, axis=axis)
     numbers = numbers_of(drive)
     piston = PISTON if axis is None else axis[0]
     stroke_m = numbers[f"{piston}.stroke"].value
@@ -214,7 +213,6 @@ def identify(
         drive = with_shape(drive, free)
     described = {c.name: c for c in sensing.channels_of(names, sensors)}
     options.delay_s = sensing.command_delay(sensors)
-    options.axis = axis
     parameters = _resolvable(drive, chosen(drive, free), records, described, options)
     watcher = search.Watcher(progress, Watch(cancel=cancel))
 
