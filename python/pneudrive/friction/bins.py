@@ -110,8 +110,6 @@ def mean_profile(strokes_n: Array) -> Array:
     """
     if strokes_n.shape[0] == 0:
         return np.full(strokes_n.shape[1], np.nan)
-    if strokes_n.shape[0] == 1:
-        return strokes_n[0].copy()
     known = np.isfinite(strokes_n)
     if known.all():
         return strokes_n.mean(axis=0)

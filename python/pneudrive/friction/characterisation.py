@@ -11,14 +11,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pneudrive.arrays import evenly
+from pneudrive.arrays import Row, evenly
 from pneudrive.errors import RecordingError
 from pneudrive.estimate.estimates import changed
 from pneudrive.files.inputs import INPUTS, stored_input
 from pneudrive.friction import level as reduction
 from pneudrive.friction import pressure
 from pneudrive.friction.budget import CLOCKS, COVERAGE_FACTOR
-from pneudrive.friction.friction_map import SAME_PA, rows_to_dataset
+from pneudrive.friction.friction_map import AMBIENT, SAME_PA, rows_to_dataset
 from pneudrive.friction.level import Level, RecordingResult
 from pneudrive.friction.sentences import sentence
 from pneudrive.friction.strokes import SampleChoice, Settled, StrokeUse, stroke_notes
@@ -290,12 +290,42 @@ def characterise_recordings(
     watch, (number, readers) = Watch(progress, cancel), _readers(recordings, layout)
     is_large = number > KEPT_IN_FULL
     shown = evenly(number, SHOWN) if is_large else np.arange(number)
-    found = _Results(large=is_large)
+    results, rows, points = list[RecordingResult](), list[Row](), list[pressure.LevelPoint]()
+    uses, inputs, skipped = dict[str, StrokeUse](), list[dict[str, str]](), list[tuple[str, str]]()
+    seen, long = dict[str, str](), list[str]()
     for place, (name, read) in enumerate(readers):
         watch.tell(place, number, "recordings characterised")
-        found.add(name, read, choice, watch, is_shown=place in shown)
+        result = _extracted(name, read, choice, watch, seen, long, large=is_large)
+        if isinstance(result, str):
+            skipped.append((name, result))
+            continue
+        rows += [row for level in result.levels for row in level.rows]
+        points += map(pressure.LevelPoint.of, result.levels)
+        uses[name] = result.stroke_use
+        inputs.append(stored_input("recording", name, result.recording.source, result.recording.sha256))
+        results += [result] if place in shown else []
     watch.tell(number, number, "recordings characterised")
-    return found.characterisation(choice)
+    if not rows:
+        reasons = "; ".join(f"{name}: {why}" for name, why in skipped[:3])
+        raise RecordingError("no recording could be used", value=reasons)
+    friction_map = rows_to_dataset(rows)
+    synthetic = any(result.recording.synthetic for result in results)
+    friction_map.attrs |= {"protocol": choice.name, "synthetic": synthetic, INPUTS: inputs}
+    if results:
+        friction_map.attrs[AMBIENT] = float(np.mean([result.recording.ambient_pressure_pa for result in results]))
+    found = Characterisation(
+        results=tuple(results),
+        friction_map=friction_map,
+        closures=tuple(pressure.fit_closures(points)),
+        pressure_lines=tuple(pressure.fit_pressure_lines(points)),
+        points=tuple(points),
+        run_spread=pressure.run_spread(points),
+        notes=(),
+        skipped=tuple(skipped),
+        protocol=choice.name,
+        stroke_uses=uses,
+    )
+    return replace(found, notes=(*_reading_notes(found, long, large=is_large), *stroke_notes(uses), *notes_of(found)))
 
 
 def _readers(recordings: Input, layout: Layout | str | Path | None) -> tuple[int, Iterator[tuple[str, Reader]]]:
@@ -333,83 +363,42 @@ def _readers(recordings: Input, layout: Layout | str | Path | None) -> tuple[int
     return len(loaded) + sum(1 if campaign is None else len(campaign) for campaign in campaigns), readers()
 
 
-class _Results:
-    """Collector of results: rows and points of all recordings, samples of displayed recordings only.
+def _extracted(
+    name: str, read: Reader, choice: SampleChoice, watch: Watch, seen: dict[str, str], long: list[str], *, large: bool
+) -> RecordingResult | str:
+    """Read and reduce a recording, or return the reason why it is left out.
 
-    Recordings with equal samples count once. An unusable recording is skipped if there are several.
+    Recordings with equal samples count once: `seen` has the names by hash. `long` receives the names of recordings that
+    are read part by part. An unusable recording is skipped if there are more than fit into memory (`large`).
+
+    Raises
+    ------
+    RecordingError
+        If a recording cannot be used.
     """
+    try:
+        recording = read()
+        if isinstance(recording, LongFile):
+            long.append(name)
+            return reduction.extract_long(recording, choice, watch)
+        digest = digest_of(getattr(recording, channel) for channel in ("time_s", *CHANNELS))
+        if digest in seen:
+            return f"identical to {seen[digest]}"
+        result = reduction.extract(recording, choice)
+    except RecordingError as error:
+        if not large:
+            raise
+        return error.what
+    seen[digest] = name
+    return result
 
-    def __init__(self, *, large: bool) -> None:
-        """Begin without results. `large` means more recordings than fit into memory."""
-        self.large = large
-        self.shown: list[RecordingResult] = []
-        self.rows: list[dict] = []
-        self.points: list[pressure.LevelPoint] = []
-        self.uses: dict[str, StrokeUse] = {}
-        self.inputs: list[dict[str, str]] = []
-        self.skipped: list[tuple[str, str]] = []
-        self.long: list[str] = []
-        self._seen: dict[str, str] = {}
 
-    def add(self, name: str, read: Reader, choice: SampleChoice, watch: Watch, *, is_shown: bool) -> None:
-        """Read and reduce a recording.
-
-        Raises
-        ------
-        RecordingError
-            If the only recording cannot be used.
-        """
-        try:
-            recording = read()
-            if isinstance(recording, LongFile):
-                self.long.append(name)
-                result = reduction.extract_long(recording, choice, watch)
-            else:
-                digest = digest_of(getattr(recording, channel) for channel in ("time_s", *CHANNELS))
-                if digest in self._seen:
-                    self.skipped.append((name, f"identical to {self._seen[digest]}"))
-                    return
-                result = reduction.extract(recording, choice)
-                self._seen[digest] = name
-        except RecordingError as error:
-            if not self.large:
-                raise
-            self.skipped.append((name, error.what))
-            return
-        self.rows += [row for level in result.levels for row in level.rows]
-        self.points += map(pressure.LevelPoint.of, result.levels)
-        self.uses[name] = result.stroke_use
-        self.inputs.append(stored_input("recording", name, result.recording.source, result.recording.sha256))
-        self.shown += [result] if is_shown else []
-
-    def characterisation(self, choice: SampleChoice) -> Characterisation:
-        """Fit closures and lines over pressure, and collect the notes."""
-        if not self.rows:
-            reasons = "; ".join(f"{name}: {why}" for name, why in self.skipped[:3])
-            raise RecordingError("no recording could be used", value=reasons)
-        notes = [] if self.large else [sentence("note.same_samples", name=n, why=why) for n, why in self.skipped]
-        if self.large:
-            notes.append(sentence("note.sampled", count=len(self.uses), shown=len(self.shown)))
-            if self.skipped:
-                notes.append(sentence("note.not_counted", count=len(self.skipped), first=self.skipped[0]))
-        notes += [sentence("note.part_by_part", name=name) for name in self.long]
-        friction_map = rows_to_dataset(self.rows)
-        friction_map.attrs["protocol"] = choice.name
-        friction_map.attrs["synthetic"] = any(result.recording.synthetic for result in self.shown)
-        friction_map.attrs[INPUTS] = self.inputs
-        if self.shown:
-            ambient = float(np.mean([result.recording.ambient_pressure_pa for result in self.shown]))
-            friction_map.attrs["ambient_pressure_pa"] = ambient
-        found = Characterisation(
-            results=tuple(self.shown),
-            friction_map=friction_map,
-            closures=tuple(pressure.fit_closures(self.points)),
-            pressure_lines=tuple(pressure.fit_pressure_lines(self.points)),
-            points=tuple(self.points),
-            run_spread=pressure.run_spread(self.points),
-            notes=(*notes, *stroke_notes(self.uses)),
-            skipped=tuple(self.skipped),
-            protocol=choice.name,
-            stroke_uses=self.uses,
-        )
-        return replace(found, notes=(*found.notes, *notes_of(found)))
+def _reading_notes(found: Characterisation, long: list[str], *, large: bool) -> Iterator[str]:
+    """Yield notes on recordings that were left out, not kept in memory, or read part by part."""
+    if large:
+        yield sentence("note.sampled", count=len(found.stroke_uses), shown=len(found.results))
+        if found.skipped:
+            yield sentence("note.not_counted", count=len(found.skipped), first=found.skipped[0])
+    else:
+        yield from (sentence("note.same_samples", name=name, why=why) for name, why in found.skipped)
+    yield from (sentence("note.part_by_part", name=name) for name in long)

@@ -285,28 +285,20 @@ def run_spread(points: Sequence[LevelPoint]) -> RunSpread | None:
     squares, freedom = 0.0, 0
     for seal in dict.fromkeys(p.seal for p in points):
         members = [p for p in points if p.seal == seal]
-        if len({p.run for p in members}) < 2:
-            continue
-        for cell in _repeats(members):
-            runs = dict.fromkeys(p.run for p in cell)
-            values = np.array([np.mean([p.friction_n for p in cell if p.run == run]) for run in runs])
-            if values.size >= 2:
-                mean = float(values.mean())
-                squares += ((values / mean - 1) ** 2).sum()
-                freedom += values.size - 1
-                low, high = float(values.min()), float(values.max())
-                cells.append((seal, cell[0].pressure_pa, low, high, (high - low) / mean))
+        # Repeats have about the same pressure and speed.
+        for some in _neighbours(members, lambda p: p.pressure_pa, lambda v: SAME_PRESSURE * max(abs(v), 1e4)):
+            for cell in _neighbours(some, lambda p: p.speed_m_s, lambda v: SPEED_OF_REPEAT * v):
+                runs = dict.fromkeys(p.run for p in cell)
+                values = np.array([np.mean([p.friction_n for p in cell if p.run == run]) for run in runs])
+                if values.size >= 2:
+                    mean = float(values.mean())
+                    squares += ((values / mean - 1) ** 2).sum()
+                    freedom += values.size - 1
+                    low, high = float(values.min()), float(values.max())
+                    cells.append((seal, cell[0].pressure_pa, low, high, (high - low) / mean))
     if freedom == 0:
         return None
     return RunSpread(float(np.sqrt(squares / freedom)), freedom, tuple(cells))
-
-
-def _repeats(points: list[LevelPoint]) -> list[list[LevelPoint]]:
-    """Return the points of about the same pressure and speed."""
-    cells: list[list[LevelPoint]] = []
-    for group in _neighbours(points, lambda p: p.pressure_pa, lambda v: SAME_PRESSURE * max(abs(v), 1e4)):
-        cells += _neighbours(group, lambda p: p.speed_m_s, lambda v: SPEED_OF_REPEAT * v)
-    return cells
 
 
 def _neighbours(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -78,14 +78,53 @@ def find_reversal_peaks(
     after = [stroke for stroke in strokes if stroke.start != 0 and stroke.index != 0]
     if (np.isfinite(profile.offset_n) & profile.in_window).sum() < FEWEST_BINS or not after:
         return []
-    pressures = (recording.pressure_a_pa, recording.pressure_b_pa)
-    usual = _Usual(
-        float(np.nanmean(profile.friction_n[profile.in_window])),
-        motion.middle(np.diff(recording.time_s)),
-        motion.noise_level(balance_n),
-        [motion.noise_level(pressure, quantisation=False) for pressure in pressures],
-    )
-    return [_peak(recording, stroke, balance_n, profile, usual) for stroke in after]
+    sliding, step = float(np.nanmean(profile.friction_n[profile.in_window])), motion.middle(np.diff(recording.time_s))
+    noise = motion.noise_level(balance_n)
+    noise_pa = [motion.noise_level(p, quantisation=False) for p in (recording.pressure_a_pa, recording.pressure_b_pa)]
+    position, time, peaks = recording.position_m, recording.time_s, list[ReversalPeak]()
+    for stroke in after:
+        # The force rises while the piston still rests: go back from the first motion through the dwell.
+        back = np.searchsorted(time, time[stroke.start] - stroke.dwell_s)
+        begin = max(min(back, stroke.start), 0)
+        travel = abs(stroke.to_m - stroke.from_m)
+        travelled = np.abs(position[stroke.samples] - stroke.from_m)
+        end = stroke.start + max(np.argmax(travelled > SOUGHT_SHARE * travel), 3)
+        part = slice(begin, end)
+        slope, intercept = offset_line(profile, stroke.from_m)
+        friction = stroke.direction * (balance_n[part] - (slope * position[part] + intercept))
+        top = int(np.argmax(friction))
+        low, high = rise(friction[: top + 1])
+        times = time[part]
+        duration = float(times[high] - times[low])
+        swing, excess = float(friction[top] - friction[low]), float(friction[top] - sliding)
+        gap = np.diff(times[low : top + 1]).max(initial=0.0)
+        moved = _pressure_moves_n(recording, slice(begin, begin + top + 1), noise_pa)
+        seen = {
+            "undersampled": high - low < NEEDED_RISE_SAMPLES,
+            "pressure_transient": moved > TRANSIENT_SHARE * swing,
+            "inertia": _inertia_n(recording, stroke) > INERTIA_SHARE * swing,
+            "gap": gap > 5 * step,
+            "no_peak": top >= friction.size - 2,  # still rising at the end of the search: no maximum
+        }
+        peaks.append(
+            ReversalPeak(
+                recording=recording.name,
+                stroke=stroke.index,
+                direction=stroke.direction,
+                time_s=float(times[top]),
+                position_m=float(position[part][top]),
+                friction_n=float(friction[top]),
+                sliding_n=sliding,
+                excess_n=excess,
+                # The largest of m noisy samples is sqrt(2 ln m) deviations too high by chance.
+                significant=excess > noise * (np.sqrt(2 * np.log(max(friction.size, 2))) + 1),
+                dwell_s=stroke.dwell_s,
+                loading_rate_n_s=float(friction[high] - friction[low]) / duration if duration > 0 else np.nan,
+                rise_samples=high - low,
+                flags=tuple(name for name, is_so in seen.items() if is_so),
+            )
+        )
+    return peaks
 
 
 def offset_line(profile: Profile, turn_m: float) -> tuple[float, float]:
@@ -100,61 +139,6 @@ def offset_line(profile: Profile, turn_m: float) -> tuple[float, float]:
     if near.sum() < FEWEST_BINS:
         near = known & profile.in_window
     return motion.straight_line(profile.position_m[near], profile.offset_n[near])
-
-
-class _Usual(NamedTuple):
-    """Mean friction in the window, usual time step, noise of the balance and of both pressures."""
-
-    sliding_n: float
-    step_s: float
-    noise_n: float
-    pressures_pa: list[float]
-
-
-def _peak(
-    recording: Recording, stroke: motion.Stroke, balance_n: Array, profile: Profile, usual: _Usual
-) -> ReversalPeak:
-    """Return the peak after the reversal at which a stroke begins."""
-    # The force rises while the piston still rests: go back from the first motion through the dwell.
-    position, time = recording.position_m, recording.time_s
-    back = int(np.searchsorted(time, time[stroke.start] - stroke.dwell_s))
-    begin = max(min(back, stroke.start), 0)
-    travel = abs(stroke.to_m - stroke.from_m)
-    travelled = np.abs(position[stroke.samples] - stroke.from_m)
-    end = stroke.start + max(int(np.argmax(travelled > SOUGHT_SHARE * travel)), 3)
-    part = slice(begin, end)
-    slope, intercept = offset_line(profile, stroke.from_m)
-    friction = stroke.direction * (balance_n[part] - (slope * position[part] + intercept))
-    top = int(np.argmax(friction))
-    low, high = rise(friction[: top + 1])
-    times = time[part]
-    duration = float(times[high] - times[low])
-    swing, excess = float(friction[top] - friction[low]), float(friction[top] - usual.sliding_n)
-    gap = np.diff(times[low : top + 1]).max(initial=0.0)
-    moved = _pressure_moves_n(recording, slice(begin, begin + top + 1), usual.pressures_pa)
-    seen = {
-        "undersampled": high - low < NEEDED_RISE_SAMPLES,
-        "pressure_transient": moved > TRANSIENT_SHARE * swing,
-        "inertia": _inertia_n(recording, stroke) > INERTIA_SHARE * swing,
-        "gap": gap > 5 * usual.step_s,
-        "no_peak": top >= friction.size - 2,  # still rising at the end of the search: no maximum
-    }
-    return ReversalPeak(
-        recording=recording.name,
-        stroke=stroke.index,
-        direction=stroke.direction,
-        time_s=float(times[top]),
-        position_m=float(position[part][top]),
-        friction_n=float(friction[top]),
-        sliding_n=usual.sliding_n,
-        excess_n=excess,
-        # The largest of m noisy samples is sqrt(2 ln m) deviations too high by chance.
-        significant=excess > usual.noise_n * (np.sqrt(2 * np.log(max(friction.size, 2))) + 1),
-        dwell_s=stroke.dwell_s,
-        loading_rate_n_s=float(friction[high] - friction[low]) / duration if duration > 0 else np.nan,
-        rise_samples=high - low,
-        flags=tuple(name for name, is_so in seen.items() if is_so),
-    )
 
 
 def _pressure_moves_n(recording: Recording, part: slice, noise_pa: Sequence[float]) -> float:
@@ -175,7 +159,7 @@ def _inertia_n(recording: Recording, stroke: motion.Stroke) -> float:
         return 0.0
     time, speed = recording.time_s[stroke.samples], 0.8 * abs(stroke.speed_m_s)
     velocity = motion.local_slope(time, recording.position_m[stroke.samples])
-    reached = max(int(np.argmax(np.abs(velocity) >= speed)), 1)
+    reached = max(np.argmax(np.abs(velocity) >= speed), 1)
     return mass * (speed / (time[reached] - time[0]))
 
 
