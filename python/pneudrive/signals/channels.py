@@ -77,7 +77,7 @@ class FileChannel:
         sign = 1 if self.said.positive == "+x" else -1
         return sign * self.curve.force_n(sign * (self.slope * value)) / self.slope
 
-    def si(self, shown: Array) -> Array:
+    def si(self, shown: Any) -> Any:  # noqa: ANN401 - a number or an array
         """Convert displayed numbers to SI, without a copy if they are unchanged."""
         return shown if (self.slope, self.zero) == (1.0, 0.0) else self.slope * shown + self.zero
 
@@ -148,20 +148,6 @@ def first_fall(seconds: Array, before: float) -> int | None:
     return int(np.argmax(falls)) if falls.any() else None
 
 
-@dataclass(frozen=True)
-class SharedChannel:
-    """A column of a recording and the same column of another recording, in the unit of the first."""
-
-    own: FileChannel
-    other: FileChannel
-    slope: float
-    zero: float
-
-    def of(self, values: Any) -> Any:  # noqa: ANN401 - a number or an array
-        """Convert numbers of the other file to the unit of this file."""
-        return values if (self.slope, self.zero) == (1.0, 0.0) else self.slope * values + self.zero
-
-
 def open_channels(path: Path, layout: Layout | None, cache: Path) -> ChannelFile:
     """Open a recording of any format, like `load_recording`.
 
@@ -216,10 +202,11 @@ def open_channels(path: Path, layout: Layout | None, cache: Path) -> ChannelFile
     return ChannelFile(path.name, table, time, tuple(found[:MOST_CHANNELS]), first, origin, notes)
 
 
-def pairs(own: ChannelFile, other: ChannelFile) -> list[SharedChannel]:
+def pairs(own: ChannelFile, other: ChannelFile) -> list[tuple[FileChannel, FileChannel]]:
     """Return the columns that two recordings have in common.
 
     Two columns have the same quantity if both have SI units of the same dimension; otherwise their units must be equal.
+    ``slope`` and ``zero`` of the second column of a pair lead to the unit of the first one, not to SI.
 
     Raises
     ------
@@ -235,9 +222,10 @@ def pairs(own: ChannelFile, other: ChannelFile) -> list[SharedChannel]:
         if same is None:
             continue
         if math.isfinite(one.slope + same.slope):
-            out.append(SharedChannel(one, same, same.slope / one.slope, (same.zero - one.zero) / one.slope))
+            line = {"slope": same.slope / one.slope, "zero": (same.zero - one.zero) / one.slope}
+            out.append((one, replace(same, **line)))
         elif one.unit == same.unit:
-            out.append(SharedChannel(one, same, 1.0, 0.0))
+            out.append((one, replace(same, slope=1.0, zero=0.0)))
     return out
 
 

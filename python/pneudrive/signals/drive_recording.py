@@ -415,7 +415,7 @@ def check_plausible(recording: DriveRecording, stroke: float, ambient: float, su
         Time, position or pressures have a wrong unit, pressures are gauge, or positions are outside the stroke.
     """
     where = str(recording.source or recording.name)
-    step = float(np.median(np.diff(recording.time_s)))
+    step = np.median(np.diff(recording.time_s))
     if step > COARSEST_S:
         raise RecordingError.of("signals.coarse-samples", where=where, step=step, coarsest=COARSEST_S)
     margin = BEYOND_STROKE * stroke
@@ -466,7 +466,7 @@ def time_gaps(recordings: Sequence[DriveRecording]) -> list[str]:
     for recording in recordings:
         time = recording.time_s
         steps = np.diff(time)
-        at = np.flatnonzero(steps > max(GAP_STEPS * float(np.median(steps)), GAP_S))
+        at = np.flatnonzero(steps > max(GAP_STEPS * np.median(steps), GAP_S))
         if at.size:
             places = ", ".join(f"{time[i]:.4g} .. {time[i + 1]:.4g} s" for i in at[:MOST_GAPS])
             more = f" and {at.size - MOST_GAPS} more" if at.size > MOST_GAPS else ""

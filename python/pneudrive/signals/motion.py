@@ -72,9 +72,9 @@ def local_slope(time_s: Array, values: Array, half_width: int = 4) -> Array:
     """
     n = time_s.size
     steps = np.diff(time_s)
-    usual = float(steps.mean())
+    usual = steps.mean()
     if half_width <= KERNEL_HALF_WIDTH and n > 4 * half_width and usual > 0:
-        longest, shortest = float(steps.max()), float(steps.min())
+        longest, shortest = steps.max(), steps.min()
         if longest - shortest <= UNIFORM_TOLERANCE * usual:
             return _uniform_slope(values, half_width, usual)
     return _general_slope(time_s, values, half_width)
@@ -83,7 +83,7 @@ def local_slope(time_s: Array, values: Array, half_width: int = 4) -> Array:
 def _uniform_slope(values: Array, half_width: int, step_s: float) -> Array:
     """Return the slope by one convolution, for equal time steps. The ends have the slope of the nearest full window."""
     offsets = np.arange(-half_width, half_width + 1)
-    kernel = offsets[::-1] / (step_s * float(offsets @ offsets))
+    kernel = offsets[::-1] / (step_s * (offsets @ offsets))
     slope = np.empty_like(values)
     slope[half_width:-half_width] = np.convolve(values, kernel, "valid")
     slope[:half_width] = slope[half_width]
@@ -108,7 +108,7 @@ def _general_slope(time_s: Array, values: Array, half_width: int) -> Array:
     sum_t, sum_y = window_sum(t), window_sum(y)
     spread = window_sum(t * t) - sum_t * sum_t / count
     joint = window_sum(t * y) - sum_t * sum_y / count
-    tiny = 1e-12 * max(float(np.ptp(t)), 1e-300) ** 2
+    tiny = 1e-12 * max(np.ptp(t), 1e-300) ** 2
     return np.where(spread > tiny, joint / np.where(spread > tiny, spread, 1.0), 0.0)
 
 
@@ -124,7 +124,7 @@ def noise_level(values: Array, *, quantisation: bool = True) -> float:
     second = values[2::stride] - 2 * values[1:-1:stride] + values[:-2:stride]
     from_differences = 1.4826 * middle(np.abs(second)) / np.sqrt(6.0)
     # Equal steps of a quantum without a finite binary fraction differ by rounding, which is not noise.
-    rounding = 8.0 * np.finfo(float).eps * float(np.fmax.reduce(np.abs(values[::stride])))
+    rounding = 8.0 * np.finfo(float).eps * np.fmax.reduce(np.abs(values[::stride]))
     if from_differences > rounding or not quantisation:
         return from_differences
     steps = np.abs(np.diff(values))
@@ -247,8 +247,8 @@ def _moving_part(position_m: Array, first: int, last: int, departure: float) -> 
 def _middle_speed(time_s: Array, position_m: Array) -> float:
     """Return the mean speed between 20 % and 80 % of a stroke's travel."""
     share = (position_m - position_m[0]) / (position_m[-1] - position_m[0])
-    first = int(np.argmax(share >= 0.2))
-    last = int(share.size - 1 - np.argmax(share[::-1] <= 0.8))
+    first = np.argmax(share >= 0.2)
+    last = share.size - 1 - np.argmax(share[::-1] <= 0.8)
     if last <= first or time_s[last] <= time_s[first]:
         first, last = 0, share.size - 1
     return float((position_m[last] - position_m[first]) / (time_s[last] - time_s[first]))
@@ -355,7 +355,7 @@ def _are_levels(groups: Levels) -> bool:
     speeds = [[abs(stroke.speed_m_s) for stroke in group] for group in groups]
     widths = [max(group) / min(group) - 1 for group in speeds]
     gaps = [min(upper) / max(lower) - 1 for lower, upper in pairwise(speeds)]
-    return not gaps or float(np.median(gaps)) > max(APART * float(np.median(widths)), LEAST_GAP)
+    return not gaps or float(np.median(gaps)) > max(APART * np.median(widths), LEAST_GAP)
 
 
 # --- Signals of a foreign table: whether they move like a piston, or change with its direction.
@@ -384,9 +384,9 @@ def same_signal(first: Array, second: Array) -> bool:
     if abs(np.corrcoef(first, second)[0, 1]) < SAME_SIGNAL:
         return False
     slope, intercept = np.polyfit(first, second, 1)
-    rest = float(np.std(second - slope * first - intercept))
+    rest = np.std(second - slope * first - intercept)
     spacings = (np.diff(np.unique(values)) for values in (first, second))
-    steps = [float(np.min(s[s > 0], initial=np.inf)) for s in spacings]
+    steps = [np.min(s[s > 0], initial=np.inf) for s in spacings]
     return rest <= max(abs(slope) * steps[0], steps[1])
 
 
@@ -398,12 +398,12 @@ def unevenness(values: Array, *, is_one_of_many: bool) -> float:
     values = values[np.isfinite(values)]
     if values.size < FEWEST:
         return np.inf
-    span = float(np.ptp(values))
+    span = np.ptp(values)
     points = turning_points(values, 0.3 * span)
     if span == 0 or points.size < (2 if is_one_of_many else 3) or noise_level(values) > 0.02 * span:
         return np.inf
     once = ONCE if points.size < 3 else 0.0
-    needed = float(np.abs(np.diff(values[points])).sum())
+    needed = np.abs(np.diff(values[points])).sum()
     middle = ((values > values.min() + 0.2 * span) & (values < values.min() + 0.8 * span)).mean()
     # An even stroke spends 60 % of its time in the middle 60 % of its travel. A switched signal spends almost no time
     # there.
@@ -431,7 +431,7 @@ class Directions:
             away = (position[good] - low) / ((high - low) or np.ptp(position[good]))
             bins[good] = np.clip((away * BINS).astype(np.int64), 0, BINS - 1)
         moving = np.abs(velocity)
-        usual = float(np.median(moving[moving > 0])) if (moving > 0).any() else np.inf
+        usual = np.median(moving[moving > 0]) if (moving > 0).any() else np.inf
         fast = moving > 0.5 * usual
         return cls(fast & (velocity > 0), fast & (velocity < 0), bins)
 
@@ -450,12 +450,8 @@ class Directions:
             up, down = values[inside & self.up], values[inside & self.down]
             if up.size and down.size:
                 larger.append(np.sign(np.median(up) - np.median(down)))
-        if len(larger) < FEWEST:
-            return 0
-        for sign in (1, -1):
-            if larger.count(sign) >= MOST_BINS * len(larger):
-                return sign
-        return 0
+        needed = MOST_BINS * max(len(larger), FEWEST)
+        return next((sign for sign in (1, -1) if larger.count(sign) >= needed), 0)
 
     def swing(self, values: Array) -> float:
         """Return the change of a channel with the direction, relative to its level; 0 if it is not clear."""

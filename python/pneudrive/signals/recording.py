@@ -235,10 +235,8 @@ def clean(recording: Recording, places: dict[str, list[Interval]] | None = None)
             ends = zip(recording.time_s[edges[::2]], recording.time_s[edges[1::2] - (kind != "gap")], strict=True)
             places[kind] = [(float(first), float(last)) for first, last in ends if np.isfinite(first + last)]
 
-    channels = (*(getattr(recording, name) for name in CHANNELS), *(force.force_n for force in recording.parallel))
-    finite = np.isfinite(recording.time_s)
-    for values in channels:
-        finite &= np.isfinite(values)
+    channels = [getattr(recording, name) for name in ("time_s", *CHANNELS)]
+    finite = np.all([np.isfinite(v) for v in (*channels, *(force.force_n for force in recording.parallel))], axis=0)
     count("non_finite", ~finite)
     if not finite.any():
         raise RecordingError.of("signals.no-finite-sample", where=recording.name, count=len(recording))
@@ -324,7 +322,7 @@ def jumps_back(position: Array) -> Bools:
         before, behind = steps[max(at - JUMP_NEIGHBOURS, 0) : at], steps[at + 1 : at + 1 + JUMP_NEIGHBOURS]
         if not before.size or not behind.size:
             continue
-        moved = [float(np.sum(part)) / part.size * np.sign(steps[at]) for part in (before, behind)]
+        moved = [np.sum(part) / part.size * np.sign(steps[at]) for part in (before, behind)]
         mask[at] = all(abs(steps[at]) > -JUMP_FACTOR * step > 0 for step in moved)
     return mask
 

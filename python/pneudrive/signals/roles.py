@@ -629,12 +629,10 @@ def unit_by_size(time: Array, position_m: Array | None) -> tuple[str, str]:
     steps = np.diff(time[np.isfinite(time)])
     step = float(np.median(steps)) if steps.size else 0.0
     speed = _usual_speed(time, position_m)
-    fits = []
     longest = SLOWEST_S if speed is None else STEPS_S[1]
-    for unit, factor in UNITS_S.items():
-        is_speed = speed is None or SPEEDS_M_S[0] <= speed / factor <= SPEEDS_M_S[1]
-        if STEPS_S[0] <= step * factor <= longest and is_speed:
-            fits.append(unit)
+    fits = [unit for unit, factor in UNITS_S.items() if STEPS_S[0] <= step * factor <= longest]
+    if speed is not None:
+        fits = [unit for unit in fits if SPEEDS_M_S[0] <= speed / UNITS_S[unit] <= SPEEDS_M_S[1]]
     if len(fits) == 1:
         shown = "" if speed is None else f" and {speed / UNITS_S[fits[0]] * 1e3:.3g} mm/s"
         return fits[0], f"unit by the size of the steps: {step * UNITS_S[fits[0]]:.3g} s{shown}"

@@ -272,8 +272,6 @@ def without_headers(
     Programs that append to a file repeat the header. The last header line marks each segment. Lines between this line
     and the previous row of numbers belong to the header.
     """
-    if last_of_header is None or not rows:
-        return rows, []
     marks = [at for at in rows if lines[at] == last_of_header]
     if not marks:
         return rows, []

@@ -267,5 +267,5 @@ def test_gauge_pressures_of_two_ambients_are_compared_as_absolute():
     sea, hill = (
         SimpleNamespace(time=None, channels=[FileChannel("p", "p", "bar", "p", 1e5, zero)]) for zero in (1e5, 0.9e5)
     )
-    (shared,) = pairs(sea, hill)
+    ((_, shared),) = pairs(sea, hill)
     assert (shared.slope, shared.zero) == pytest.approx((1.0, -0.1))

@@ -280,14 +280,13 @@ def shown_window(workspace: Workspace, given: Keyed) -> bytes:
     arrays = {"time": time_s, **channels}
     if asked.beside:
         other = recordings.need(str(asked.beside))
-        both = [pair for pair in pairs(found.file, other.file) if pair.own.column in columns]
+        both = [(mine, its) for mine, its in pairs(found.file, other.file) if mine.column in columns]
         first, last = span[0] - asked.shift, span[1] - asked.shift
         arrays["beside/time"] = np.empty(0)
         if both and first <= other.span[1] and last >= other.span[0]:
-            names = [pair.other.column for pair in both]
-            time_s, channels, _ = other.window((first, last), asked.pixels, names)
+            time_s, channels, _ = other.window((first, last), asked.pixels, [its.column for _, its in both])
             arrays["beside/time"] = time_s + asked.shift
-            arrays |= {f"beside/{pair.own.column}": pair.of(channels[pair.other.column]) for pair in both}
+            arrays |= {f"beside/{mine.column}": its.si(channels[its.column]) for mine, its in both}
     return pack(head, arrays, drawn=True)
 
 
@@ -386,8 +385,8 @@ def measured(
     sides = [(path, own, 0.0, shown)]
     if beside:
         other = recordings.need(beside)
-        both = [pair for pair in pairs(own.file, other.file) if pair.own.column in shown]
-        converted = {pair.other.column: (pair.own.label, pair.own.unit, pair.of) for pair in both}
+        both = [(mine, its) for mine, its in pairs(own.file, other.file) if mine.column in shown]
+        converted = {its.column: (mine.label, mine.unit, its.si) for mine, its in both}
         sides.append((beside, other, shift, converted))
     for name, recording, behind, channels in sides:
         ends = [recording.sample_at(time - behind, list(channels)) for time in at]
