@@ -106,6 +106,17 @@ def means(group: Ints, *columns: Array) -> list[Array]:
     return [np.bincount(group, column) / count for column in columns]
 
 
+def projection(values: Array, columns: Array) -> Array:
+    """Return the least-squares fit of columns (n, p) to values (n,), shape (n,).
+
+    Examples
+    --------
+    >>> projection(np.array([1.0, 3.0]), np.ones((2, 1))).round(12).tolist()
+    [2.0, 2.0]
+    """
+    return columns @ np.linalg.lstsq(columns, values, rcond=None)[0]
+
+
 def cells(*columns: Ints) -> Ints:
     """Return the index of each row's combination of values, from columns of shape (n,).
 
@@ -300,7 +311,7 @@ def _trend(values: Array, x: Array, most: int) -> tuple[NDArray, float]:
     out = (np.zeros(values.size) + float(values.mean()), float(np.var(values, ddof=1)))
     for count in range(1, min(3, most) + 1):
         columns = np.vander(x - x.mean(), count)
-        fitted = columns @ np.linalg.lstsq(columns, values, rcond=None)[0]
+        fitted = projection(values, columns)
         rest, k = float(np.sum((values - fitted) ** 2)), count + 1
         if values.size <= k + 1 or rest <= 0.0:
             break

@@ -22,7 +22,7 @@ from pneudrive.friction.campaign.result import Asymmetry, CampaignCharacteristic
 from pneudrive.friction.campaign.statements import statements
 from pneudrive.friction.campaign.stops import dwell_law
 from pneudrive.friction.campaign.stops.stop import find_stops
-from pneudrive.friction.friction_map import ALL_RECORDINGS, BOTH, LEVELS, TABLES, Condition, assemblies_of
+from pneudrive.friction.friction_map import ALL_RECORDINGS, BOTH, LEVELS, TABLES, assemblies_of
 from pneudrive.friction.strokes import SAMPLE_CHOICES, SampleChoice, Settled
 from pneudrive.identify.identified import Dependences
 from pneudrive.identify.static.fit import fit_groups
@@ -90,7 +90,11 @@ def campaign_friction(
     with one_thread():
         found = _characterise(reading, choice)
         watch.tell(2, STEPS, f"{task} (stops)")
-        found = _with_stops(found, opened, reading, processes)
+        if any(file.head.cycle.kind == "stop" for file in reading.files):
+            stops, lost = find_stops(opened, processes, reading.files)
+            dwell, said = dwell_law.fit_dwell(stops, opened.identity.ambient_pressure_pa)
+            skipped, statements_ = (*found.skipped, *lost), (*found.statements, *said)
+            found = replace(found, stops=stops, dwell=dwell, skipped=skipped, statements=statements_)
     watch.tell(STEPS, STEPS, task)
     return found
 
@@ -206,18 +210,6 @@ def _loops(reading: CampaignData, points: CurvePoints, choice: SampleChoice) -> 
                     break
 
 
-def _with_stops(
-    found: CampaignCharacteristics, opened: Campaign, reading: CampaignData, processes: int | None
-) -> CampaignCharacteristics:
-    """Add the results of the stops, if any."""
-    if not any(file.head.cycle.kind == "stop" for file in reading.files):
-        return found
-    stops, lost = find_stops(opened, processes, reading.files)
-    dwell, said = dwell_law.fit_dwell(stops, opened.identity.ambient_pressure_pa)
-    skipped, statements_ = (*found.skipped, *lost), (*found.statements, *said)
-    return replace(found, stops=stops, dwell=dwell, skipped=skipped, statements=statements_)
-
-
 #: Columns of `SUMMARY` with forces, and their values and reason for a cycle without both directions.
 FORCES = ("friction_n", "offset_n", "stderr_n")
 NO_POINT = (np.nan, np.nan, np.nan, "")
@@ -297,7 +289,7 @@ def dependences_of(found: CampaignCharacteristics, viscous_n_s_m: float, levels:
         Significant effects only. Notes list the other effects, and effects that a drive file cannot describe.
     """
     notes: list[str] = []
-    held = [one for one in found.dwell if one.conditions and not one.released and _is_of(one.conditions[0], levels)]
+    held = [one for one in found.dwell if one.conditions and not one.released and one.conditions[0].levels == levels]
     series = max(held, key=lambda one: len(one.stops), default=None)
     age = _contact_age(series, found.identity.ambient_pressure_pa, notes)
     slow, fast = found.ranges.speed_m_s
@@ -314,10 +306,6 @@ def dependences_of(found: CampaignCharacteristics, viscous_n_s_m: float, levels:
     sliding = {} if age is None else {"breakaway": age.sliding_n(slow), "coulomb": age.sliding_n(fast)}
     ends = {name: [one.value, one.low, one.high] for name, one in estimates.items()}
     return Dependences(f"campaign {found.name}", tuple(notes), sliding, ends, tables)
-
-
-def _is_of(condition: Condition | None, levels: tuple[str, str, str]) -> bool:
-    return condition is not None and condition.levels == levels
 
 
 def _written(estimates: Mapping[str, Estimate]) -> dict[str, object]:
@@ -342,7 +330,7 @@ def _direction(
     found: CampaignCharacteristics, viscous_n_s_m: float, levels: tuple[str, str, str], notes: list[str]
 ) -> Iterator[Part]:
     """Return the factors on the levels in +x and -x: half the difference of both directions over the mean level."""
-    own = [one for one in found.asymmetry if _is_of(one.condition, levels)]
+    own = [one for one in found.asymmetry if one.condition.levels == levels]
     shares = [share for one in own if one.basis == "tare" and (share := _share(found, one, viscous_n_s_m)) is not None]
     if own and not shares:
         notes.append("direction: without tare cycles the difference contains the zero of the force sensor; not applied")
@@ -368,7 +356,7 @@ def _position(found: CampaignCharacteristics, viscous_n_s_m: float, levels: tupl
     """Return trend and waves of the levels over position, scaled so that their mean over the common range is 1."""
     title = ", ".join(level for level in levels if level)
     own = [one for one in found.position if one.levels == title]
-    curves = [curve for curve in found.curves if curve.direction == BOTH and _is_of(curve.condition, levels)]
+    curves = [curve for curve in found.curves if curve.direction == BOTH and curve.condition.levels == levels]
     if not own or not curves:
         return
     pattern = max(own, key=lambda one: (one.condition is None, one.cycles))

@@ -141,7 +141,7 @@ def _fit_points(points: CurvePoints, tares: CycleTable) -> Fits | None:
         return None
     curve = np.unique(points["curve"][use], return_inverse=True)[1].ravel()
     blocks, kind = points.block_shares()
-    ones = np.ones(int(use.sum()))
+    ones = np.ones(use.sum())
     alike = (points["speed_m_s"][use], curve, points["order"][use], points.count[use], ones)
     friction = smooth.CurveData(points["friction_n"][use], points["friction_stderr_n"][use] ** 2, *alike, blocks)
     share = smooth.carried_drift(friction)

@@ -236,7 +236,7 @@ def _presliding(recording: Recording, friction: Array, before: Stroke, after: St
     if start == end:
         return np.nan
     share = (friction[part] - start) / (end - start)
-    low, high = int(np.argmax(share >= 0.1)), int(np.argmax(share >= 0.9))
+    low, high = np.argmax(share >= 0.1), np.argmax(share >= 0.9)
     if high <= low:
         return np.nan
     return float(abs(recording.position_m[part][high] - recording.position_m[part][low]))
@@ -257,7 +257,7 @@ def _width(motion: RecordedMotion, friction: Array, stroke: Stroke, presliding: 
     for low, high in pairwise(np.linspace(0.2, 0.8, SPEED_BINS + 1)):
         slowing, speeding = (own[(speed >= low) & (speed < high) & ramp] for ramp in (falling, rising))
         if slowing.size and speeding.size:
-            differences.append(float(slowing.mean() - speeding.mean()))
+            differences.append(slowing.mean() - speeding.mean())
     return float(np.mean(differences)) if len(differences) >= SPEED_BINS // 2 else np.nan
 
 
@@ -309,7 +309,7 @@ def sensor_gain(identity: Identity, weights: CycleTable, tares: CycleTable) -> G
     variances = (weights["standing_stderr_n"] ** 2 + near["standing_stderr_n"] ** 2) / weights["weight_n"] ** 2
     measured = float(np.mean(values))
     scatter = np.var(values, ddof=1) / count if count > 1 else 0.0
-    stderr = float(np.sqrt(max(float(np.mean(variances)) / count, scatter)))
+    stderr = float(np.sqrt(max(np.mean(variances) / count, scatter)))
     if abs(measured) > PLAUSIBLE:
         return Gain(0.0, np.nan, measured, stderr, count, "curve.gain_wrong")
     prior = stated_gain(identity)
@@ -379,28 +379,23 @@ def pressure_zeros(identity: Identity, tares: CycleTable) -> dict[str, PressureZ
     for side in "ab":
         accuracy = identity.accuracy.get(f"pressure_{side}_pa", 0.0)
         seen = tares.at(np.isfinite(tares[f"open_{side}_pa"]))
-        if accuracy > 0.0 and len(seen):
-            found[side] = _zero(seen, side, identity.ambient_pressure_pa, accuracy)
+        if not (accuracy > 0.0 and len(seen)):
+            continue
+        off, change = seen[f"open_{side}_pa"] - identity.ambient_pressure_pa, seen[f"open_{side}_change_pa"]
+        unsteady = np.abs(change) > accuracy
+        far = ~unsteady & (np.abs(off) > REACH * accuracy)
+        faults = {"zero.pressure_far": (far, off), "zero.pressure_unsteady": (unsteady, change)}
+        unusable = {name: by_name(seen["key"][some].tolist(), values[some]) for name, (some, values) in faults.items()}
+        found[side], good = PressureZero(unusable=unusable), ~(far | unsteady)
+        if good.any():
+            block = seen["block"]
+            offs = {b: off[good & (block == b)] for b in dict.fromkeys(block[good].tolist())}
+            values = np.concatenate(list(offs.values()))
+            scatter = np.std(values, ddof=1) if values.size > 1 else 0.0
+            stderr = float(np.hypot(rms(seen[f"open_{side}_stderr_pa"][good]), scatter) / np.sqrt(values.size))
+            means = {b: float(np.mean(some)) for b, some in offs.items()}
+            found[side] = PressureZero(means, float(np.mean(values)), stderr, values.size, unusable)
     return found
-
-
-def _zero(seen: CycleTable, side: str, ambient_pa: float, accuracy_pa: float) -> PressureZero:
-    off, change = seen[f"open_{side}_pa"] - ambient_pa, seen[f"open_{side}_change_pa"]
-    unsteady = np.abs(change) > accuracy_pa
-    far = ~unsteady & (np.abs(off) > REACH * accuracy_pa)
-    faults = {"zero.pressure_far": (far, off), "zero.pressure_unsteady": (unsteady, change)}
-    unusable = {name: by_name(seen["key"][some].tolist(), values[some]) for name, (some, values) in faults.items()}
-    good = ~(far | unsteady)
-    if not good.any():
-        return PressureZero(unusable=unusable)
-    block = seen["block"]
-    offs = {b: off[good & (block == b)] for b in dict.fromkeys(block[good].tolist())}
-    values = np.concatenate(list(offs.values()))
-    scatter = np.std(values, ddof=1) if values.size > 1 else 0.0
-    noise = rms(seen[f"open_{side}_stderr_pa"][good])
-    stderr = float(np.hypot(noise, scatter) / np.sqrt(values.size))
-    means = {b: float(np.mean(some)) for b, some in offs.items()}
-    return PressureZero(means, float(np.mean(values)), stderr, values.size, unusable)
 
 
 def without_zeros(cycles: CycleTable, zeros: dict[str, PressureZero], identity: Identity) -> CycleTable:

@@ -73,7 +73,14 @@ def friction_map(reading: CampaignData, points: CurvePoints | None, fits: Fits |
 def _paired(points: CurvePoints, fits: Fits | None, width_m: float) -> dict[str, np.ndarray]:
     """Return the columns of cycles with both directions, shape (n, 1) or (n, 2), for bins of width `width_m`."""
     friction, offset = points["friction_n"][:, None], points["offset_n"][:, None]
-    own = friction + WAYS * (np.full(len(points), np.nan) if fits is None else _offsets(points, fits))[:, None]
+    # Offset from the drifting zero of the force sensor; 0 without zero runs.
+    own = np.full(len(points), np.nan) if fits is None else np.zeros(len(points))
+    if fits is not None and fits.has_zero:
+        zero = float(np.average([s.beta[0] for s in fits.offset.fit.states], weights=fits.offset.fit.weights))
+        order = fits.offset.data.order
+        at = np.argsort(order, kind="stable")
+        own = points["offset_n"] - zero - np.interp(points["order"], order[at], fits.offset.drift[at])
+    own = friction + WAYS * own[:, None]
     stderr, systematic, one_sided = (values[:, None] for values in cycle_terms(points, fits))
     half = NORMAL_95 * np.hypot(stderr, systematic)
     half_direction = NORMAL_95 * np.sqrt(stderr**2 + systematic**2 + one_sided)
@@ -93,17 +100,6 @@ def _paired(points: CurvePoints, fits: Fits | None, width_m: float) -> dict[str,
         "position_from_m": common[:1, None] - width_m / 2.0,
         "position_to_m": common[-1:, None] + width_m / 2.0,
     }
-
-
-def _offsets(points: CurvePoints, fits: Fits) -> np.ndarray:
-    """Return the offset of each cycle from the drifting zero of the force sensor; 0 without zero runs."""
-    if not fits.has_zero:
-        return np.zeros(len(points))
-    zero = float(np.average([s.beta[0] for s in fits.offset.fit.states], weights=fits.offset.fit.weights))
-    known = fits.offset.data
-    at = np.argsort(known.order, kind="stable")
-    drift = np.interp(points["order"], known.order[at], fits.offset.drift[at])
-    return points["offset_n"] - zero - drift
 
 
 MAP_FILES = ("map.parquet", "map.csv")

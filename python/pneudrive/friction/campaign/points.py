@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pneudrive.estimate.autocorrelation import cells, levels, moderate, stderrs_of_means
+from pneudrive.estimate.autocorrelation import cells, levels, means, moderate, stderrs_of_means
 from pneudrive.friction.bins import known_mean, pair_stderr
 from pneudrive.friction.budget import chance_n, unseen_n
 from pneudrive.friction.campaign.cycles import CycleTable
@@ -255,7 +255,7 @@ def _by_chance(scatter: Array, rest: Array, common: Bools, speed: Array) -> Arra
     if known.sum() < ENOUGH_CYCLES:
         return own
     out = own.copy()
-    out[known] = np.sqrt(moderate(own[known] ** 2, np.full(int(known.sum()), FREEDOM_PER_CYCLE), speed[known]))
+    out[known] = np.sqrt(moderate(own[known] ** 2, np.full(known.sum(), FREEDOM_PER_CYCLE), speed[known]))
     return out
 
 
@@ -403,25 +403,19 @@ def points_of(reading: CampaignData) -> CurvePoints | None:
     curve = np.array([conditions.index(c) for c in cycles["condition"]], dtype=np.int64)
     speed = columns["speed_m_s"]
     level = levels(np.log(speed), np.log1p(SAME_SPEED))
-    speeds = np.array([speed[level == k].mean() for k in range(int(level.max()) + 1)])
-    reason = _reasons(cycles, shaky, cells(curve, level))
+    speeds = np.array([speed[level == k].mean() for k in range(level.max() + 1)])
+    # Stick-slip in some cycles excludes all cycles at their condition and speed.
+    cell = cells(curve, level)
+    first = {int(c): why for c, why in zip(cell[::-1], shaky[::-1], strict=True) if why}
+    (share,) = means(cell, shaky != "")
+    saturated = np.array([flags.get("saturated", 0) for flags in cycles["flags"]])
+    spoiled = np.where(saturated > SATURATED_SHARE * cycles["samples"].sum(axis=1), "saturated", "")
+    common = np.array([first.get(c, "") for c in cell.tolist()], dtype=object)
+    reason = np.where(shaky != "", shaky, np.where(share[cell] > 0.5, common, spoiled)).astype(object)
     unlikely = implausible_friction(curve, speed, columns["friction_n"], columns["friction_stderr_n"])
     columns |= {"curve": curve, "level": level, "reason": np.where(reason == "", unlikely, reason)}
     alone = tuple(np.arange(len(cycles))[:, None])
     return CurvePoints(cycles.columns | columns, pattern, conditions, speeds, cycles, alone)
-
-
-def _reasons(cycles: CycleTable, unsteady: NDArray, cell: Ints) -> NDArray:
-    """Return the reason why each cycle is excluded from F(v); "" for a point of F(v).
-
-    Stick-slip in some cycles excludes all cycles at their condition and speed.
-    """
-    first = {int(c): reason for c, reason in zip(cell[::-1], unsteady[::-1], strict=True) if reason}
-    share = np.bincount(cell, unsteady != "") / np.bincount(cell)
-    common = np.array([first.get(c, "") for c in cell.tolist()], dtype=object)
-    saturated = np.array([flags.get("saturated", 0) for flags in cycles["flags"]])
-    spoiled = np.where(saturated > SATURATED_SHARE * cycles["samples"].sum(axis=1), "saturated", "")
-    return np.where(unsteady != "", unsteady, np.where(share[cell] > 0.5, common, spoiled)).astype(object)
 
 
 def _stretches(points: CurvePoints) -> Ints:
@@ -472,8 +466,7 @@ def grouped(place: Ints, stretch: Ints, level: Ints, rows: int, most: int) -> tu
 
 def shares_of(labels: Sequence[Sequence[int]]) -> Array:
     """Return the fraction of each label in each group of labels, shape (groups, labels)."""
-    group = np.repeat(np.arange(len(labels)), [len(row) for row in labels])
-    names, column = np.unique([label for row in labels for label in row], return_inverse=True)
-    counts = np.bincount(group * names.size + column, minlength=len(labels) * names.size)
-    counts = counts.reshape(len(labels), names.size)
+    names = sorted({label for row in labels for label in row})
+    counts = np.array([[row.count(name) for name in names] for row in labels], dtype=float)
+    counts = counts.reshape(len(labels), len(names))
     return counts / counts.sum(axis=1, keepdims=True)

@@ -22,7 +22,7 @@ from pneudrive.arrays import Array, Row, evenly
 from pneudrive.batching import many_objects, share_out
 from pneudrive.campaign.storage.folder import Campaign, CycleFile, Head, read_samples, recording_of, steps_of
 from pneudrive.errors import CampaignError, PneudriveError, RecordingError
-from pneudrive.estimate.autocorrelation import levels, stderr_of_mean
+from pneudrive.estimate.autocorrelation import levels, means, stderr_of_mean
 from pneudrive.friction.bins import grid_of
 from pneudrive.friction.campaign import cycles
 from pneudrive.friction.friction_map import LEVELS, SAME_PA, Condition, Skipped
@@ -339,7 +339,7 @@ def common_edges(positions: Sequence[Array]) -> Array:
         usual = np.median(known, axis=0)
         known = known[np.all(np.abs(known - usual) <= usual[1] - usual[0], axis=1)]
         if known.size and known[:, 1].max() > known[:, 0].min():
-            low, high = float(known[:, 0].min()), float(known[:, 1].max())
+            low, high = known[:, 0].min(), known[:, 1].max()
     return np.linspace(low, high, BINS + 1)
 
 
@@ -393,5 +393,4 @@ def _level_rows(members: list[tuple[RecordingResult, Level]], edges_m: Array) ->
 def _joined(gauge_pa: np.ndarray) -> np.ndarray:
     """Return for each pressure the rounded mean of all pressures within `SAME_PA`."""
     level = levels(gauge_pa, SAME_PA)
-    means = np.bincount(level, gauge_pa) / np.bincount(level)
-    return STEP_PA * np.round(means / STEP_PA)[level]
+    return STEP_PA * np.round(means(level, gauge_pa)[0] / STEP_PA)[level]

@@ -22,7 +22,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pneudrive.estimate import mixed
-from pneudrive.estimate.autocorrelation import centred_walk, integrated_wiener, matern
+from pneudrive.estimate.autocorrelation import centred_walk, integrated_wiener, matern, projection
 from pneudrive.estimate.estimates import robust_deviation
 
 if TYPE_CHECKING:
@@ -206,7 +206,7 @@ class CurveFit:
     def steady(self) -> Array:
         """Return the curves at the observations, in the unit of the response, shape (n,); NaN without a curve."""
         found = np.full(len(self.data), np.nan)
-        for number in range(int(self.data.curve.max()) + 1):
+        for number in range(self.data.curve.max() + 1):
             members = self.data.curve == number
             found[members] = self.at(number, self.data.speed_m_s[members]).mean
         return found
@@ -222,7 +222,7 @@ def carried_drift(data: CurveData) -> float:
     degree = min(CURVE_DEGREE, speeds - 1)
     columns = np.hstack([levels * place[:, None] ** k for k in range(degree + 1)])
     time = data.order[on]
-    left = time - columns @ np.linalg.lstsq(columns, time, rcond=None)[0]
+    left = time - projection(time, columns)
     away = time - time.mean()
     return 1.0 - left @ left / (away @ away)
 
@@ -283,7 +283,7 @@ def curve_model(data: CurveData) -> mixed.MixedModel:
     """Return the model that `fit_curves` fits."""
     on, observed = data.curve >= 0, (data.speed_m_s, data.curve)
     y = data.y[on]
-    spread = max(float(np.std(y)), 1e-9 * float(np.abs(y).max() + 1e-12), 1e-12)
+    spread = max(np.std(y), 1e-9 * (np.abs(y).max() + 1e-12), 1e-12)
     usual = CYCLE_SCALE if data.logarithmic else CYCLE_SCALE * max(np.abs(y).mean(), spread)
     scales = {"shape": 5.0 * spread, "own shape": spread, "local": usual}
     kernels = data.kernels(observed, observed)
@@ -354,7 +354,7 @@ def _path(data: CurveData) -> list[tuple[list[int], Array, float]]:
         z = np.abs(off) / far
         usual = max(robust_deviation(off / far), 1e-12)
         curve = data.curve[rows]
-        has_others = np.bincount(curve[curve >= 0], minlength=int(curve.max()) + 1)[curve] > 1
+        has_others = np.bincount(curve[curve >= 0], minlength=curve.max() + 1)[curve] > 1
         large = (np.abs(off) > LEAST_SHARE * data.level) & has_others
         suspect = (z > SUSPECT * usual) & large
         if not suspect.any():
@@ -386,5 +386,5 @@ def _others(data: CurveData, taken: list[int]) -> tuple[NDArray[np.intp], mixed.
 def _against(data: CurveData, taken: list[int], one: int, sd: Array) -> float:
     """Return the deviation of a removed cycle from the others, in standard deviations."""
     rows, model = _others(data, [i for i in taken if i != one])
-    (off, far), at = model.left_out(sd), int(np.searchsorted(rows, one))
+    (off, far), at = model.left_out(sd), np.searchsorted(rows, one)
     return abs(off[at]) / far[at] if abs(off[at]) > LEAST_SHARE * data.level else 0.0

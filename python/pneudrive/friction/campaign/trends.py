@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pneudrive.estimate.autocorrelation import cells, centred_walk, moderate, stderrs_of_means
+from pneudrive.estimate.autocorrelation import cells, centred_walk, moderate, projection, stderrs_of_means
 from pneudrive.estimate.estimates import CHANCE, NORMAL_95, Estimate, FTest, mean_estimate, student
 from pneudrive.estimate.mixed import MixedFit, MixedModel, RandomEffect, independent
 from pneudrive.friction.campaign.points import FREEDOM_PER_CYCLE, CurvePoints, shares_of
@@ -24,7 +24,7 @@ from pneudrive.friction.sentences import Statement, say
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
-    from pneudrive.arrays import Array, ArrayPair, Bools, Columns, Ints
+    from pneudrive.arrays import Array, Bools, Columns, Ints
     from pneudrive.friction.campaign.curves import Fits
 
 
@@ -52,7 +52,7 @@ def causes(fits: Fits) -> Columns:
         columns["travel"] = decades
     if np.isfinite(kelvin).all() and np.ptp(kelvin) >= LEAST_KELVIN:
         columns["temperature"] = kelvin
-    usual = float(np.nanmedian(rest)) if np.isfinite(rest).any() else 0.0
+    usual = np.nanmedian(rest) if np.isfinite(rest).any() else 0.0
     interrupted = np.nan_to_num(rest) > max(LONG_REST_S, LONG_REST_RATIO * usual)
     if FEWEST_INTERRUPTED <= interrupted.sum() <= interrupted.size - FEWEST_INTERRUPTED:
         columns["interrupted"] = interrupted.astype(float)
@@ -63,7 +63,7 @@ def together(fits: Fits) -> Iterator[tuple[str, str, float]]:
     """Return the pairs of causes that cannot be separated, and their correlation."""
     changing = {name: column for name, column in causes(fits).items() if np.ptp(column) > 0 and name != "interrupted"}
     for a, b in combinations(changing, 2):
-        if abs(r := float(np.corrcoef(changing[a], changing[b])[0, 1])) > TOGETHER:
+        if abs(r := np.corrcoef(changing[a], changing[b])[0, 1]) > TOGETHER:
             yield a, b, r
 
 
@@ -152,7 +152,7 @@ def pure_scatter(fits: Fits) -> tuple[Estimate, float, str] | None:
     columns = np.column_stack([order, blocks[:, :-1]])
 
     def within(values: Array) -> Array:
-        total = np.zeros((int(cell.max()) + 1, values.shape[1]))
+        total = np.zeros((cell.max() + 1, values.shape[1]))
         np.add.at(total, cell, weight[:, None] * values)
         return np.sqrt(weight)[:, None] * (values - total[cell] / np.bincount(cell, weight)[cell, None])
 
@@ -160,14 +160,14 @@ def pure_scatter(fits: Fits) -> tuple[Estimate, float, str] | None:
     kept = within(columns) if y.size - groups > ENOUGH_FOR_LINE else np.zeros((y.size, 0))
     kept = kept[:, independent(kept)] if kept.size else kept
     rest = within(y[:, None])[:, 0]
-    rest = rest - kept @ np.linalg.lstsq(kept, rest, rcond=None)[0] if kept.size else rest
+    rest = rest - projection(rest, kept) if kept.size else rest
     free = y.size - groups - kept.shape[1]
     if free < 1:
         return None
     value = float(np.sqrt(rest @ rest / free))
     low, high = (value * float(np.sqrt(free / chdtri(free, p))) for p in (0.025, 0.975))
     sentinel = points["kind"][use] == "sentinel"
-    others = np.bincount(cell[~sentinel], minlength=int(cell.max()) + 1)  # one more sweep at the point of the sentinels
+    others = np.bincount(cell[~sentinel], minlength=cell.max() + 1)  # one more sweep at the point of the sentinels
     kinds = (["repeats"] if others.max() > 1 else []) + (["sentinels"] if sentinel.any() else [])
     basis = " and ".join(kinds)
     estimate = Estimate(value, low, high, value / float(np.sqrt(2.0 * free)), "N", free)
@@ -234,13 +234,22 @@ def _trend(
     the rate varies, slow cycles have the least weight in the trend. An error of a wave's length looks partly like a
     trend. The wave lengths of each cycle may therefore deviate slightly.
     """
-    found, variance = _slopes(position, rows, waves, length)
+    # Relative trend of friction along x in each cycle, and its variance from noise within the cycle.
+    columns = _columns(position, waves, length)
+    columns = np.hstack([columns, _stretches(position, np.nanmean(rows, axis=0), columns, length)])
+    slopes = _each(columns, rows)
+    rest = np.nan_to_num(rows - slopes @ columns.T)
+    weights = np.linalg.pinv(columns)[1]
+    spare = rest.shape[1] / (rest.shape[1] - columns.shape[1])  # noise absorbed by the columns
+    variance = spare * (rest.shape[1] * stderrs_of_means(rest * weights)) ** 2
+    found = slopes[:, 1]
     if slowness.max() < APART * slowness.min() or found.size < FEWEST_CYCLES + 1:
         return mean_estimate(found, "1/m"), 0.0
     usual = np.median(slowness)
     groups = np.array_split(np.argsort(slowness), min(MOST_FITTED, found.size))
     count = np.array([group.size for group in groups], dtype=float)
     slow = np.array([slowness[group].mean() for group in groups]) / usual
+    variance = np.maximum(variance, 1e-12 * np.var(found) + 1e-30)
     variance = moderate(variance, np.full(variance.size, FREEDOM_PER_CYCLE), slowness)
     scale = max(float(np.std(found)), 1e-12)
     model = MixedModel(
@@ -251,18 +260,6 @@ def _trend(
     )
     fit = model.fit()
     return fit.contrast(np.array([1.0, 0.0]), "1/m"), fit.contrast(np.array([0.0, 1.0])).value / usual
-
-
-def _slopes(position: Array, rows: Array, waves: Sequence[float], length: float) -> ArrayPair:
-    """Return the relative trend of friction along x in each cycle, and its variance from noise within the cycle."""
-    columns = _columns(position, waves, length)
-    columns = np.hstack([columns, _stretches(position, np.nanmean(rows, axis=0), columns, length)])
-    found = _each(columns, rows)
-    rest = np.nan_to_num(rows - found @ columns.T)
-    weights = np.linalg.pinv(columns)[1]
-    spare = rest.shape[1] / (rest.shape[1] - columns.shape[1])  # noise absorbed by the columns
-    variance = spare * (rest.shape[1] * stderrs_of_means(rest * weights)) ** 2
-    return found[:, 1], np.maximum(variance, 1e-12 * np.var(found[:, 1]) + 1e-30)
 
 
 def _columns(position: Array, waves: Sequence[float], length: float) -> Array:
@@ -287,7 +284,7 @@ def _waves(position: Array, mean: Array, stderr: Array, length: float) -> list[f
         if len(waves) > 1 and np.diff(np.sort(waves)).min() < RESOLVED:
             return np.inf
         columns = weight[:, None] * _columns(position, waves, length)
-        rest = weight * mean - columns @ np.linalg.lstsq(columns, weight * mean, rcond=None)[0]
+        rest = weight * mean - projection(weight * mean, columns)
         return float(rest @ rest)
 
     waves: list[float] = []
@@ -419,14 +416,14 @@ def _effects(ambient_pa: float, fits: Fits, members: Bools, title: str) -> Press
         hidden_n = HIDDEN_CHANGE * float(np.abs(fit.model.y).mean())
 
     def slope(row: Array, span: float) -> Estimate:
-        doubt = float(np.hypot(u / max(span, 1e-12), hidden_n * abs(float(row @ of_order))))
+        doubt = float(np.hypot(u / max(span, 1e-12), hidden_n * abs(row @ of_order)))
         return fit.contrast(row).widened(doubt).scaled(1.0 / PA_PER_BAR, "N/Pa")
 
     # The last columns are the slopes at each speed, one pressure after the other.
     rows_of = np.eye(x.shape[1])[-count * len(gauges) :].reshape(len(gauges), count, -1)
     slopes, means, with_time = {}, {}, []
     for (name, gauge), rows in zip(gauges.items(), rows_of, strict=True):
-        span, of_mean = float(np.ptp(gauge)), rows.mean(axis=0)
+        span, of_mean = np.ptp(gauge), rows.mean(axis=0)
         slopes[name], means[name] = tuple(slope(row, span) for row in rows), slope(of_mean, span)
         if hidden_n * abs(of_mean @ of_order) * span > FOLLOWS_TIME * hidden_n:
             with_time.append(name)
@@ -487,7 +484,7 @@ def _fit(fits: Fits, design: _Design, x: Array) -> MixedFit | None:
     y = here["friction_n"]
     # A relative source is proportional to friction as predicted by the fixed effects, not to
     # the values themselves, which such a source would explain exactly.
-    steady = x @ np.linalg.lstsq(x, y, rcond=None)[0]
+    steady = projection(y, x)
     level = steady / steady.mean()
     share, relative = (level if fits.friction.logarithmic else np.ones(y.size)), fits.friction.relative
     usual = CYCLE_SCALE * max(np.abs(y).mean(), 1e-9)

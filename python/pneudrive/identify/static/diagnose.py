@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pneudrive.errors import FitError
-from pneudrive.estimate.autocorrelation import HUBER, LINEAR, distinct_levels, weak_coordinates
+from pneudrive.estimate.autocorrelation import HUBER, LINEAR, distinct_levels, projection, weak_coordinates
 from pneudrive.estimate.estimates import changed, student
 from pneudrive.identify.base import Undetermined
 from pneudrive.identify.identified import stated
@@ -144,7 +144,7 @@ def _crossed(data: Observations) -> bool:
     """Return whether the product of both pressures is linearly independent of the pressures."""
     a, b = data.gauge_a_pa / 1e5, data.gauge_b_pa / 1e5
     base = np.column_stack([np.ones_like(a), a, b])
-    rest = a * b - base @ np.linalg.lstsq(base, a * b, rcond=None)[0]
+    rest = a * b - projection(a * b, base)
     return bool(np.std(rest) > 1e-3 * np.std(a * b))
 
 

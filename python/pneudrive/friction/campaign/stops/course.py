@@ -331,26 +331,22 @@ def running_level(
     if approach is not None:
         basis = "approach and reference" if references else "approach"
         before = friction_n[approach] - nothing.shape(recording.position_m[approach])
-        level, stderr, texture = _of_approach(before)
+        # Mean, standard error and variation over position of friction before the stop.
+        bins, each = _means(before, int(min(BINS, max(before.size // 4, 4))))
+        sigma = _noise(before) / np.sqrt(each)
+        known, several = profile_stderr(bins), bins.size > 3
+        lean = abs(np.polyfit(np.linspace(0.0, 1.0, bins.size), bins, 1)[0]) / 2.0 if several else 0.0
+        texture = np.sqrt(max(np.var(bins, ddof=2) - sigma**2, 0.0)) if several else 0.0
+        level, stderr = bins.mean(), np.hypot(known if np.isfinite(known) else sigma, lean / np.sqrt(3.0))
     elif references:
         basis, level = "reference", [np.interp(at, s.position_m, s.friction_n) for s in references]
         near = np.abs(reference_m - at) < 0.1 * (high - low)
         texture = float(np.std(reference_n[near])) if near.sum() > 3 else 0.0
-        stderr = float(np.std(level, ddof=1)) / np.sqrt(len(level)) if len(level) > 1 else texture
+        stderr = np.std(level, ddof=1) / np.sqrt(len(level)) if len(level) > 1 else texture
         level = float(np.mean(level))
     else:
         return nothing
     return Running(level, float(np.hypot(stderr, noise)), texture, basis, at, reference_m, reference_n)
-
-
-def _of_approach(friction: Array) -> tuple[float, float, float]:
-    """Return mean, standard error and variation over position of friction before the stop."""
-    bins, each = _means(friction, int(min(BINS, max(friction.size // 4, 4))))
-    noise = _noise(friction) / np.sqrt(each)
-    stderr = profile_stderr(bins)
-    lean = abs(np.polyfit(np.linspace(0.0, 1.0, bins.size), bins, 1)[0]) / 2.0 if bins.size > 3 else 0.0
-    texture = np.sqrt(max(np.var(bins, ddof=2) - noise**2, 0.0)) if bins.size > 3 else 0.0
-    return bins.mean(), np.hypot(stderr if np.isfinite(stderr) else noise, lean / np.sqrt(3.0)), texture
 
 
 def _approach(recording: Recording, phases: Phases, speed: float) -> slice | None:
@@ -435,7 +431,7 @@ def bin_excess(travel_m: Array, time_s: Array, excess_n: Array, noise_n: float, 
     target, carried, label = np.zeros(edges.size, dtype=int), 0, 0
     for i, count in enumerate(number):
         target[i] = label
-        carried += int(count)
+        carried += count
         if carried >= LEAST_IN_BIN:
             label, carried = label + 1, 0
     group = target[at]
@@ -512,7 +508,7 @@ def _by_bins(travel: Array, above: Array, sigma: Array) -> tuple[float, float, f
 
     def crossing(shift: float) -> float:
         over = np.flatnonzero(above + shift * sigma > BACK * top)
-        last = int(over[-1]) + 1 if over.size else 0
+        last = over[-1] + 1 if over.size else 0
         return float(travel[last]) if last < above.size else np.inf
 
     low, value, high = crossing(-1.0), crossing(0.0), crossing(1.0)
@@ -550,8 +546,8 @@ def relax(time_s: Array, friction_n: Array) -> Row:
         return {}
     noise = max(noise_level(friction_n), 1e-12 * np.abs(friction_n).max() + 1e-300)
     duration = time_s[-1]
-    early = max(int(np.searchsorted(time_s, START_S)), LEAST_SAMPLES)
-    late = min(int(np.searchsorted(time_s, (1.0 - END_SHARE) * duration)), time_s.size - LEAST_SAMPLES)
+    early = max(np.searchsorted(time_s, START_S), LEAST_SAMPLES)
+    late = min(np.searchsorted(time_s, (1.0 - END_SHARE) * duration), time_s.size - LEAST_SAMPLES)
     early = min(early, late)
     start, end = friction_n[:early], friction_n[late:]
     stderr = noise * np.sqrt(1.0 / start.size + 1.0 / end.size)
@@ -571,15 +567,14 @@ def relax(time_s: Array, friction_n: Array) -> Row:
     return row | _forms(time, friction, noise**2 / np.bincount(group))
 
 
-def _basis(form: str, time: Array, times: Array) -> Array:
-    """Return the relaxation for amplitude 1 at times (n,), for sets of time constants (g, k); shape (g, n, k)."""
-    ratio = time[None, :, None] / times[:, None, :]
-    return np.log10(1.0 + ratio) if form == "log" else -np.expm1(-ratio)
-
-
 def _forms(time: Array, force: Array, variance: Array) -> Row:
     # Slow noise that bins share is not in the samples' noise: least variance from a cubic in log time.
-    root = np.sqrt(1.0 / (variance + _slow_variance(time, force, variance)))
+    u = np.log10(time)
+    design = np.vander((u - u.mean()) / max(np.ptp(u), 1e-9), min(6, max(u.size - 3, 1)))
+    w = 1.0 / np.sqrt(variance)
+    rest = (force - design @ np.linalg.lstsq(design * w[:, None], force * w, rcond=None)[0]) ** 2
+    slow = max(rest.sum() / max(u.size - design.shape[1], 1) - variance.mean(), 0.0)
+    root = np.sqrt(1.0 / (variance + slow))
     grid = np.geomspace(time[0] / REACH, time[-1] * REACH, TIMES)
     pairs = [(a, b) for i, a in enumerate(grid[::3]) for b in grid[::3][i + 2 :]]
     single = [(t,) for t in grid]
@@ -587,7 +582,9 @@ def _forms(time: Array, force: Array, variance: Array) -> Row:
     fits, aicc = {}, {}
     for form, shapes in candidates.items():
         shape = np.array(shapes).reshape(len(shapes), -1)
-        columns = np.concatenate([np.ones((len(shapes), time.size, 1)), -_basis(form, time, shape)], axis=2)
+        ratio = time[None, :, None] / shape[:, None, :]  # of times (n,) to time constants (g, k), shape (g, n, k)
+        relaxed = np.log10(1.0 + ratio) if form == "log" else -np.expm1(-ratio)
+        columns = np.concatenate([np.ones((len(shapes), time.size, 1)), -relaxed], axis=2)
         fits[form] = scan(shape, columns * root[:, None], force * root)
         aicc[form] = corrected_criterion(fits[form].cost.min(), 1 + 2 * shape.shape[1], time.size)
     form = min(aicc, key=lambda name: aicc[name])
@@ -600,11 +597,3 @@ def _forms(time: Array, force: Array, variance: Array) -> Row:
         found["relaxation_time_s"] = float(best.shape[best.best, 0])
         found["relaxation_amplitude_n"] = float(best.coefficient[best.best, 1])
     return found
-
-
-def _slow_variance(time: Array, force: Array, variance: Array) -> float:
-    u = np.log10(time)
-    design = np.vander((u - u.mean()) / max(np.ptp(u), 1e-9), min(6, max(u.size - 3, 1)))
-    w = 1.0 / np.sqrt(variance)
-    rest = (force - design @ np.linalg.lstsq(design * w[:, None], force * w, rcond=None)[0]) ** 2
-    return max(rest.sum() / max(u.size - design.shape[1], 1) - variance.mean(), 0.0)

@@ -441,7 +441,13 @@ def _series(stops: pl.DataFrame, ambient: float) -> DwellSeries:
     )
     if not len(used):
         return series
-    drift_n = _running_drift(used) * np.ptp(used["increment_n"].to_numpy())
+    # The relative drift of running friction over half the campaign is also assumed for ageing.
+    time, running, direction = (used[name].to_numpy().copy() for name in ("began_s", "running_n", "direction"))
+    for own in (direction == d for d in set(direction.tolist())):
+        running[own] -= running[own].mean()
+    slope = np.polyfit((time - time.mean()) / np.ptp(time), running, 1)[0] if np.ptp(time) != 0 else 0.0
+    drift = abs(slope) / 2.0 / max(abs(series.running_n), 1e-9)
+    drift_n = drift * np.ptp(used["increment_n"].to_numpy())
     curve = dwell_models.fit_curve(dwell_models.DwellData(used, tuple(enough), drift_n))
     return replace(series, **_results(series, curve, ambient)) if curve is not None else series
 
@@ -489,32 +495,15 @@ def _running(stops: pl.DataFrame) -> float:
     return float(np.mean(by_direction)) if by_direction else np.nan
 
 
-def _running_drift(stops: pl.DataFrame) -> float:
-    """Return the relative drift of running friction over half the campaign, which is also assumed for ageing."""
-    time, running, direction = (stops[name].to_numpy().copy() for name in ("began_s", "running_n", "direction"))
-    if np.ptp(time) == 0:
-        return 0.0
-    for own in (direction == d for d in set(direction.tolist())):
-        running[own] -= running[own].mean()
-    slope = np.polyfit((time - time.mean()) / np.ptp(time), running, 1)[0]
-    return abs(slope) / 2.0 / max(abs(_running(stops)), 1e-9)
-
-
 def _pressure(curve: dwell_models.DwellCurve, at: Array, ambient: float) -> DwellPressure | None:
     """Regress slopes and increments of the conditions on their pressures, within one model."""
     gauge = np.array([(c.pressure_a_pa - ambient, c.pressure_b_pa - ambient) for c in curve.data.conditions])
     if len(gauge) < 2 or not (np.ptp(gauge, axis=0) > SAME_PRESSURE_PA).any():
         return None
     kind = classify_pressures(gauge / PA_PER_BAR)
-    names = () if kind == "line" else TOLD.get(kind, ("sum",))
-    slopes: dict[str, Estimate] = {}
-    increments: dict[str, Estimate] = {}
-    if names:
-        away = gauge - gauge.mean(axis=0)
-        columns = [away[:, 1] if name == "b" else away[:, 0] for name in names]
-        rows = np.linalg.pinv(np.column_stack([np.ones(len(gauge)), *columns]))[1:].astype(float)
-        slopes, increments = (
-            by_name(names, functionals.combine(rows).estimates("N/Pa"))
-            for functionals in (curve.slopes(at), curve.values(at))
-        )
-    return DwellPressure(say(f"stops.pressure_{kind}").text, slopes, increments)
+    names = [] if kind == "line" else [*TOLD.get(kind, ["sum"])]
+    away = gauge - gauge.mean(axis=0)
+    columns = [away[:, 1] if name == "b" else away[:, 0] for name in names]
+    rows = np.linalg.pinv(np.column_stack([np.ones(len(gauge)), *columns]))[1:].astype(float)
+    found = (by_name(names, one.combine(rows).estimates("N/Pa")) for one in (curve.slopes(at), curve.values(at)))
+    return DwellPressure(say(f"stops.pressure_{kind}").text, *found)

@@ -30,7 +30,7 @@ from pneudrive.arrays import Array, Interval, Ints, by_name
 from pneudrive.describe.files import toml
 from pneudrive.errors import FitError, nearest, package_table
 from pneudrive.estimate import mixed
-from pneudrive.estimate.autocorrelation import cells, gaussian, levels
+from pneudrive.estimate.autocorrelation import cells, gaussian, levels, projection
 from pneudrive.estimate.design import DesignSpace, exchange, information
 from pneudrive.estimate.estimates import student
 from pneudrive.friction.friction_map import Condition, conditions_of
@@ -383,7 +383,10 @@ def fit_curve(data: DwellData) -> DwellCurve | None:
             data["increment_n"], x, data["increment_stderr_n"] ** 2 / weight, (scatter, *components[1:])
         )
         curve = DwellCurve(data, model.fit(), centre, extra, inflation, weight)
-        away = _standardised(curve)
+        # Residual of each stop from curve and blocks, in standard deviations.
+        own = (model.noise + curve.fit.sd[0] ** 2 * scatter.kernel) * weight
+        solved = np.linalg.solve(model.covariance(curve.fit.sd), model.y - x @ curve.fit.states[0].beta)
+        away = np.abs(own / weight * solved) / np.sqrt(np.maximum(own, 1e-300))
         updated = np.minimum(1.0, HUBER_K / np.maximum(away, 1e-12))
         if np.allclose(updated, weight, atol=0.02):
             break
@@ -427,7 +430,7 @@ def _inflation(x: Array, conditions: int, drift: Array) -> float:
 def _components(data: DwellData, x: Array, hidden: Array) -> tuple[mixed.RandomEffect, ...]:
     """Return the sources of scatter; the scatter from stop to stop comes first."""
     y, u = data["increment_n"], data.log_s
-    line = np.abs(x @ np.linalg.lstsq(x, y, rcond=None)[0])
+    line = np.abs(projection(y, x))
     size = np.clip(line / max(line.mean(), 1e-300), *GROWTH_RANGE)
     tau = _first_scatter(data, x)
     swing = max(np.ptp(line), tau)
@@ -455,23 +458,14 @@ def _first_scatter(data: DwellData, x: Array) -> float:
     y = data["increment_n"]
     cell = cells(data.condition, levels(data.log_s, SAME_DURATION))
     counts = np.bincount(cell)
-    repeats = int((counts - 1).sum())
+    repeats = (counts - 1).sum()
     if repeats >= 3:
         total = ((y - (np.bincount(cell, y) / counts)[cell]) ** 2).sum() / repeats
     else:
-        rest = y - x @ np.linalg.lstsq(x, y, rcond=None)[0]
+        rest = y - projection(y, x)
         total = rest @ rest / max(y.size - x.shape[1], 1)
     noise = np.mean(data["increment_stderr_n"] ** 2)
     return float(np.sqrt(max(total - noise, 0.05 * total, 0.05 * noise, 1e-18 * (y @ y), 1e-300)))
-
-
-def _standardised(curve: DwellCurve) -> Array:
-    """Return the residual of each stop from curve and blocks, in standard deviations."""
-    model, weight = curve.fit.model, curve.weight
-    scatter = model.components[0]
-    own = (model.noise + curve.fit.sd[0] ** 2 * scatter.kernel) * weight
-    solved = np.linalg.solve(model.covariance(curve.fit.sd), model.y - model.x @ curve.fit.states[0].beta)
-    return np.abs(own / weight * solved) / np.sqrt(np.maximum(own, 1e-300))
 
 
 #: Number of candidate durations, in logarithmic steps, and digits of the proposed ones.

@@ -90,7 +90,7 @@ def _read(
     part = phases.restart
     travel = phases.direction * (recording.position_m[part] - recording.position_m[part.start])
     time, travel, after = recording.time_s[part], np.maximum.accumulate(travel), friction[part]
-    level = running.level_n if np.isfinite(running.level_n) else float(np.median(after[after.size // 2 :]))
+    level = running.level_n if np.isfinite(running.level_n) else np.median(after[after.size // 2 :])
     peak = find_breakaway(time, travel, after, level, identity.stiffness_n_m, identity.bandwidth_hz.get("force_n"))
     at_peak = phases.restart.start + peak.index
     shift = running.shape(recording.position_m[[at_peak]])[0]
@@ -157,7 +157,7 @@ def _flags(
 ) -> list[str]:
     # Samples at the sensor's limit were left out on reading: some are missing around the peak.
     begin, end = phases.restart_s, phases.restart_s + AROUND_PEAK * peak.time_s
-    here, kept = (int(((t >= begin) & (t <= end)).sum()) for t in (samples.time_s, recording.time_s))
+    here, kept = (((t >= begin) & (t <= end)).sum() for t in (samples.time_s, recording.time_s))
     planned = file.head.cycle.stop_s
     found = {
         "no_running": running.basis == "none",
@@ -262,7 +262,7 @@ def _comparable(files: Sequence[CycleFile], stops: Sequence[CycleFile]) -> list[
 def _place(file: CycleFile) -> tuple[Condition, float]:
     """Return condition and speed class of a cycle."""
     speed = file.head.cycle.speed_m_s
-    return condition_of(file.head), round(float(np.log(speed)) / course.SAME_SPEED) if speed else np.nan
+    return condition_of(file.head), round(np.log(speed) / course.SAME_SPEED) if speed else np.nan
 
 
 def _has_reference(cycle: Cycle) -> bool:
@@ -380,25 +380,17 @@ def _places(friction: Array, top: int, many_n: float) -> tuple[Scan, Array]:
 
     The grid spacing of positions is the smallest that the samples resolve.
     """
-    low, high = max(top - 6.0, 0.5), top + 6.0
-    tried = _scanned(friction, low, high, many_n)
-    for _ in range(FINER):
-        found, weight = tried
-        step, corner = (high - low) / (PLACES - 1), found.shape[:, 0]
-        share = weight / weight.sum()
+    low, high, finer = max(top - 6.0, 0.5), top + 6.0, 0
+    while True:
+        places = np.linspace(low, high, PLACES)
+        grid = np.column_stack([np.tile(places, len(ROUNDNESS)), np.repeat(ROUNDNESS, PLACES)])
+        found = scan(grid, _columns(np.arange(friction.size, dtype=float), grid), friction)
+        weight = np.exp(-0.5 * (found.cost - found.cost[found.best]) / many_n**2)
+        share, step, corner = weight / weight.sum(), (high - low) / (PLACES - 1), found.shape[:, 0]
         middle = share @ corner
-        if share @ (corner - middle) ** 2 > (KNOWN * step) ** 2:
-            break
-        low, high = middle - 2.0 * KNOWN * step, middle + 2.0 * KNOWN * step
-        tried = _scanned(friction, low, high, many_n)
-    return tried
-
-
-def _scanned(friction: Array, low: float, high: float, many_n: float) -> tuple[Scan, Array]:
-    places = np.linspace(low, high, PLACES)
-    grid = np.column_stack([np.tile(places, len(ROUNDNESS)), np.repeat(ROUNDNESS, PLACES)])
-    found = scan(grid, _columns(np.arange(friction.size, dtype=float), grid), friction)
-    return found, np.exp(-0.5 * (found.cost - found.cost[found.best]) / many_n**2)
+        if finer == FINER or share @ (corner - middle) ** 2 > (KNOWN * step) ** 2:
+            return found, weight
+        low, high, finer = middle - 2.0 * KNOWN * step, middle + 2.0 * KNOWN * step, finer + 1
 
 
 def _columns(t: Array, grid: Array) -> Array:
@@ -546,7 +538,7 @@ class Noise:
         The smoothed curve is used after the largest value, where the force changes slowly.
         """
         white = max(noise_level(values), 1e-12 * np.abs(values).max() + 1e-300)
-        behind = values[int(np.argmax(_quick(values))) + NOISE_HALF_WIDTH // 2 :][:NOISE_SAMPLES]
+        behind = values[np.argmax(_quick(values)) + NOISE_HALF_WIDTH // 2 :][:NOISE_SAMPLES]
         if behind.size < 6 * NOISE_HALF_WIDTH:
             return cls(white, 0.0, 0.0)
         kernel = _parabola(NOISE_HALF_WIDTH)
@@ -618,7 +610,7 @@ def _search_end(
         fallen = np.flatnonzero(part < top - np.maximum(FALLEN_DEVIATIONS * spread, FALLEN * (top - running)))
         if fallen.size:
             return first + int(fallen[0]) + 1, True
-        if int(np.argmax(part)) < 0.9 * part.size or end >= most:
+        if np.argmax(part) < 0.9 * part.size or end >= most:
             return end, False
         end = min(2 * end, most)  # still rising: look further
 
@@ -651,12 +643,12 @@ def _height(time: Array, friction: Array, noise: Noise) -> tuple[float, float, f
     chosen = [_single(time, friction, noise)]
     halves = [slice(k, None, 2) for k in (0, 1)]
     most = min(friction[half].size for half in halves)
-    step = float(np.median(np.diff(time))) if time.size > 1 else 0.0
+    step = np.median(np.diff(time)) if time.size > 1 else 0.0
     for w in (w for w in WIDTHS if 6 * w + 3 <= most):
         kernel = _parabola(w)
         smooth = [np.convolve(friction[half], kernel, "valid") for half in halves]
         place = [time[half][w : time[half].size - w] for half in halves]
-        tops = [int(np.argmax(s)) for s in smooth]
+        tops = [np.argmax(s) for s in smooth]
         read = [np.interp(place[a][tops[a]], place[b], smooth[b]) for a, b in ((0, 1), (1, 0))]
         value, stderr = float(np.mean(read)), noise.of_mean(kernel, 2, share=0.5)
         if any(abs(value - v) > AGREE * s for v, s, _, _ in chosen):
@@ -673,9 +665,9 @@ def _single(time: Array, friction: Array, noise: Noise) -> tuple[float, float, f
 
     The uncertainty comes from noise and the step to the next sample.
     """
-    top = int(np.argmax(_quick(friction)))
+    top = np.argmax(_quick(friction))
     near = friction[max(top - SINGLE, 0) : top + SINGLE + 1]
-    at = max(top - SINGLE, 0) + int(np.argmax(near))
+    at = max(top - SINGLE, 0) + np.argmax(near)
     lower = np.sort(near)[-2] if near.size > 1 else near[0]
     spread = SINGLE_DOUBT * np.hypot(noise.total, (near.max() - lower) / 2.0)
     return near.max() - SINGLE_EXCESS * noise.white, spread, time[at], 0.0
