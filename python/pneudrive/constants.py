@@ -26,5 +26,9 @@ LEAK_CRITICAL_RATIO = 0.2
 #: Kinetic energy that a cylinder absorbs at its end, J for each m2 of piston (assumed): 2 J at a bore of 25 mm.
 IMPACT_ENERGY_J_M2 = 4000.0
 
+#: Highest peak pressure in a cylinder whose data sheet states none, above ambient (assumed): 1.5 times the 1.0 MPa that
+# most catalogues give as the highest supply pressure.
+USUAL_PEAK_PA = 1.5e6
+
 #: Molar gas constant, exact by definition [bipm2019].
 MOLAR_GAS_CONSTANT_J_MOL_K = 8.31446261815324

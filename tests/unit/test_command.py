@@ -13,7 +13,7 @@ def test_three_forms_of_one_command(tmp_path):
     path = tmp_path / "steps.csv"
     path.write_text("time_s,command\n0,0.6\n\n0.25,-0.6\n")
     wanted = ((0.0, 0.25), (0.6, -0.6))
-    assert command.steps("0 s: 0.6, 250 ms: -0.6") == wanted
+    assert command.steps("0 s: 0.6, 250 ms: -0.6") == command.steps("0 s: 0.6; 250 ms: -0.6") == wanted
     assert command.steps([(0, 0.6), ("250 ms", -0.6)]) == wanted
     assert command.steps(np.array([[0.0, 0.6], [0.25, -0.6]])) == wanted
     assert command.steps(path) == command.steps(str(path)) == wanted

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from pneudrive.constants import IMPACT_ENERGY_J_M2
+from pneudrive.constants import IMPACT_ENERGY_J_M2, USUAL_PEAK_PA
 from pneudrive.datasheet.characteristics.air import NO_STROKES
 from pneudrive.datasheet.measured import MeasuredBeside, beside
 from pneudrive.datasheet.plant import LEAST_VELOCITY, LOCK, HeldDrive
@@ -223,7 +223,7 @@ def build(
 
 
 def _hazards(plant: HeldDrive, results: dict[str, xr.Dataset]) -> Iterator[Finding]:
-    """Yield the findings on the load at loss of pressure, and on the impacts."""
+    """Yield the findings on the load at loss of pressure, on impacts and on pressure peaks."""
     ambient = plant.ambient[0]
     holds = abs(plant.sliding(LEAST_VELOCITY, (ambient, ambient), plant.middle_m)) + plant.sum_of(LOCK, "holding_force")
     if plant.hanging_n > holds:
@@ -242,6 +242,13 @@ def _hazards(plant: HeldDrive, results: dict[str, xr.Dataset]) -> Iterator[Findi
         text = f"an impact of {plain(energy)} J is harder than a cylinder of this bore usually takes, {plain(limit)} J"
         rule = f"(assumed: {1e-3 * IMPACT_ENERGY_J_M2:g} mJ for each mm2 of piston)"
         yield Finding(f"{HAZARD}{text} {rule}.", "bad", "Brake before the end, or add a shock absorber.")
+    peak, most = float(response[["peak_pressure_a", "peak_pressure_b"]].to_array().max()), USUAL_PEAK_PA + ambient
+    if peak > most:
+        text = (
+            f"the pressure in a chamber rises to {plain(1e-5 * peak)} bar abs, above the {plain(1e-5 * most)} bar abs"
+        )
+        rule = "of usual cylinders (assumed: 1.5 times the 10 bar gauge of their supply)"
+        yield Finding(f"{HAZARD}{text} {rule}.", "bad", "Open the needle of the cushion, or brake earlier.")
 
 
 def energy_limit_j(bore_m: float) -> float:

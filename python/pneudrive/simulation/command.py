@@ -183,7 +183,7 @@ def _one_of(name: str, commandable: Mapping[str, CommandInput]) -> str:
 
 @lru_cache(maxsize=64)
 def _from_text(text: str, signal: CommandInput) -> Steps:
-    entries = [entry.strip() for entry in text.split(",")]
+    entries = [entry.strip() for entry in re.split("[,;]", text)]
     if not text.strip():
         raise CommandError("the command is empty", remedy='Write for instance "0 s: 0.6, 1 s: -0.6".')
     pairs = []

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from pneudrive.constants import ANR_LITRES_PER_KG, STANDARD_GRAVITY_M_S2
+from pneudrive.constants import ANR_LITRES_PER_KG, STANDARD_GRAVITY_M_S2, USUAL_PEAK_PA
 from pneudrive.describe.components import USUAL, unusual_sizes
 from pneudrive.errors import OPEN_CHECK
 from pneudrive.numbers import plain as three
@@ -187,8 +187,6 @@ EFFECTIVE = {"none": 2.0, "ball": 0.7, "plain": 0.7}
 THINNER = 0.83
 #: Highest supply pressure of usual cylinders and valves, above ambient (assumed: 1.0 MPa in most catalogues).
 USUAL_SUPPLY_PA = 1e6
-#: Highest peak pressure in a cylinder whose data sheet states none, above ambient (assumed: 1.5 times as much).
-USUAL_PEAK_PA = 1.5e6
 #: Remedy for a value that no data sheet of the catalogue states.
 CATALOGUE = "of the maker's sheet in a catalogue of your own (--catalogue)"
 

@@ -95,6 +95,22 @@ def test_a_drive_that_cannot_move_its_load_is_a_hazard(monkeypatch):
             pn.drive_characteristic(stuck, name, intervals=False)
 
 
+def test_a_pressure_peak_and_a_lock_that_slips_are_hazards(monkeypatch):
+    """A closed cushion compresses to far above 16 bar; 90 kg hang on a lock of 800 N and friction of 45 N."""
+    monkeypatch.setattr(sheet, "OF_A_SHEET", ("square-response",))
+    cushioned = pn.Circuit.load(Path(__file__).resolve().parents[3] / "examples" / "cushioned_axis.toml")
+    (peak,) = build(cushioned, [], None, UNWATCHED, intervals=False).hazards
+    assert re.search(r"rises to \d\d\.\d bar abs, above the 16 bar abs .* \(assumed", peak.text)
+    tables = DRIVE.replace({"cylinder.incline": "90 deg", "load.mass": "90 kg"}).circuit.to_dict()
+    tables["components"]["lock"] = {"kind": "rod-lock", "holding_force": "800 N"}
+    tables["connections"] = [*tables["connections"], "cylinder.rod -> lock"]
+    (slips, *_) = build(type(DRIVE.circuit).model_validate(tables), [], None, UNWATCHED, intervals=False).hazards
+    assert slips.text.endswith("friction at rest and locks hold 845 N.")
+    tables["components"]["lock"]["holding_force"] = "900 N"
+    held = build(type(DRIVE.circuit).model_validate(tables), [], None, UNWATCHED, intervals=False).hazards
+    assert not any("locks hold" in one.text for one in held)
+
+
 def test_intervals_reach_the_numbers_of_the_page(monkeypatch):
     monkeypatch.setattr(sheet, "OF_A_SHEET", ("minimum-pressure",))
     monkeypatch.setattr("pneudrive.datasheet.characteristics.steady.least_pressure", lambda *_: 2e5)
