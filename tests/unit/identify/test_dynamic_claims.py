@@ -251,3 +251,16 @@ def test_the_correlation_that_stick_slip_leaves_is_said_with_its_remedy(make_map
     said = " ".join(simulated(make_map, friction_of, speed=np.geomspace(11e-3, 0.45, 20), noise=0.05).correlated())
     assert "breakaway and stribeck_velocity change together" in said
     assert "speeds below 11 mm/s would separate them" in said
+
+
+@pytest.mark.parametrize("wrong", ["mass", "sign", "chambers"])
+def test_a_reversed_command_and_swapped_chambers_are_named(wrong: str) -> None:
+    drive = pn.Drive.load("catalogue:reference")
+    columns = dict(record(drive.replace({"load.mass": "20 kg"}), 6, 1.0, 1e-6, 200.0, steps=STEPS).columns)
+    if wrong == "sign":
+        columns["command"] = -columns["command"]
+    if wrong == "chambers":
+        columns["pressure_a_pa"], columns["pressure_b_pa"] = columns["pressure_b_pa"], columns["pressure_a_pa"]
+    fit = pn.identify(drive, columns, ["friction.coulomb"])
+    assert not fit.fits
+    assert any("reversed sign or swapped chambers" in note for note in fit.notes) == (wrong != "mass")

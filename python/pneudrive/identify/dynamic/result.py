@@ -24,7 +24,7 @@ from typing import Any
 import numpy as np
 
 from pneudrive import __version__, _core
-from pneudrive.arrays import Array, Interval, Keyed, NamedNumbers, Pair, Plain, by_name
+from pneudrive.arrays import Array, Columns, Interval, Keyed, NamedNumbers, Pair, Plain, by_name
 from pneudrive.describe import Circuit, Drive
 from pneudrive.errors import FitError, PneudriveError, warn
 from pneudrive.estimate.estimates import intervals as intervals_at
@@ -32,7 +32,7 @@ from pneudrive.estimate.estimates import rms, student
 from pneudrive.files.inputs import INPUTS, inputs_of
 from pneudrive.free.parameters import DriveFamily, Parameter, family_of, numbers_of
 from pneudrive.identify.base import HASH_DIGITS, SIMULATED, Fit, FitFile, Undetermined, recording_tables
-from pneudrive.identify.dynamic.problem import FitProblem, Iterate
+from pneudrive.identify.dynamic.problem import Iterate
 from pneudrive.identify.dynamic.search import SearchOptions, Solved, profile
 from pneudrive.identify.dynamic.sensors import CHANNELS
 from pneudrive.identify.export import SlidingCurve, curve_of_drive
@@ -436,8 +436,6 @@ def unresolved_damping(step_m: float, breakaway_n: float, stiffness_n_m: float) 
 
 #: Correlation length of residuals, in samples, above which a note is given, unless solver errors explain the variance.
 CORRELATED, SOLVER_SHARE = 10.0, 0.1
-#: Fit, %, below which parameters cannot explain the error: worse than a constant at the mean of the record.
-SENSELESS_PERCENT = 0.0
 
 
 def assembled(drive: Drive | Circuit, solved: Solved, options: SearchOptions, steps: int) -> DriveFit:
@@ -520,11 +518,7 @@ def _notes(drive: Drive | Circuit, options: SearchOptions, solved: Solved, stati
     if coloured and solved.converged:
         notes.append(f"residuals are correlated over time: {', '.join(coloured)}; intervals are widened for it")
     if solved.missed:
-        fits = {k: v for k, v in statistics.items() if k.startswith("fit_percent.")}
-        worst = min(fits, key=lambda k: fits[k])
-        if fits[worst] < SENSELESS_PERCENT:
-            channel = worst.removeprefix("fit_percent.")
-            notes.append(sentence("notes", "not_followed", channel=channel, fit=fits[worst]))
+        notes += [sentence("notes", "opposed", name=one.name) for one in problem.records if _opposes(one.columns)]
         off = ", ".join(f"{name} is off by {ratio:.2g} times its noise" for name, ratio in solved.missed.items())
         notes.append(sentence("notes", "misfit", missed=off))
     if any(r.synthetic for r in problem.records):
@@ -535,6 +529,16 @@ def _notes(drive: Drive | Circuit, options: SearchOptions, solved: Solved, stati
 def _written(name: str, si: float, unit: str) -> str:
     factor, shown = readable(unit)
     return f"{name} = {plain(si / factor, 4)} {shown}".strip()
+
+
+def _opposes(columns: Columns) -> bool:
+    """Return whether pressure a falls and pressure b rises where the command is above 0."""
+    if not {"pressure_a_pa", "pressure_b_pa"} <= columns.keys():
+        return False
+    command = columns["command"][:-1]
+    rise_a = np.nansum(command * np.diff(columns["pressure_a_pa"]))
+    rise_b = np.nansum(command * np.diff(columns["pressure_b_pa"]))
+    return bool(rise_a < 0.0 < rise_b)
 
 
 def _statistics(solved: Solved, steps: int) -> NamedNumbers:
