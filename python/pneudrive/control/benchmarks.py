@@ -18,7 +18,7 @@ from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from pneudrive.control.loop import RTOL, Prepared, prepare, run_prepared, whole_number
+from pneudrive.control.loop import RTOL, Prepared, prepare, run_prepared
 from pneudrive.control.mismatch import Mismatch, Truth, mismatched, read_mismatch
 from pneudrive.control.own_law import is_own
 from pneudrive.control.references import USUAL, reference, standard_references
@@ -34,6 +34,7 @@ from pneudrive.files.writing import make_subfolder, open_to_append
 from pneudrive.lazy_names import upper
 from pneudrive.own_code import split
 from pneudrive.progress import Flag, Progress, Watch
+from pneudrive.simulation.simulate import whole_number
 from pneudrive.simulation.trajectory import read_columns, save_columns, write_frame, write_whole
 from pneudrive.views import ShownValue, View, Viewed
 

@@ -3,12 +3,9 @@
 from __future__ import annotations
 
 import json
-import operator
 import warnings
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, NamedTuple
-
-import numpy as np
 
 from pneudrive import _core
 from pneudrive.control.axis import supply_of
@@ -24,7 +21,7 @@ from pneudrive.errors import CommandError, PneudriveError, SimulationError, warn
 from pneudrive.files.inputs import INPUTS, inputs_of
 from pneudrive.platforms import is_platform
 from pneudrive.progress import UNWATCHED, Flag, Progress, Watch
-from pneudrive.simulation.simulate import Run, made_from, positive, require
+from pneudrive.simulation.simulate import Run, made_from, positive, require, whole_number
 from pneudrive.simulation.trajectory import meaning
 from pneudrive.views import VALUE, Finding, LeadingValue, ShownValue, State, View, Viewed
 
@@ -336,7 +333,6 @@ def view_of_lag(drive: DriveOrCircuit, tuning: Tuning, setup: Setup | str | Path
 # --- A drive under control along a reference. The core runs the sampled loop; this module prepares and labels it.
 
 MOST_SAMPLES = 20_000_000
-MOST_SEED = 2**63 - 1
 RTOL = 1e-5
 #: Distance of a reference from its points above which a warning is given, m, unless the sensor is coarser (assumed).
 LEAST_MISSED_M = 1e-5
@@ -520,7 +516,7 @@ def prepare(
 
 def run_prepared(prepared: Prepared, seed: int, watch: Watch = UNWATCHED) -> Run:
     """Run and return unlabelled columns with their provenance and score."""
-    seed = whole_number("seed", seed, 0, MOST_SEED)
+    seed = whole_number("seed", seed, 0)
     circuit, tuning, motion = prepared.circuit, prepared.tuning, prepared.reference.core()
     ambient_pa, seconds = circuit.ambient.pressure_pa, prepared.duration_s
     truth = prepared.truth
@@ -585,32 +581,6 @@ def run_axes(
     finally:
         if own is not None and own.stopped is not None:
             raise own.stopped
-
-
-def whole_number(name: str, given: object, low: int, high: int) -> int:
-    """Return a whole number within bounds. NumPy integers are accepted.
-
-    Raises
-    ------
-    CommandError
-        The value is not a whole number, or is out of bounds.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> whole_number("seed", np.int64(3), 0, 9)
-    3
-    """
-    rule = f"a whole number, {low} to {high}"
-    try:
-        number = operator.index(given)  # type: ignore[arg-type]
-    except TypeError:
-        number = None
-    if number is None or isinstance(given, bool | np.bool_):
-        raise CommandError(f"{name} = {given!r} is not a whole number", rule=rule)
-    if not low <= number <= high:
-        raise CommandError(f"{name} = {given} is out of bounds", rule=rule)
-    return number
 
 
 def _beyond_switches(setup: Setup, along: Reference, stroke_m: float) -> Iterator[str]:

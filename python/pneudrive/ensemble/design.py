@@ -23,6 +23,7 @@ from pneudrive.identify.dynamic.fit import transforms_of
 from pneudrive.identify.static.model import PRESSURE_NAMES
 from pneudrive.identify.static.result import slope_key
 from pneudrive.repr_tables import Shown
+from pneudrive.simulation.simulate import MOST_WHOLE, whole_number
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -554,14 +555,13 @@ class EnsembleDesign(Shown):
         return Rows(names, size, about, points, quantiles)
 
     def _size(self) -> int:
-        most = {"latin-hypercube": MOST_HYPERCUBE, "sobol": MOST_SOBOL}.get(self.method)
+        most = {"latin-hypercube": MOST_HYPERCUBE, "sobol": MOST_SOBOL}.get(self.method, MOST_WHOLE)
         if self.method not in SAMPLERS:
             raise CommandError(f'there is no design "{self.method}"', remedy=nearest(self.method, SAMPLERS))
         if self.members is None:
             raise CommandError("vary has distributions, and the number of members is missing", remedy="Give n.")
-        if isinstance(self.members, bool) or not 1 <= self.members <= (most or self.members):
-            raise CommandError(f"n = {self.members} members is out of bounds", rule=f"1 to {most or 'any number'}")
-        return int(self.members)
+        whole_number("seed", self.seed, 0)
+        return whole_number("n", self.members, 1, most)
 
     def _correlations(self) -> np.ndarray | None:
         if not self.correlation:

@@ -26,7 +26,7 @@ from pneudrive.files.writing import make_result_folder
 from pneudrive.free.parameters import INITIAL
 from pneudrive.lazy_names import upper
 from pneudrive.progress import Flag, Progress, Watch
-from pneudrive.simulation.simulate import SOLVER, require
+from pneudrive.simulation.simulate import SOLVER, require, whole_number
 from pneudrive.simulation.start import check_tolerance, ready, start
 from pneudrive.simulation.trajectory import meaning, save, write_frame, write_whole
 from pneudrive.views import View
@@ -99,7 +99,8 @@ class EnsembleStudy:
         sampled = [output for output in self.outputs if output.word in ("samples", "own")]
         samples = sum(len(output.columns) * self.sample_times(output.rate_hz).size for output in sampled)
         size = self.rows.size
-        step = members or max(1, min(CHUNK, MOST_SAMPLES // max(samples, 1)))
+        usual = max(1, min(CHUNK, MOST_SAMPLES // max(samples, 1)))
+        step = whole_number("chunk", usual if members is None else members)
         return [range(first, min(first + step, size)) for first in range(0, size, step)]
 
     def part(self, chunk: range) -> EnsembleStudy:
@@ -625,6 +626,8 @@ def study_of(
     """
     require(drive, "core_json", "drive", 'pn.Drive.load("drive.toml")')
     check_tolerance(rtol)
+    if threads is not None:
+        whole_number("threads", threads)
     plans = member_plans(command, duration, drive.commandable)
     design = design_of(vary)
     for_all, each = parted_starts(initial)

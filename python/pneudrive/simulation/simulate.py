@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import operator
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
@@ -292,6 +293,36 @@ def require(given: object, has: str, what: str, instead: str) -> None:
     """Reject a path or a dict instead of the described object, without importing its class."""
     if not hasattr(given, has):
         raise DescriptionError(f"{what} is a {type(given).__name__}", remedy=f"Write {instead}.")
+
+
+#: Largest whole number of 64 bits, for seeds and counts without a bound of their own.
+MOST_WHOLE = 2**63 - 1
+
+
+def whole_number(name: str, given: object, low: int = 1, high: int = MOST_WHOLE) -> int:
+    """Return a whole number within bounds. NumPy integers are accepted.
+
+    Raises
+    ------
+    CommandError
+        The value is not a whole number, or is out of bounds.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> whole_number("seed", np.int64(3), 0, 9)
+    3
+    """
+    rule = f"a whole number, {low} to {high}"
+    try:
+        number = operator.index(given)  # type: ignore[arg-type]
+    except TypeError:
+        number = None
+    if number is None or isinstance(given, bool):
+        raise CommandError(f"{name} = {given!r} is not a whole number", rule=rule)
+    if not low <= number <= high:
+        raise CommandError(f"{name} = {given} is out of bounds", rule=rule)
+    return number
 
 
 def positive(given: str | float, si_unit: str, what: str) -> float:

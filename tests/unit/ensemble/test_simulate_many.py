@@ -182,6 +182,13 @@ def test_what_cannot_vary_is_refused_before_anything_runs(vary, n, said):
     assert said in str(told.value)
 
 
+@pytest.mark.parametrize(("key", "given"), [("n", 1.5), ("n", 0), ("seed", -1), ("chunk", 0), ("threads", "2")])
+def test_a_count_is_a_whole_number_within_bounds(key, given):
+    asked = {"vary": {"load.mass": "uniform(1 kg, 2 kg)"}, "n": 4} | {key: given}
+    with pytest.raises(CommandError, match=rf"{key} = {given!r} is (not a whole number|out of bounds)"):
+        pn.simulate_many(DRIVE, 1.0, "0.01 s", **asked)
+
+
 @pytest.mark.parametrize(
     ("output", "said"),
     [

@@ -13,7 +13,7 @@ import numpy as np
 
 from pneudrive import units
 from pneudrive.control.axis import supply_of
-from pneudrive.control.loop import MEANINGS, MOST_SEED, provenance_of, run_axes, whole_number
+from pneudrive.control.loop import MEANINGS, provenance_of, run_axes
 from pneudrive.control.mismatch import Mismatch, mismatched, read_mismatch
 from pneudrive.control.motion import POWERS, Reference, speed_shares
 from pneudrive.control.pose.path import PosePath, PoseScore, Tracked, pose_path
@@ -26,7 +26,7 @@ from pneudrive.files.inputs import INPUTS, inputs_of
 from pneudrive.platforms import platform as platform_of
 from pneudrive.platforms.kinematics import LEAST_SINGULAR_VALUE, pose_columns
 from pneudrive.progress import Flag, Progress, Watch
-from pneudrive.simulation.simulate import Run, positive
+from pneudrive.simulation.simulate import Run, positive, whole_number
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -337,7 +337,7 @@ def run_pose(
     >>> run.attrs["score"]["stops_hit"]
     0
     """
-    seed = whole_number("seed", seed, 0, MOST_SEED)
+    seed = whole_number("seed", seed, 0)
     if dynamics not in ("full", "constant"):
         raise CommandError(f'dynamics = "{dynamics}"', rule='"full" or "constant"')
     platform = platform_of(circuit)
