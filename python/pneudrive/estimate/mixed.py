@@ -311,8 +311,9 @@ class _State:
 
     def deviance(self, model: MixedModel) -> float:
         """Twice the negative logarithm of the restricted likelihood."""
-        roots = np.sum(np.log(np.diag(self.lower))), np.sum(np.log(np.abs(np.diag(self.r))))
-        log_det = 2.0 * float(roots[0]) + 2.0 * float(roots[1])
+        of_v = float(np.sum(np.log(np.diag(self.lower))))
+        of_x = float(np.sum(np.log(np.abs(np.diag(self.r)))))
+        log_det = 2.0 * of_v + 2.0 * of_x
         return log_det + float((model.y - model.x @ self.beta) @ self.solved)
 
 

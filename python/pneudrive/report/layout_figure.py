@@ -141,7 +141,8 @@ def _stroke(table: Mapping[str, Any], values: Mapping[str, object]) -> PenStroke
     own = {key: value for key, value in table.items() if key not in ("when", "box")}
     if "box" in table:
         x, y, width, height = table["box"]
-        own["points"] = [(x, y), (x + width, y), (x + width, y + height), (x, y + height), (x, y)]
+        right, top = x + width, y + height
+        own["points"] = [(x, y), (right, y), (right, top), (x, top), (x, y)]
     return PenStroke(**own | {"text": own.get("text", "").format(**values)})
 
 

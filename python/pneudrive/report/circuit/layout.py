@@ -372,7 +372,9 @@ class Routes:
             self.through.setdefault(point, {})[net] = self._kind(net, point)
 
     def _kind(self, net: int, point: Place) -> str:
-        ways = [d for d in _STEPS if tuple(sorted((point, (point[0] + d[0], point[1] + d[1])))) in self.lines[net]]
+        x, y = point
+        ends = {step: (x + step[0], y + step[1]) for step in _STEPS}
+        ways = [step for step, end in ends.items() if tuple(sorted((point, end))) in self.lines[net]]
         if len(ways) != 2 or point in self.pins:
             return "x"
         (ax, _), (bx, _) = ways
@@ -433,7 +435,8 @@ class Routes:
         out = []
         own = self.pilots[net] if pilots else self.lines[net] - self.pilots[net]
         for axis in (0, 1):
-            steps = sorted((step for step in own if step[0][axis] == step[1][axis]), key=lambda s: (s[0][axis], s))
+            along = (step for step in own if step[0][axis] == step[1][axis])
+            steps = sorted(along, key=lambda step: (step[0][axis], step))
             for low, high in steps:
                 if out and out[-1][1] == low and out[-1][0][axis] == out[-1][1][axis]:
                     out[-1] = out[-1][0], high
