@@ -32,7 +32,7 @@ from pneudrive.estimate.estimates import rms, student
 from pneudrive.files.inputs import INPUTS, inputs_of
 from pneudrive.free.parameters import DriveFamily, Parameter, family_of, numbers_of
 from pneudrive.identify.base import HASH_DIGITS, SIMULATED, Fit, FitFile, Undetermined, recording_tables
-from pneudrive.identify.dynamic.problem import Iterate
+from pneudrive.identify.dynamic.problem import FitProblem, Iterate
 from pneudrive.identify.dynamic.search import SearchOptions, Solved, profile
 from pneudrive.identify.dynamic.sensors import CHANNELS
 from pneudrive.identify.export import SlidingCurve, curve_of_drive
