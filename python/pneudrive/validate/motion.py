@@ -345,15 +345,17 @@ def _balance(recording: Recording, begin_s: float) -> Closure:
     matrix = np.column_stack([sliding.base, *extra.values()])  # gains of forces relative to their stated areas
     scale = np.sqrt(np.mean(matrix**2, axis=0))
     scaled, balance = matrix / scale, recording.balance_n()[sliding.use]
-    inverse = np.linalg.pinv(scaled.T @ scaled)
+    other = scaled.copy()  # the product of an array with itself rounds otherwise
+    inverse = np.linalg.pinv(scaled.T @ other)
     solution = inverse @ (scaled.T @ balance)
     edges = np.unique(np.floor(time[sliding.use] / BLOCK_S), return_index=True)[1]  # covariance from blocks of time
     scores = np.add.reduceat(scaled * (balance - scaled @ solution)[:, None], edges, axis=0)
     blocks, n = len(edges), len(sliding.names)
     covariance = inverse @ (scores.T @ scores) @ inverse * blocks / max(blocks - matrix.shape[1], 1)
     values, deviations = (solution / scale).tolist(), (np.sqrt(np.diag(covariance)) / scale).tolist()
-    freedom, place = max(blocks - matrix.shape[1], 3), sliding.names.index("e1") if "e1" in sliding.names else n - 1
-    gains = {name: Estimate.of(1.0 + values[i], deviations[i], freedom, "") for i, name in enumerate(extra, start=n)}
+    freedom = max(blocks - matrix.shape[1], 3)
+    place = sliding.names.index("e1") if "e1" in sliding.names else n - 1
+    gains = {name: Estimate.of(1.0 + values[i], deviations[i], freedom, "") for i, name in enumerate(extra, n)}
     viscous, correlation = Estimate.of(values[place], deviations[place], freedom, "N s/m"), None
     if next(iter(extra), "gas") != "gas":
         correlation = float(covariance[place, n] / np.sqrt(covariance[place, place] * covariance[n, n]))
