@@ -93,7 +93,7 @@ def test_fully_open_valves_of_three_kinds_have_the_same_steady_states(switched):
 def test_blocked_force_is_pressure_times_area_and_signs_are_those_of_the_piston(switched):
     area_a = 0.25 * math.pi * 0.032**2
     area_b = area_a - 0.25 * math.pi * 0.012**2
-    found = pn.drive_characteristic(switched, "force-speed", points=2)
+    found = pn.drive_characteristic(switched, "force-speed", points=1)
     rod_n = 1.01325e5 * (area_a - area_b)
     want = [7.01325e5 * area_a - 1.01325e5 * area_b - rod_n, 7.01325e5 * area_b - 1.01325e5 * area_a + rod_n]
     np.testing.assert_allclose(found.blocked_force, want, rtol=1e-6)
