@@ -40,6 +40,14 @@ def test_the_core_follows_a_motion_like_the_equations(circuit):
     assert np.abs(found - expected).max() < 2e-3 * np.ptp(expected)
 
 
+def test_a_through_rod_leaves_a_ring_in_both_chambers():
+    cylinder = {"kind": "through-rod", "rod_diameter": "10 mm"}
+    drive = pn.Drive.load("catalogue:reference").replace({f"cylinder.{key}": value for key, value in cylinder.items()})
+    of = DrivenCircuit(drive.circuit).volumes_m3(np.array([0.1, 0.4]))
+    assert np.diff(of["a"])[0] == pytest.approx(0.3 * np.pi / 4.0 * (0.025**2 - 0.01**2))
+    assert np.diff(of["b"])[0] == pytest.approx(-0.3 * np.pi / 4.0 * (0.025**2 - 0.01**2))
+
+
 def test_volumes_heat_and_delay_return(circuit, tmp_path):
     truth = Truth(delay_s=0.3)
     fit = pn.identify_motion(circuit, [record(truth)], ["volumes", "heat"], rivals=False)

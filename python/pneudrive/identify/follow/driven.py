@@ -11,6 +11,7 @@ import numpy as np
 
 from pneudrive import _core
 from pneudrive.describe.circuit import Circuit
+from pneudrive.describe.tables.geometry import piston_areas
 from pneudrive.errors import CommandError, FitError, RecordingError, nearest
 from pneudrive.identify.identified import number_table, stated
 from pneudrive.signals.load import load_recordings
@@ -205,7 +206,7 @@ class DrivenCircuit:
         self.piston = pistons[0]
         numbers = self.parts[self.piston]["numbers"]
         self.stroke_m = float(numbers["stroke"])
-        self.areas_m2 = _areas(numbers)
+        self.areas_m2 = _areas(self.parts[self.piston]["kind"], numbers)
         self.tanks = {side: self._neighbour(side, "tank") for side in SIDES}
         self.machine = self._machine(float(numbers["moving_mass"]))
         self.ambient_k = float(self.form["ambient"]["temperature_k"])
@@ -429,8 +430,7 @@ class DrivenCircuit:
         return session.record(float(times[-1]), times, columns)["columns"]
 
 
-def _areas(numbers: NamedNumbers) -> Pair:
+def _areas(kind: str, numbers: NamedNumbers) -> Pair:
     if "area_a" in numbers:
-        return float(numbers["area_a"]), float(numbers["area_b"])
-    full = np.pi / 4.0 * float(numbers["bore"]) ** 2
-    return float(full), float(full - np.pi / 4.0 * float(numbers.get("rod_diameter", 0.0)) ** 2)
+        return numbers["area_a"], numbers["area_b"]
+    return piston_areas(kind.partition("/")[2], numbers["bore"], numbers.get("rod_diameter", 0.0))
