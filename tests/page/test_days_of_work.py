@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from contextlib import closing
 
 from playwright.sync_api import expect
 
@@ -82,7 +83,7 @@ def test_what_a_job_wrote_is_in_the_lists(server: Server, tab: Tab) -> None:
 def test_tasks_and_searches_lead_to_a_new_task(server: Server, open_tab: Open) -> None:
     (server.folder / "PUSH.TOML").write_text(TASK)
     folder = server.folder / "results" / "push"
-    with SizingFolder(folder, SizingTask.load(server.folder / "PUSH.TOML"), (16, 64)):
+    with closing(SizingFolder(folder, SizingTask.load(server.folder / "PUSH.TOML"), (16, 64))):
         pass  # it was ended at once
     tab = open_tab(server.address)
     page = tab.page

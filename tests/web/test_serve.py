@@ -22,8 +22,8 @@ from starlette.responses import PlainTextResponse
 
 from pneudrive.cli.main import run
 from pneudrive.errors import CommandError
+from pneudrive.web import drop
 from pneudrive.web import serve as served
-from pneudrive.web import workspace as drop
 from pneudrive.web.guard import MOST_BODY, BuiltPage, Guard, Opening
 from pneudrive.web.workspace import Workspace, built_page
 from waiting import until

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from contextlib import closing
 from pathlib import Path
 
 import pytest
@@ -108,7 +109,7 @@ def test_a_search_of_another_process_is_seen_and_not_begun_again(
     (served.folder / "push.toml").write_text(TASK)
     folder = served.folder / "results" / "push"
     task = SizingTask.load(served.folder / "push.toml")
-    with SizingFolder(folder, task, (16, 64)):
+    with closing(SizingFolder(folder, task, (16, 64))):
         assert get(served, "/api/sizing", path="results/push")["searched"]
         refused = post(served, "/api/jobs", ASKED | {"resume": "results/push"}, 400)
         assert "a process searches in results/push already" in refused["problems"][0]["what"]
@@ -117,7 +118,7 @@ def test_a_search_of_another_process_is_seen_and_not_begun_again(
         with pytest.raises(CommandError, match="another process searches in"):
             SizingFolder(folder, task, (16, 64))
     assert not get(served, "/api/sizing", path="results/push")["searched"]
-    with SizingFolder(folder, task, (16, 64)):
+    with closing(SizingFolder(folder, task, (16, 64))):
         pass
 
 

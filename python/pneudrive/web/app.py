@@ -26,12 +26,13 @@ from pneudrive import __version__
 from pneudrive.arrays import Keyed, Plain
 from pneudrive.errors import PneudriveError, package_table
 from pneudrive.figures import plain_data
+from pneudrive.web.drop import take
 from pneudrive.web.guard import DROP, REPORTS, BuiltPage, Guard
 from pneudrive.web.jobs import READY, PageJobs
 from pneudrive.web.live import live
 from pneudrive.web.messages import PageRequest, fault_of, problems_of, wrong_request
 from pneudrive.web.reports import SANDBOX, OpenReports
-from pneudrive.web.workspace import BUILT, MOST_FILES, ChangedError, Workspace, built_page, take
+from pneudrive.web.workspace import BUILT, MOST_FILES, ChangedError, Workspace, built_page
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping

@@ -1,0 +1,158 @@
+"""Copying of files into the workspace, and renaming: completely or not at all, never over an existing file."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import posixpath
+import secrets
+import shutil
+from collections.abc import AsyncIterator
+from pathlib import Path
+
+from pneudrive.arrays import Plain
+from pneudrive.errors import CommandError
+from pneudrive.files.writing import alone_in
+from pneudrive.web.workspace import TABLES, Workspace
+
+#: Space that stays free on the disk, bytes.
+RESERVE = 1 << 30
+#: Number of bytes between two checks of the free disk space.
+LOOK_BYTES = 1 << 26
+#: Folder of recordings with their layout, part of every installation, and name of the folder for their copies.
+SHIPPED, EXAMPLE = Path(__file__).parents[1] / "data" / "demo", "example"
+
+
+async def take(workspace: Workspace, name: str, expected: int | None, pieces: AsyncIterator[bytes]) -> int:
+    """Write a file of a known kind into the workspace and return its size in bytes.
+
+    Parameters
+    ----------
+    workspace : Workspace
+    name : str
+        A name without folders.
+    expected : int or None
+        Size reported by the browser.
+    pieces : async iterator of bytes
+
+    Raises
+    ------
+    CommandError
+        The name does not belong to a recording or a description, the file exists, the disk is too full, or the file is
+        incomplete.
+    """
+    target = workspace.path(name)
+    if "/" in name:
+        raise CommandError(f"{name} is in a folder", rule="dropped files go into the workspace itself")
+    if target.exists():
+        raise CommandError(f"{name} already exists", remedy="Rename one of the two.")
+    folder = workspace.root
+    _check_room(folder, name, expected or 0)
+    part, size, looked = folder / f".pneudrive-{secrets.token_hex(8)}.part", 0, 0
+    try:
+        with part.open("xb") as file:
+            async for piece in pieces:
+                await asyncio.to_thread(file.write, piece)
+                size += len(piece)
+                if size - looked > LOOK_BYTES:
+                    _check_room(folder, name, 0)
+                    looked = size
+        if expected is not None and size != expected:
+            raise CommandError.of("web.cut-off", name=name, size=size, expected=expected)
+        _place(part, target)
+    except OSError as error:
+        raise CommandError(f"{name} cannot be written: {error.strerror}") from None
+    finally:
+        with contextlib.suppress(OSError):
+            part.unlink()
+    return size
+
+
+def rename(workspace: Workspace, path: str, to: str) -> None:
+    """Give a file another name in an existing folder.
+
+    Raises
+    ------
+    CommandError
+        The file does not exist or folder, the ending changes, or the new name is taken.
+    """
+    place, target = workspace.path(path), workspace.path(to)
+    if place.suffix.lower() != target.suffix.lower():
+        raise CommandError(f"{to} has another ending", rule=place.suffix)
+    if not place.is_file():
+        raise CommandError(f"there is no file {path}")
+    if not target.parent.is_dir():
+        raise CommandError(f"there is no folder {target.parent.name}", remedy="Make it first.")
+    with alone_in(workspace.root):
+        _place(place, target)
+        place.unlink(missing_ok=True)
+
+
+def with_own_layout(workspace: Workspace, path: str, text: str) -> Plain:
+    """Move a recording and its layout into a separate folder. Return its new name.
+
+    A layout is valid for all recordings of its folder, so a recording of another rig needs another folder.
+
+    Raises
+    ------
+    CommandError, LayoutError
+        The file does not exist, its folder exists, or the layout is wrong.
+    """
+    from pneudrive.signals.layout import Layout, stem
+
+    Layout.loads(text, "layout.toml")
+    place = workspace.path(path, TABLES)
+    if not place.is_file():
+        raise CommandError(f"there is no file {path}", remedy="Reload the page.")
+    own = posixpath.join(posixpath.dirname(path), stem(place))
+    folder = workspace.folder(own)
+    with alone_in(workspace.root):
+        try:
+            folder.mkdir()
+            (folder / "layout.toml").write_text(text, encoding="utf-8")
+            _place(place, folder / place.name)
+            place.unlink(missing_ok=True)
+        except FileExistsError:
+            raise CommandError(f"{own} already exists", remedy="Rename one of the two.") from None
+        except OSError as error:
+            raise CommandError(f"{own} cannot be written: {error.strerror}", remedy="Check its rights.") from None
+    return {"path": f"{own}/{place.name}"}
+
+
+def add_example(workspace: Workspace) -> Plain:
+    """Copy the shipped recordings with their layout into a new folder; return the name of the first one."""
+    folder = workspace.folder(EXAMPLE)
+    files = [SHIPPED / "layout.toml", *sorted((SHIPPED / "friction").glob("*.xz"))]
+    try:
+        folder.mkdir(exist_ok=True)
+        for file in files:
+            part = folder / f".pneudrive-{secrets.token_hex(8)}.part"
+            try:
+                shutil.copyfile(file, part)
+                with contextlib.suppress(CommandError):  # the folder exists already
+                    _place(part, folder / file.name)
+            finally:
+                part.unlink(missing_ok=True)
+    except OSError as error:
+        raise CommandError(f"{EXAMPLE} cannot be written: {error.strerror}") from None
+    return {"path": f"{EXAMPLE}/{files[1].name}"}
+
+
+def _check_room(folder: Path, name: str, size: int) -> None:
+    free = shutil.disk_usage(folder).free
+    if size > free - RESERVE:
+        raise CommandError.of("web.disk", name=name, free=free / 1e9)
+
+
+def _place(part: Path, target: Path) -> None:
+    """Rename a complete file, if its name is still free."""
+    try:
+        target.hardlink_to(part)
+    except FileExistsError:
+        raise CommandError(f"{target.name} already exists", remedy="Rename one of the two.") from None
+    except OSError:  # the file system has no links
+        try:
+            target.touch(exist_ok=False)
+        except FileExistsError:
+            raise CommandError(f"{target.name} already exists", remedy="Rename one of the two.") from None
+        part.replace(target)
