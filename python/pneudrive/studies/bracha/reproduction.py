@@ -131,8 +131,8 @@ def energy_residual(run: xr.Dataset, drive: pn.Drive, *, printed: bool) -> float
     """Return the largest error of the energy balance of chamber a, J.
 
       residual = U - U_0 - int (h m_dot - p V_dot + Q) dt
-      U = p V / (k - 1)
-      h = k / (k - 1) R T
+
+    with the internal energy U = p V / (k - 1) and the enthalpy h = k / (k - 1) R T of an ideal gas.
 
     The residual is computed from a finished trajectory, and therefore also available for a law without a ledger. The
     wall area of the law is used, so that a different wall area does not count as an error.
