@@ -79,6 +79,8 @@ WORDS = {
 WORDS |= {"Any": "unknown", "Points": "[number, number][]", "Box": "[number, number, number, number]"}
 WORDS |= {"Numbers": "(number | null)[]", "Grid": "(number | null)[][]", "Axis | str": "Axis"}
 WORDS |= {"Look": "[color: string | number, dash: unknown, marker: string]"}
+#: Fields of figures that only a report reads: the page draws without them.
+OF_REPORTS = {"is_si", "legend", "rest_in", "width_in", "widths", "entries", "text_scale", "has_margins"}
 
 
 def type_of(node: ast.expr) -> str:
@@ -127,6 +129,8 @@ def types() -> str:
     for one in (Listed, *of_figures, *of_views, MachineCheck, Shape, PistonShapes, CommandInput, ValuePair):
         lines.append(f"\nexport interface {one.__name__} {{")
         for name, form in one.__annotations__.items():
+            if one in of_figures and name in OF_REPORTS:
+                continue
             text = form.__forward_arg__ if hasattr(form, "__forward_arg__") else str(form)
             lines.append(f"  {name}: {type_of(ast.parse(text, mode='eval').body)};")
         lines.append("}")

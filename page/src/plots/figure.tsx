@@ -204,13 +204,15 @@ function lineEnds(panel: Panel, at: Place): { label: string; y: number; ink: str
   return found;
 }
 
-/** Marks with a label, one of each label. */
-const labelled = (panel: Panel): Exclude<Mark, Drawing>[] => {
+type Labelled = Exclude<Mark, Drawing>;
+
+/** Marks of some panels with a label, one of each label. */
+const labelled = (...panels: Panel[]): Labelled[] => {
   const seen = new Set<string>();
-  return panel.marks.filter(
-    (mark): mark is Exclude<Mark, Drawing> =>
-      mark.kind !== "drawing" && !!mark.label && !seen.has(mark.label) && !!seen.add(mark.label),
-  );
+  return panels
+    .flatMap((panel) => panel.marks)
+    .filter((mark): mark is Labelled => mark.kind !== "drawing" && !!mark.label)
+    .filter(({ label }) => !seen.has(label) && seen.add(label));
 };
 
 /** A text of a drawing that stands right of a point, around it or left of it. */
@@ -367,11 +369,10 @@ function Paper({ drawing, width, height }: { drawing: Drawing; width: number; he
 }
 
 /** Labels above the panels, each with its line or marker. */
-function Labels({ marks }: { marks: Mark[] }) {
-  const shown = marks.filter((mark): mark is Exclude<Mark, Drawing> => mark.kind !== "drawing");
-  if (!shown.length) return null;
+function Labels({ marks }: { marks: Labelled[] }) {
+  if (!marks.length) return null;
   const at: Place = { px: (value) => value, py: (value) => value, left: 0, right: 28, top: 0, bottom: 12 };
-  const sample = (mark: Exclude<Mark, Drawing>): ComponentChildren => {
+  const sample = (mark: Labelled): ComponentChildren => {
     if (mark.kind === "line") return <Drawn mark={{ ...mark, x: [0, 28], y: [6, 6] }} at={at} />;
     const alone = { x: [14], y: [6, 6, 6], low: null, high: null, names: [] };
     if (mark.kind === "markers")
@@ -383,7 +384,7 @@ function Labels({ marks }: { marks: Mark[] }) {
   };
   return (
     <ul class="figure-labels">
-      {shown.map((mark) => (
+      {marks.map((mark) => (
         <li key={mark.label}>
           <svg width="28" height="12" aria-hidden="true">
             {sample(mark)}
@@ -460,11 +461,7 @@ export function FigureView({ shown }: { shown: ShownFigure }) {
       marks.every((mark) => mark.label.length <= LONGEST_END && ["line", "markers", "rule"].includes(mark.kind))
     );
   };
-  const seen = new Set<string>();
-  const above = drawnPanels
-    .filter(({ panel }) => !hasEnds(panel))
-    .flatMap(({ panel }) => labelled(panel))
-    .filter((mark) => !seen.has(mark.label) && seen.add(mark.label));
+  const above = labelled(...drawnPanels.map(({ panel }) => panel).filter((panel) => !hasEnds(panel)));
   const isStacked = columns === total && (figure.share_x === "all" || figure.share_x === "col");
   const placed = drawnPanels.map((one) => {
     const scales: [Scale, Scale] = [
@@ -522,6 +519,13 @@ export function FigureView({ shown }: { shown: ShownFigure }) {
     </figure>
   );
 }
+
+/** A figure as a part of a view. */
+export const FigurePanel = ({ shown, ...data }: { shown: ShownFigure; [data: `data-${string}`]: unknown }) => (
+  <div class="panel" {...data}>
+    <FigureView shown={shown} />
+  </div>
+);
 
 const MOST_ROWS = 400; // of the table; the saved numbers have all
 

@@ -1,7 +1,7 @@
 /** Looks of curves: colour and line style differ, as in the figures of pneudrive's reports. */
 
 import { signal } from "@preact/signals";
-import { SEVERE } from "../server/generated";
+import { type Field, SEVERE } from "../server/generated";
 
 /** Line styles of eight curves. Their colours are the tokens `--look-1` to `--look-8`; `page/tests/looks.test.ts` measures them. */
 const DASHES: number[][] = [[], [8, 4], [8, 3, 2, 3], [2, 3], [10, 2], [2, 2], [6, 2, 2, 2, 2, 2], [14, 4]];
@@ -77,6 +77,17 @@ export function digits(value: number | null | undefined, count = 3): string {
 
 /** A value as a file writes it. */
 export const withUnit = (value: number, unit = ""): string | number => (unit ? `${value} ${unit}` : value);
+
+type Valued = Pick<Field, "key" | "number" | "unit">;
+
+/** The numbers that differ from those of their values, as a file writes them. */
+export const changed = (of: Iterable<Valued>, numbers: Record<string, number>): Record<string, string | number> =>
+  Object.fromEntries(
+    [...of].flatMap(({ key, number, unit }) => {
+      const value = numbers[key];
+      return value === undefined || number === undefined || value === number ? [] : [[key, withUnit(value, unit)]];
+    }),
+  );
 
 /** A number of things in words: `1 impact`, `3 impacts`. */
 export const count = (number: number, thing: string): string => `${number} ${thing}${number === 1 ? "" : "s"}`;

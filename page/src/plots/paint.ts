@@ -239,10 +239,7 @@ export function upright(u: uPlot, times: number[]): void {
     const at = u.valToPos(time, "x", true);
     if (at < left || at > left + width) return;
     u.ctx.setLineDash(index ? [5 * devicePixelRatio, 4 * devicePixelRatio] : []);
-    u.ctx.beginPath();
-    u.ctx.moveTo(at, top);
-    u.ctx.lineTo(at, top + height);
-    u.ctx.stroke();
+    u.ctx.stroke(new Path2D(`M${at} ${top}v${height}`));
     if (times.length > 1) u.ctx.fillText(String(index + 1), at + 4 * devicePixelRatio, top + 12 * devicePixelRatio);
   });
   u.ctx.restore();
@@ -272,17 +269,10 @@ export function flag(u: uPlot, events: Event[]): void {
     if (at < left || at > left + width || at - last < size) continue; // it would cover the one before
     last = at;
     u.ctx.globalAlpha = 1;
-    u.ctx.beginPath();
-    u.ctx.moveTo(at - size, top);
-    u.ctx.lineTo(at + size, top);
-    u.ctx.lineTo(at, top + 1.6 * size);
-    u.ctx.fill();
+    u.ctx.fill(new Path2D(`M${at - size} ${top}h${2 * size}L${at} ${top + 1.6 * size}`));
     u.ctx.globalAlpha = 0.45;
     u.ctx.setLineDash([2 * devicePixelRatio, 3 * devicePixelRatio]);
-    u.ctx.beginPath();
-    u.ctx.moveTo(at, top);
-    u.ctx.lineTo(at, top + height);
-    u.ctx.stroke();
+    u.ctx.stroke(new Path2D(`M${at} ${top}v${height}`));
   }
   u.ctx.restore();
 }

@@ -1,7 +1,7 @@
 /** One plot over time: with `paint.ts` and the two that save it the only files that touch uPlot. */
 
 import type { Signal } from "@preact/signals";
-import { useLayoutEffect, useRef, useState } from "preact/hooks";
+import { useLayoutEffect, useMemo, useRef, useState } from "preact/hooks";
 import { Table } from "../workspace/table";
 import "../drive/language"; // before uPlot, which reads it
 import uPlot from "uplot";
@@ -27,9 +27,11 @@ export function curveOf(arrays: Map<string, Numbers>, x: Numbers, column: string
   return { label, x, y: arrays.get(column)!, at: arrays.get(`${column}/at`) };
 }
 
-/** Return the curves of a panel of a run. */
-export const curvesOf = ({ arrays }: Frame<unknown>, { curves }: RunPanel): Curve[] =>
-  curves.map(({ column, label }) => curveOf(arrays, arrays.get("time_s")!, column, label));
+/** Return the curves of a panel of a run, as far as the run has them. `of` is the name of another run. */
+export const curvesOf = ({ arrays }: Pick<Frame<unknown>, "arrays">, { curves }: RunPanel, of = ""): Curve[] =>
+  curves
+    .filter(({ column }) => arrays.has(column))
+    .map(({ column, label }) => curveOf(arrays, arrays.get("time_s")!, column, of ? `${label} (${of})` : label));
 
 /** Return the last index at or before a time, or the first index if the time is before it. */
 export function indexAt(times: ArrayLike<number>, at: number): number {
@@ -120,14 +122,6 @@ export function pixelsOfPlots(otherwise = 1000): number {
   return width ? Math.min(Math.max(Math.round(width * devicePixelRatio), 200), 4000) : otherwise;
 }
 
-/** Return whether the curves have the same numbers and names. Then nothing is drawn again. */
-function alike(some: Curve[], others: Curve[]): boolean {
-  return (
-    some.length === others.length &&
-    some.every((one, i) => one.x === others[i]!.x && one.y === others[i]!.y && one.label === others[i]!.label)
-  );
-}
-
 /** Plots that show the same part of the time. */
 export const zooming = (shown: Signal<[number, number] | null>): Pick<PlotProps, "range" | "onZoom" | "onReset"> => ({
   onZoom: (from, to) => (shown.value = [from, to]),
@@ -179,10 +173,9 @@ export function Plot(props: PlotProps) {
   latest.current = props;
   const shape =
     props.curves.map((one) => one.label).join("|") + props.unit + Boolean(props.bare) + (isDark() ? "d" : "l");
-  const held = useRef({ curves: props.curves, size: 0, data: [[]] as uPlot.AlignedData });
-  if (held.current.size !== props.size || !alike(held.current.curves, props.curves))
-    held.current = { curves: props.curves, size: props.size, data: aligned(props.curves, props.size) };
-  const { data } = held.current;
+  /* Nothing is drawn again while the curves have the same numbers and names. */
+  const numbers = props.curves.flatMap(({ x, y, label }) => [x, y, label]);
+  const data = useMemo(() => aligned(props.curves, props.size), [props.size, ...numbers]);
   const height = (props.height ?? HEIGHT) + (props.bare ? EDGE : AXIS) + EDGE;
   const over = props.log ? "frequency" : "time";
   const xUnit = props.xUnit ?? "s";

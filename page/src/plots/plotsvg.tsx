@@ -39,7 +39,7 @@ export function saveSvg(plot: Saved): void {
     high: max,
   });
   const [x, y] = [over(plot.x, u.scales.x!), over(`${title}, ${plot.y}`, u.scales.y!)];
-  const panel: Panel = { marks, title: "", x, y, legend: null };
+  const panel: Panel = { marks, title: "", x, y };
   const host = document.querySelector(".pneudrive")!.appendChild(document.createElement("div"));
   host.style.width = `${u.width}px`;
   const ends = plot.legend.length > 1 ? Math.max(...plot.legend.map(({ label }) => label.length)) : 0;

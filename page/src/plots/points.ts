@@ -37,7 +37,6 @@ export const axis = (label: string, scale = "linear", low: number | null = null)
   below: 0,
   above: 0,
   names: [],
-  is_si: false,
   is_named: true,
   unit: "",
   size: 1,
@@ -87,30 +86,27 @@ function marksOf({ label, points, curve }: Group, look: Look): Mark[] {
   return marks;
 }
 
-/** Return a figure with a panel for each part. Panels without axes of their own have equal ones; `isLog` holds for x. */
+/** Return a figure with a panel for each part, on equal axes; `isLog` holds for x. */
 export function pointsFigure(about: {
   name: string;
   caption?: string;
   x: string;
   y: string;
-  panels: { title: string; groups: Group[]; x?: string; y?: string }[];
+  panels: { title: string; groups: Group[] }[];
   isLog?: boolean;
   isFromZero?: boolean;
-  row_in?: number;
 }): ShownFigure {
   const { name, caption = "", x, y, panels, isLog = false, isFromZero = false } = about;
   const values = panels.flatMap((panel) => panel.groups.flatMap((group) => group.points.map((point) => point.y)));
   const low = isFromZero && values.every((value) => value >= 0) ? 0 : null;
-  const drawn = panels.map(({ title, groups, ...own }) => {
+  const drawn = panels.map(({ title, groups }) => {
     const shown = shownOf(groups.length);
     const marks = groups.flatMap((group, k) => {
       const place = shown.indexOf(k);
       return place < 0 ? marksOf({ label: "", points: group.points }, GREY) : marksOf(group, LOOKS[place]!);
     });
-    return { marks, title, x: axis(own.x ?? ""), y: axis(own.y ?? ""), legend: null };
+    return { marks, title, x: axis(""), y: axis("") };
   });
-  const share = panels.some((panel) => panel.x) ? "" : "all";
-  const row = about.row_in ?? (panels.length > 1 ? 1.4 : 2.2);
   return {
     name,
     caption,
@@ -120,17 +116,10 @@ export function pointsFigure(about: {
       y: axis(y, "linear", low),
       columns: 3,
       title: "",
-      row_in: row,
-      rest_in: 0,
-      width_in: 7,
-      share_x: share,
-      share_y: share,
+      row_in: panels.length > 1 ? 1.4 : 2.2,
+      share_x: "all",
+      share_y: "all",
       heights: [],
-      widths: [],
-      entries: 4,
-      legend: "above",
-      text_scale: 1,
-      has_margins: true,
       tall: null,
       tall_first: false,
     },
@@ -178,7 +167,7 @@ export function stripFigure(name: string, x: string, rows: StripRow[], limit = I
     ? [{ x: limit, y: null, label: `goal ${digits(limit)}`, look: ["black", "--", ""], width: 1, kind: "rule" }]
     : [];
   const names = { ...axis(""), names: rows.map((row) => row.name), low: rows.length - 0.5, high: -0.5 };
-  const own = { title: "", legend: null, x: axis(""), y: names };
+  const own = { title: "", x: axis(""), y: names };
   const sizes = { row_in: 0.2 + 0.19 * rows.length, x: { ...figure.figure.x, above: 0.15 } };
   return { ...figure, figure: { ...figure.figure, ...sizes, panels: [{ ...own, marks: [...marks, ...goal] }] } };
 }

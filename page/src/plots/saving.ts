@@ -47,10 +47,7 @@ export function savePng(of: Saved): void {
     at.strokeStyle = color;
     at.lineWidth = 2 * ratio;
     at.setLineDash(dash.map((each) => each * ratio));
-    at.beginPath();
-    at.moveTo(x, LINE * ratio + 11 * ratio);
-    at.lineTo(x + 28 * ratio, LINE * ratio + 11 * ratio);
-    at.stroke();
+    at.stroke(new Path2D(`M${x} ${(LINE + 11) * ratio}h${28 * ratio}`));
     at.fillText(one.label, x + 34 * ratio, LINE * ratio + 15 * ratio);
     x += at.measureText(one.label).width + 54 * ratio;
   }

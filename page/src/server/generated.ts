@@ -20,7 +20,6 @@ export interface Axis {
   below: number;
   above: number;
   names: string[];
-  is_si: boolean;
   is_named: boolean;
   unit: string;
   size: number;
@@ -107,7 +106,6 @@ export interface Panel {
   title: string;
   x: Axis;
   y: Axis;
-  legend: string | null;
 }
 
 export interface Figure {
@@ -116,17 +114,10 @@ export interface Figure {
   y: Axis;
   columns: number;
   row_in: number;
-  rest_in: number;
-  width_in: number;
   share_x: string;
   share_y: string;
   heights: number[];
-  widths: number[];
-  legend: string;
-  entries: number;
   title: string;
-  text_scale: number;
-  has_margins: boolean;
   tall: Panel | null;
   tall_first: boolean;
 }
