@@ -2,19 +2,8 @@
 import { effect, signal, untracked } from "@preact/signals";
 import { useEffect } from "preact/hooks";
 import { link, route } from "../routes";
-import type { Checked, CheckedFile as Found } from "../server/generated";
-import {
-  answering,
-  ask,
-  isAnswering,
-  newest,
-  type Problem,
-  problemsOf,
-  Refused,
-  read,
-  typed,
-  write,
-} from "../server/server";
+import type { Checked, CheckedFile as Found, Problem } from "../server/generated";
+import { answering, ask, isAnswering, newest, problemsOf, Refused, read, typed, write } from "../server/server";
 import { remember, type Source } from "../undo";
 import type { Drawing } from "./circuit";
 

@@ -3,7 +3,7 @@ import type { Signal } from "@preact/signals";
 import type { ComponentChildren } from "preact";
 import { useEffect, useRef } from "preact/hooks";
 import { inCatalogue } from "../routes";
-import type { Problem } from "../server/server";
+import type { Problem } from "../server/generated";
 import { Button, TextInput } from "../workspace/fields";
 import { list } from "../workspace/files";
 import { isIn, Problems } from "../workspace/parts";

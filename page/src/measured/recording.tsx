@@ -7,8 +7,8 @@ import type { Shade } from "../plots/paint";
 import { type Curve, Plot, pixelsOfPlots } from "../plots/plot";
 import { link, route } from "../routes";
 import type { Frame, Numbers } from "../server/frame";
-import type { WindowHead as Head, Strokes as Moved, OpenedRecording as Opened, Proposal } from "../server/generated";
-import { ask, attempts, frame, type Problem, problemsOf, Refused, read, write } from "../server/server";
+import type { WindowHead as Head, OpenedRecording as Opened, Problem, Proposal, Strokes } from "../server/generated";
+import { ask, attempts, frame, problemsOf, Refused, read, write } from "../server/server";
 import { useAnswer, useLive } from "../workspace/answers";
 import { Button, Remarks, Tick, Ticks } from "../workspace/fields";
 import { folderOf, list, nameOf, studies } from "../workspace/files";
@@ -28,7 +28,7 @@ const shown = signal<string[]>([]);
 const span = signal<[number, number]>([0, 1]);
 const pixels = signal(1000);
 const views = signal<{ head: Head; time: Numbers; channels: Map<string, Numbers> } | null>(null);
-const NONE: Moved = { strokes: [], faults: {} };
+const NONE: Strokes = { strokes: [], faults: {} };
 const moved = signal(NONE); // strokes and faults, with a note why neither is shown
 const unmoved = signal<Problem[]>([]); // why they could not be read
 const wrong = signal<Problem[]>([]); // with the view that was asked for
@@ -92,7 +92,7 @@ async function put(found: Opened, path: string, isGone: () => boolean): Promise<
   const before = keyShown() ? about.value! : undefined;
   if (!before) show(found);
   const isMoved = found.layout !== null || found.time;
-  const answer = isMoved ? await read<Moved>("/api/strokes", { path }).catch(problemsOf) : NONE;
+  const answer = isMoved ? await read<Strokes>("/api/strokes", { path }).catch(problemsOf) : NONE;
   if (isGone()) return;
   batch(() => {
     if (before) show(found, before);

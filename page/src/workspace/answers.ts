@@ -2,7 +2,8 @@
 import { effect, type Signal, useSignal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
 import type { Frame } from "../server/frame";
-import { ask, Live, type Problem, problemsOf, read } from "../server/server";
+import type { Problem } from "../server/generated";
+import { ask, Live, problemsOf, read } from "../server/server";
 
 /**
  * Return the answer about a subject, and the problems of a refusal. Another subject has no answer until its own comes;

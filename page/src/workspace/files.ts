@@ -1,17 +1,8 @@
 /** The folder: its files, their kinds, and copies into it. */
 import { signal } from "@preact/signals";
 import { inCatalogue, link } from "../routes";
-import {
-  drop,
-  isAnswering,
-  type Listed,
-  type Problem,
-  pause,
-  problemsOf,
-  Refused,
-  read,
-  type Studies,
-} from "../server/server";
+import type { Listed, Problem, Studies } from "../server/generated";
+import { drop, isAnswering, pause, problemsOf, Refused, read } from "../server/server";
 
 export interface Kinds {
   title: string;
