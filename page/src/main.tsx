@@ -1,6 +1,6 @@
 import { computed, effect, signal, untracked, useSignal } from "@preact/signals";
-import { Component, type ComponentChildren, type ComponentType, render } from "preact";
-import { useEffect, useRef } from "preact/hooks";
+import { type ComponentChildren, type ComponentType, render } from "preact";
+import { useEffect, useErrorBoundary, useRef, useState } from "preact/hooks";
 import { open, opened } from "./drive/opened";
 import { follow, link, route } from "./routes";
 import { connection, unlock } from "./server/server";
@@ -60,23 +60,18 @@ function toContent(event: Event): void {
 }
 
 /** Show the message of an unexpected error in place of a frozen view. */
-class Guarded extends Component<{ at: string; children: ComponentChildren }, { fault: string; at: string }> {
-  override componentDidCatch(error: unknown): void {
-    console.error(error);
-    this.setState({ fault: String(error), at: this.props.at });
-  }
-  override render() {
-    const { fault, at } = this.state;
-    if (!fault || at !== this.props.at) return this.props.children;
-    return (
-      <div class="problem" role="alert">
-        <p>This view failed by a fault of the page: {fault}.</p>
-        <p>
-          Hint: Reload the page; save texts under Drive or Sizing first. Report the fault with the files that were open.
-        </p>
-      </div>
-    );
-  }
+function Guarded({ at, children }: { at: string; children: ComponentChildren }) {
+  const [fault, setFault] = useState({ at: "", words: "" });
+  useErrorBoundary((error) => (console.error(error), setFault({ at, words: String(error) })));
+  if (fault.at !== at) return <>{children}</>;
+  return (
+    <div class="problem" role="alert">
+      <p>This view failed by a fault of the page: {fault.words}.</p>
+      <p>
+        Hint: Reload the page; save texts under Drive or Sizing first. Report the fault with the files that were open.
+      </p>
+    </div>
+  );
 }
 
 /** Move the focus to the new view after a link of the tree, or if the link itself has disappeared. */

@@ -6,13 +6,9 @@ import { lintGutter, setDiagnostics } from "@codemirror/lint";
 import { EditorState } from "@codemirror/state";
 import { drawSelection, EditorView, keymap, lineNumbers } from "@codemirror/view";
 import { tags } from "@lezer/highlight";
-import type { Problem } from "../server/server";
+import type { Problem } from "../server/generated";
 
-export interface Editor {
-  show(text: string, problems: Problem[]): void;
-  go(line: number): void;
-  end(): void;
-}
+export type Editor = ReturnType<typeof edit>;
 
 const theme = EditorView.theme({
   "&": { height: "100%", fontSize: "var(--table)", color: "var(--ink)", backgroundColor: "var(--surface)" },
@@ -28,7 +24,7 @@ const colours = HighlightStyle.define([
   { tag: [tags.propertyName, tags.heading], color: "var(--ink)" },
 ]);
 
-export function edit(place: HTMLElement, text: string, changed: (text: string) => void): Editor {
+export function edit(place: HTMLElement, text: string, changed: (text: string) => void) {
   const root = place.shadowRoot ?? place.attachShadow({ mode: "open" });
   let silent = false;
   const view = new EditorView({
@@ -53,7 +49,7 @@ export function edit(place: HTMLElement, text: string, changed: (text: string) =
     }),
   });
   return {
-    show(next, problems) {
+    show(next: string, problems: Problem[]) {
       const now = view.state.doc.toString();
       if (next !== now) {
         silent = true;
@@ -70,7 +66,7 @@ export function edit(place: HTMLElement, text: string, changed: (text: string) =
       found.sort((a, b) => a.from - b.from);
       view.dispatch(setDiagnostics(view.state, found));
     },
-    go(line) {
+    go(line: number) {
       const at = view.state.doc.line(Math.min(line, view.state.doc.lines));
       view.dispatch({ selection: { anchor: at.from }, scrollIntoView: true });
       view.focus();

@@ -51,37 +51,28 @@ const limited = ({ turn, lift, zoom }: Camera): Camera => ({
   zoom: Math.min(Math.max(Number(zoom.toFixed(2)), 0.5), 4),
 });
 
-/** Projection without perspective: `flat` gives pixels, `depth` grows towards the reader. */
-interface Projection {
-  flat: (point: Point) => Flat;
-  depth: (point: Point) => number;
-}
-
-function projection({ turn, lift, zoom }: Camera, box: Box, width: number, height: number): Projection {
+/** Return a projection without perspective: `flat` gives pixels, `depth` grows towards the reader. */
+function projection({ turn, lift, zoom }: Camera, box: Box, width: number, height: number) {
   const [a, e] = [(turn * Math.PI) / 180, (lift * Math.PI) / 180];
   const scale = (zoom * Math.min(width, 1.05 * height)) / (2 * box.radius);
   const [cx, cy, cz] = box.centre;
   return {
-    flat: ([x, y, z]) => {
+    flat: ([x, y, z]: Point): Flat => {
       const [right, near] = [
         (y - cy) * Math.cos(a) - (x - cx) * Math.sin(a),
         (x - cx) * Math.cos(a) + (y - cy) * Math.sin(a),
       ];
       return [width / 2 + scale * right, height / 2 - scale * ((z - cz) * Math.cos(e) - near * Math.sin(e))];
     },
-    depth: ([x, y, z]) => (x * Math.cos(a) + y * Math.sin(a)) * Math.cos(e) + z * Math.sin(e),
+    depth: ([x, y, z]: Point) => (x * Math.cos(a) + y * Math.sin(a)) * Math.cos(e) + z * Math.sin(e),
   };
 }
 
-interface Box {
-  centre: Point;
-  radius: number;
-  low: Point;
-  high: Point;
-}
+type Box = ReturnType<typeof boxOf>;
+type Projected = ReturnType<typeof projection>["flat"];
 
 /** Return the box around all points of a run. The radius of its sphere keeps the scale while the view turns. */
-function boxOf(platform: SentPlatform, points: Numbers): Box {
+function boxOf(platform: SentPlatform, points: Numbers) {
   const others = [...platform.parts.flatMap((part) => part.points), ...platform.reach];
   const ends = [0, 1, 2].map((axis) =>
     endsOf([...Array.from(points).filter((_, k) => k % 3 === axis), ...others.map((point) => point[axis]!)]),
@@ -131,7 +122,7 @@ function pointsOf(platform: SentPlatform, points: Numbers) {
 
 const FLOOR = 6; // squares along the floor
 
-function Floor({ box, flat }: { box: Box; flat: Projection["flat"] }) {
+function Floor({ box, flat }: { box: Box; flat: Projected }) {
   const [half, [x, y]] = [0.7 * Math.max(box.high[0] - box.low[0], box.high[1] - box.low[1]), box.centre];
   const lines = Array.from({ length: FLOOR + 1 }, (_, k) => half * ((2 * k) / FLOOR - 1)).flatMap((d) => [
     [flat([x + d, y - half, box.low[2]]), flat([x + d, y + half, box.low[2]])],
@@ -140,7 +131,7 @@ function Floor({ box, flat }: { box: Box; flat: Projection["flat"] }) {
   return <path class="floor" d={lines.map((ends) => `M${text(ends).replace(" ", "L")}`).join("")} />;
 }
 
-function Axes({ flat, height }: { flat: Projection["flat"]; height: number }) {
+function Axes({ flat, height }: { flat: Projected; height: number }) {
   const [x, y] = flat([0, 0, 0]);
   const ends = (["x", "y", "z"] as const).map((name, axis) => {
     const [u, v] = flat([0, 1, 2].map((k) => (k === axis ? 1 : 0)) as Point);

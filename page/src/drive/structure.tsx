@@ -2,9 +2,9 @@
 import { signal } from "@preact/signals";
 import type { ComponentChildren } from "preact";
 import { useEffect } from "preact/hooks";
-import type { Kind } from "../server/generated";
-import { attempts, read } from "../server/server";
+import type { Kinds } from "../server/generated";
 import { future, past, step } from "../undo";
+import { useRequest } from "../workspace/answers";
 import { Button, type Option, Options } from "../workspace/fields";
 import type { PortChoice } from "./circuit";
 import { opened, problems, restructure, valid } from "./opened";
@@ -13,9 +13,7 @@ export const isEditing = signal(false);
 /** Selected component and selected port. */
 export const chosen = signal("");
 const port = signal("");
-const kind = signal("");
-const kinds = signal<Kind[]>([]);
-const [, attempt] = attempts();
+const kind = signal(""); // of the component to add; empty: the first one
 
 const forget = (component = ""): void => void ([port.value, chosen.value] = ["", component]);
 
@@ -46,13 +44,9 @@ export function keys(event: KeyboardEvent): void {
 /** Buttons below the drawing. */
 export function Structure({ children }: { children: ComponentChildren }) {
   useEffect(() => forget(), [opened.value?.path]);
-  useEffect(() => {
-    if (isEditing.value && !kinds.value.length)
-      void attempt(async () => {
-        kinds.value = (await read<{ kinds: Kind[] }>("/api/kinds")).kinds;
-        kind.value = kinds.value[0]!.kind;
-      });
-  }, [isEditing.value]);
+  const [found] = useRequest<Kinds>("/api/kinds", isEditing.value ? {} : null);
+  const kinds = found?.kinds ?? [];
+  const toAdd = kind.value || (kinds[0]?.kind ?? "");
   const isCircuit = valid.value?.kind === "circuit";
   const blocked = problems.value.length > 0;
   return (
@@ -84,14 +78,14 @@ export function Structure({ children }: { children: ComponentChildren }) {
           <b>Port {port.value}</b>
           <select
             aria-label="Component to add"
-            value={kind.value}
+            value={toAdd}
             onChange={(event) => (kind.value = event.currentTarget.value)}>
-            <Options of={kinds.value.map((one): Option => [one.kind, one.title])} />
+            <Options of={kinds.map((one): Option => [one.kind, one.title])} />
           </select>
           <Button
             class="primary"
             disabled={blocked}
-            act={() => restructure({ act: "add", one: port.value, kind: kind.value }, forget)}
+            act={() => restructure({ act: "add", one: port.value, kind: toAdd }, forget)}
             words="Add here"
           />
           <Button disabled={blocked} act={() => act({ act: "cut", one: port.value })} words="Cut its line" />

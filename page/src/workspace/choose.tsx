@@ -5,7 +5,7 @@ import type { ComponentChildren } from "preact";
 import { link } from "../routes";
 import { ask, attempts, Refused, read, write } from "../server/server";
 import { Button, TextInput } from "./fields";
-import { filesOf, list, studies, taking } from "./files";
+import { filesOf, GROUPS, list, studies, taking } from "./files";
 import { useHeadlines } from "./lineage";
 import { day, Problems } from "./parts";
 import { AddFiles, PathName } from "./tree";
@@ -119,51 +119,26 @@ export function Starts({ isEmpty }: { isEmpty: boolean }) {
   );
 }
 
-interface Entry {
-  title: string;
-  kinds: string[];
-  offers: "catalogue" | "recordings"; // beside the files of the folder
-  hint: string;
-}
-
-/** Views that begin with a choice of a file. */
-export const ENTRIES: Record<string, Entry> = {
-  drive: {
-    title: "Drives",
-    kinds: ["drive", "circuit"],
-    offers: "catalogue",
-    hint: "A drive or a circuit is a TOML file. Open one to see its drawing, its values and its text.",
-  },
-  simulate: {
-    title: "Simulate",
-    kinds: ["drive", "circuit"],
-    offers: "catalogue",
-    hint: "Open a drive or a circuit to run it. Each slider changes the run while you drag it.",
-  },
-  recording: {
-    title: "Recordings",
-    kinds: ["recording"],
-    offers: "recordings",
-    hint: "A recording is a table of channels over time: CSV, Parquet, MAT, TDMS or MF4. Add your own, or look at two shipped ones.",
-  },
-  friction: {
-    title: "Friction",
-    kinds: ["friction map", "fit"],
-    offers: "recordings",
-    hint: "A friction map holds the measured points, a fit holds the law. Characterise a recording to get both: open it, accept a layout, then press Characterise.",
-  },
+/** What the views say that begin with a choice of a file. */
+export const ENTRIES: Record<string, string> = {
+  drive: "A drive or a circuit is a TOML file. Open one to see its drawing, its values and its text.",
+  simulate: "Open a drive or a circuit to run it. Each slider changes the run while you drag it.",
+  recording:
+    "A recording is a table of channels over time: CSV, Parquet, MAT, TDMS or MF4. Add your own, or look at two shipped ones.",
+  friction:
+    "A friction map holds the measured points, a fit holds the law. Characterise a recording to get both: open it, accept a layout, then press Characterise.",
 };
 
 /** Files that a view opens, after an example. */
 export function Choose({ view }: { view: string }) {
-  const { title, hint, kinds, offers } = ENTRIES[view]!;
+  const { title, kinds } = GROUPS.find((one) => one.view === view) ?? { ...GROUPS[0]!, title: "Simulate" };
   const files = filesOf(...kinds);
   const lines = useHeadlines();
-  const catalogue = offers === "catalogue" ? (studies.value?.catalogue ?? []) : null;
+  const catalogue = kinds.includes("drive") ? (studies.value?.catalogue ?? []) : null;
   return (
     <section class="choose" aria-label={title}>
       <h2>{title}</h2>
-      <p class="lead">{hint}</p>
+      <p class="lead">{ENTRIES[view]}</p>
       <Problems of={wrong.value} />
       <p class="row">
         {catalogue && (
