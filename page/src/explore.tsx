@@ -2,10 +2,10 @@
 import { render as draw } from "preact";
 import { useEffect, useRef, useState } from "preact/hooks";
 import "./explore.css";
-import { digits, followInk, isDark, withUnit } from "./plots/looks";
+import { changed, digits, followInk, isDark } from "./plots/looks";
 import { curvesOf, Plot } from "./plots/plot";
 import { type Frame, unpack } from "./server/frame";
-import type { Field, RunPanel } from "./server/generated";
+import type { Field, RunHead } from "./server/generated";
 import { Range } from "./workspace/fields";
 
 type Slider = Required<Pick<Field, "key" | "text" | "number" | "unit" | "low" | "high">>;
@@ -17,14 +17,9 @@ interface Begin {
 
 type Changes = Record<string, string | number>;
 
-interface Head {
-  number: number;
+interface Head extends Omit<RunHead, "path"> {
   view: string; // which of the views of one drive has asked
   changes: Changes;
-  problems?: { what: string; remedy: string | null }[];
-  panels?: RunPanel[];
-  ends?: Record<string, number>;
-  assumed?: number;
 }
 
 type Heard = (content: unknown, buffers: DataView[]) => void;
@@ -60,12 +55,7 @@ function Explore({ model }: { model: Model }) {
     at.waiting = null;
   };
   const ask = (values: Record<string, number>) => {
-    const changes: Changes = {};
-    for (const one of begin.sliders) {
-      const value = values[one.key];
-      if (value !== undefined && value !== one.number) changes[one.key] = withUnit(value, one.unit);
-    }
-    link.current.waiting = changes;
+    link.current.waiting = changed(begin.sliders, values);
     pump();
   };
   const put = (key: string, value: number) => {

@@ -13,9 +13,9 @@ import type { Choices, Gain, ControlHead as Head } from "../server/generated";
 import { ask, attempts, read, write } from "../server/server";
 import { undoable } from "../undo";
 import { isShowable, useLive } from "../workspace/answers";
-import { Button, Fold, Remarks } from "../workspace/fields";
+import { Button, Fold, type Option, Remarks } from "../workspace/fields";
 import { cataloguePaths, filesOf, freeName, list, pathsOf } from "../workspace/files";
-import { field, JobForm, requestOf } from "../workspace/form";
+import { JobForm, requestOf } from "../workspace/form";
 import { follow } from "../workspace/jobs";
 import { Copied, InFolder, NumberField, Problems, Select, SliderRow, TextField, Unsaved } from "../workspace/parts";
 import { Answer, Values } from "../workspace/result";
@@ -268,14 +268,12 @@ function GainSliders() {
         return (
           <SliderRow
             key={gain.key}
+            of={gain}
             id={`slider-${gain.key}`}
             label={`${gain.key}: ${gain.meaning}`}
-            name={gain.key}
             title={gain.rule}
             value={value}
             shown={isChanged ? value : digits(value)}
-            ends={[gain.low, gain.high]}
-            unit={gain.unit}
             kind={isChanged ? "changed" : ""}
             state={isChanged ? "changed" : "follows"}
             put={(next) => (gains.value = { ...gains.value, [gain.key]: next })}
@@ -351,16 +349,22 @@ function Compare() {
   const found = choices.value;
   if (!found) return null;
   const isSpread = Boolean(requestOf("control").spread);
+  const spreads: Option[] = [["", "none: seeds of noise"], ...found.spreads];
   const own = {
     title: "Compare",
     door: "/api/comparisons",
     fields: [
-      field("laws", "Laws", "several", { choices: [...found.laws, ...pathsOf("controller")] }),
-      field("along", "Standard references", "several", { choices: found.references.map(({ name }) => name) }),
-      field("other", "And along", "text", { hint: "a reference of your own" }),
-      field("spread", "Spread of drives", "choice", { choices: [["", "none: seeds of noise"], ...found.spreads] }),
-      field("count", isSpread ? "Members" : "Seeds", "number", { most: MOST_MEMBERS }),
-      field("name", "Into results/", "name"),
+      { key: "laws", label: "Laws", kind: "several", choices: [...found.laws, ...pathsOf("controller")] },
+      {
+        key: "along",
+        label: "Standard references",
+        kind: "several",
+        choices: found.references.map(({ name }) => name),
+      },
+      { key: "other", label: "And along", kind: "text", hint: "a reference of your own" },
+      { key: "spread", label: "Spread of drives", kind: "choice", choices: spreads },
+      { key: "count", label: isSpread ? "Members" : "Seeds", kind: "number", most: MOST_MEMBERS },
+      { key: "name", label: "Into results/", kind: "name" },
     ],
     body: ({ laws, along, other, spread, count, name }: Record<string, unknown>) => ({
       drive: drive.value,

@@ -9,7 +9,7 @@ import type { Candidate, Field, Finding, Limit, Sizing } from "../server/generat
 import { ask, attempts, read } from "../server/server";
 import { undoable } from "../undo";
 import { useAnswer } from "../workspace/answers";
-import { Button, Fold } from "../workspace/fields";
+import { Button, Fold, toggled } from "../workspace/fields";
 import { changesOf, filesOf } from "../workspace/files";
 import { JobForm } from "../workspace/form";
 import { Cancel, follow, JobList, jobs, reached } from "../workspace/jobs";
@@ -378,8 +378,6 @@ const MOST_ROWS = 200;
 function Choices({ now: { candidates: every, view } }: { now: Sizing }) {
   const [, , value] = COLUMNS.find(([title]) => title === orderBy.value)!;
   const rows = [...every].sort((a, b) => (value(a) ?? Infinity) - (value(b) ?? Infinity));
-  const pin = (name: string, isPinned: boolean) =>
-    (pinned.value = isPinned ? pinned.value.filter((other) => other !== name) : [...pinned.value, name]);
   return (
     <Fold class="panel" title={`Every simulated choice: ${every.length}`}>
       {view?.figures.map((one) => (
@@ -401,7 +399,7 @@ function Choices({ now: { candidates: every, view } }: { now: Sizing }) {
                 <Button
                   class="link"
                   aria-label={`${isPinned ? "Unpin" : "Pin"} ${one.name}`}
-                  act={() => pin(one.name, isPinned)}
+                  act={() => (pinned.value = toggled(pinned.value, one.name))}
                   words={isPinned ? "unpin" : "pin"}
                 />
               </>,

@@ -2,16 +2,16 @@
 
 import { signal } from "@preact/signals";
 import { useEffect, useRef } from "preact/hooks";
-import { FigureView } from "../plots/figure";
+import { FigurePanel } from "../plots/figure";
 import { duration } from "../plots/looks";
 import { pointsFigure } from "../plots/points";
 import { link, route } from "../routes";
-import type { Campaign, CycleHead, Plan, ShownFigure } from "../server/generated";
-import { ask, attempts, frame, type Problem, pause, Refused, read, typed } from "../server/server";
+import type { Campaign, CycleHead, Plan, Problem, ShownFigure } from "../server/generated";
+import { ask, attempts, frame, pause, Refused, read, typed } from "../server/server";
 import { word } from "../workspace/command";
 import { Button, Lines, Remarks } from "../workspace/fields";
 import { filesOf, kindOf, list, nameOf, pathsOf, studies } from "../workspace/files";
-import { field, JobForm, requestOf } from "../workspace/form";
+import { JobForm, requestOf } from "../workspace/form";
 import { follow, JobList, jobs } from "../workspace/jobs";
 import { Copied, InFolder, Problems, ReportOf } from "../workspace/parts";
 import { Answer, Findings, useView } from "../workspace/result";
@@ -35,9 +35,7 @@ export async function look(path: string, isGone: () => boolean): Promise<void> {
   try {
     const now = await read<Campaign>("/api/campaign", { path });
     if (isGone()) return;
-    /* The map is drawn again only if it grew. */
-    const grew = JSON.stringify(now.groups) !== JSON.stringify(found.value?.groups);
-    found.value = grew || !found.value ? now : { ...now, groups: found.value.groups };
+    found.value = now;
     unread.value = [];
   } catch (error) {
     if (error instanceof Refused && error.status && !isGone()) unread.value = error.problems;
@@ -143,15 +141,9 @@ function Watched({ now, path }: { now: Campaign; path: string }) {
       <div class="result">
         <div class="result-figures">
           {running && running.position.length > 1 && (
-            <div class="panel" data-cycle={running.cycle} data-samples={running.samples}>
-              <FigureView shown={cycleFigure(running)} />
-            </div>
+            <FigurePanel data-cycle={running.cycle} data-samples={running.samples} shown={cycleFigure(running)} />
           )}
-          {now.groups.length > 0 && (
-            <div class="panel">
-              <FigureView shown={frictionFigure(now.groups)} />
-            </div>
-          )}
+          {now.groups.length > 0 && <FigurePanel shown={frictionFigure(now.groups)} />}
         </div>
         <aside>
           <section class="panel" aria-label="Findings">
@@ -256,9 +248,9 @@ function Start({ protocol }: { protocol: string }) {
     title: "Run",
     door: "/api/campaigns",
     fields: [
-      field("protocol", "Protocol", "choice", { choices: protocols }),
-      field("name", "Into campaigns/", "text"),
-      field("pace", "Times real time", "text", { hint: "fastest" }),
+      { key: "protocol", label: "Protocol", kind: "choice", choices: protocols },
+      { key: "name", label: "Into campaigns/", kind: "text" },
+      { key: "pace", label: "Times real time", kind: "text", hint: "fastest" },
     ],
     body: ({ protocol, name, pace }: Record<string, unknown>) => ({ protocol, name, ...paced(pace) }),
   };

@@ -59,13 +59,6 @@ function groupOver<Key extends "speed" | "gauge">(key: Key, size: number, part: 
   const { label, assembly, points, curve } = part;
   const runs = [...new Set(points.map((point) => point.recording))];
   const runOf = (recording: string) => (key === "speed" ? runs.indexOf(recording) : 0);
-  const drawn = curve && {
-    x: curve[key].map((at) => size * at),
-    y: curve.friction,
-    low: curve.low,
-    high: curve.high,
-    measured: curve.measured.map((at) => size * (at ?? Number.NaN)),
-  };
   return {
     label: label.replace(`${assembly}: `, ""),
     points: points.map((point) => ({
@@ -74,7 +67,13 @@ function groupOver<Key extends "speed" | "gauge">(key: Key, size: number, part: 
       spread: point.spread,
       run: runOf(point.recording),
     })),
-    ...(drawn && { curve: drawn }),
+    curve: curve && {
+      x: curve[key].map((at) => size * at),
+      y: curve.friction,
+      low: curve.low,
+      high: curve.high,
+      measured: curve.measured.map((at) => size * (at ?? Number.NaN)),
+    },
   };
 }
 

@@ -1,12 +1,11 @@
 /** Recordings of the overview: friction of their seals, a row for each seal, and actions on all chosen ones. */
 
 import { signal } from "@preact/signals";
-import { FigureView } from "../plots/figure";
+import { FigurePanel } from "../plots/figure";
 import { count, digits } from "../plots/looks";
 import { saveRows } from "../plots/saving";
 import { link } from "../routes";
-import type { Form, FrictionMap, Slice } from "../server/generated";
-import type { Listed } from "../server/server";
+import type { Form, FrictionMap, Listed, Slice } from "../server/generated";
 import { useRequest } from "../workspace/answers";
 import { Button, Tick } from "../workspace/fields";
 import { folderOf, nameOf, studies } from "../workspace/files";
@@ -114,9 +113,7 @@ function Friction({ path, map, slice }: { path: string; map: FrictionMap; slice:
         <span class="note">{`${recordings}, ${range(gauges, 2)} bar gauge, ${range(speeds, 2)} mm/s`}</span>
       </h3>
       <div class="result">
-        <div class="panel">
-          <FigureView shown={overPressure(slice, "Points: U (k = 2). Bands: 95 % of the fit.")} />
-        </div>
+        <FigurePanel shown={overPressure(slice, "Points: U (k = 2). Bands: 95 % of the fit.")} />
         {open.length > 0 && (
           <aside class="panel">
             <h3>What needs you</h3>

@@ -7,17 +7,11 @@ import { computed, signal } from "@preact/signals";
 import { Fragment } from "preact";
 import { useEffect } from "preact/hooks";
 import { open as openDrive, valid } from "../drive/opened";
-import { digits, instant, withUnit } from "../plots/looks";
+import { changed, digits, instant } from "../plots/looks";
 import { curveOf, Plot } from "../plots/plot";
 import { inCatalogue, link, route } from "../routes";
 import type { Frame } from "../server/frame";
-import type {
-  Compared,
-  Field,
-  ValidationHead as Head,
-  ValidatedRecord as Recorded,
-  Validation,
-} from "../server/generated";
+import type { Compared, Field, ValidationHead as Head, ValidatedRecord, Validation } from "../server/generated";
 import { ask, attempts, problemsOf, read } from "../server/server";
 import { undoable } from "../undo";
 import { isShowable, useLive } from "../workspace/answers";
@@ -47,11 +41,9 @@ const fields = computed(() =>
   [...(found.value?.suspects ?? []), ...(valid.value?.values ?? [])].filter((one) => one.number !== undefined),
 );
 const field = computed(() => fields.value.find((one) => one.key === key.value));
-const changes = computed<Record<string, string | number>>(() => {
-  const [one, value] = [field.value, number.value];
-  if (!one || value === null || value === one.number) return {};
-  return { [one.key]: withUnit(value, one.unit) };
-});
+const changes = computed(() =>
+  field.value && number.value !== null ? changed([field.value], { [key.value]: number.value }) : {},
+);
 
 async function load(at: string): Promise<void> {
   found.value = frame.value = number.value = difference.value = null;
@@ -236,7 +228,7 @@ function Why({ now }: { now: Validation }) {
   );
 }
 
-function Runs({ now, one }: { now: Validation; one: Recorded }) {
+function Runs({ now, one }: { now: Validation; one: ValidatedRecord }) {
   const shown = frame.value;
   const { off_s: off } = one[now.channels[0]!.column];
   return (
@@ -292,7 +284,7 @@ const HEIGHTS = { first: 120, off: 48, other: 60 };
 /** Measured and simulated values of a channel, or their difference. */
 function ChannelPlot(props: {
   channel: Validation["channels"][number];
-  of: Recorded;
+  of: ValidatedRecord;
   isOff: boolean;
   bare: boolean;
   window?: number;
@@ -321,7 +313,7 @@ function ChannelPlot(props: {
 }
 
 /** Agreement of the free run in each channel, also with the changed value. */
-function Fits({ now, one }: { now: Validation; one: Recorded }) {
+function Fits({ now, one }: { now: Validation; one: ValidatedRecord }) {
   const changed = frame.value?.head.fit;
   return (
     <p role="group" aria-label="Fit of the free run">
@@ -371,14 +363,12 @@ function Suspect({ now }: { now: Validation }) {
       </p>
       {one && (
         <SliderRow
+          of={one}
           id="suspect"
-          label={one.key}
-          name={one.key}
           shown={isChanged ? value : digits(value, 4)}
           ends={[less || one.low!, more || one.high!]}
           kind={isChanged ? "changed" : one.kind}
           value={value}
-          unit={one.unit}
           put={put}
         />
       )}

@@ -1,9 +1,7 @@
 /** Traffic between the page and its server: token, requests, and the socket of the sliders. */
 import { effect, type Signal, signal } from "@preact/signals";
 import { type Frame, unpack } from "./frame";
-import type { Listed, Problem, Studies } from "./generated";
-
-export type { Listed, Problem, Studies };
+import type { Problem } from "./generated";
 
 export type Connection = "open" | "full" | "lost" | "locked" | "starting";
 
@@ -274,18 +272,13 @@ export class Live<Head extends { number: number }> {
   /** Numbers of requests, as attributes of the page. A waiting request counts as sent. */
   private count(): void {
     const page = document.documentElement.dataset;
-    page.sent = String(this.sent + Number(this.isWaiting));
+    page.sent = String(this.sent + Number(this.waiting !== null));
     page.mostOnTheWay = String(this.mostOnTheWay);
-  }
-
-  /** Whether another request waits. */
-  get isWaiting(): boolean {
-    return this.waiting !== null;
   }
 
   /** Whether an answer is still expected. */
   get isRunning(): boolean {
-    return this.isWaiting || this.onTheWay > 0;
+    return this.waiting !== null || this.onTheWay > 0;
   }
 
   /** Request a run. A waiting request is dropped. The first request opens the socket: a server has few of them. */

@@ -3,7 +3,7 @@
 import { computed, signal } from "@preact/signals";
 import { isPlaying, timeAt } from "../drive/moving";
 import { opened } from "../drive/opened";
-import { FigureView } from "../plots/figure";
+import { FigurePanel } from "../plots/figure";
 import { digits } from "../plots/looks";
 import type { Band } from "../plots/paint";
 import { type Curve, curveOf } from "../plots/plot";
@@ -23,7 +23,7 @@ export const motion = undoable(signal(false));
 const energy = undoable(signal(false));
 const band = undoable(signal(false));
 const width = undoable(signal(10)); // of the spreads, per cent
-const isNarrow = globalThis.matchMedia?.("(max-width: 60rem)").matches;
+export const isNarrow = globalThis.matchMedia?.("(max-width: 60rem)").matches;
 
 /** Selected comparisons of the run. A spread is centred on each value that has a slider. */
 export function besides(
@@ -31,17 +31,15 @@ export function besides(
   sliders: string[],
   numbers: Record<string, number>,
 ): Record<string, unknown> {
-  const spreads: [string, [number, number, string]][] = [];
+  const spreads: Record<string, [number, number, string]> = {};
   if (band.value)
     for (const key of sliders) {
       const field = fields.get(key);
       const value = numbers[key] ?? field?.number ?? 0;
       const half = (Math.abs(value) * width.value) / 100;
-      if (field?.number !== undefined && half > 0) spreads.push([key, [value - half, value + half, field.unit ?? ""]]);
+      if (field?.number !== undefined && half > 0) spreads[key] = [value - half, value + half, field.unit ?? ""];
     }
-  const chosen = { others, loops, motion, energy };
-  const values = Object.entries(chosen).map(([key, choice]) => [key, choice.value]);
-  return { ...Object.fromEntries(values), spreads: Object.fromEntries(spreads) };
+  return { others: others.value, loops: loops.value, motion: motion.value, energy: energy.value, spreads };
 }
 
 /** A newly opened file starts without the comparisons of the previous file. */
@@ -196,13 +194,8 @@ export function Loops({ now }: { now: Frame<RunHead> }) {
     curve: { x: of(name, "volume_m3", LITRE), y: of(name, "pressure_pa", BAR) },
   }));
   const title = "Pressure over volume of the chambers";
-  return (
-    <div class="panel">
-      <FigureView
-        shown={pointsFigure({ name: title, x: "volume, l", y: "pressure, bar abs", panels: [{ title, groups }] })}
-      />
-    </div>
-  );
+  const axes = { x: "volume, l", y: "pressure, bar abs" };
+  return <FigurePanel shown={pointsFigure({ name: title, ...axes, panels: [{ title, groups }] })} />;
 }
 
 /** Energy, lost exergy and air of the run. */

@@ -5,36 +5,32 @@ import { useMemo } from "preact/hooks";
 import { Circuit } from "../drive/circuit";
 import { MovingCircuit, pointAt, TimeRange, timeAt } from "../drive/moving";
 import { opened, restructure, said, set, problems as textProblems, useDrawing, valid } from "../drive/opened";
-import { count, digits, instant, isSevere, sentence, withUnit } from "../plots/looks";
-import { type Curve, curveOf, curvesOf, indexAt, Plot, zooming } from "../plots/plot";
-import type { Frame, Numbers } from "../server/frame";
+import { changed, count, digits, instant, isSevere, sentence, withUnit } from "../plots/looks";
+import { type Curve, curvesOf, indexAt, Plot, zooming } from "../plots/plot";
+import type { Frame } from "../server/frame";
 import type { Field, RunHead as Head, MovingCylinder, RunPanel as Panel } from "../server/generated";
 import { attempts } from "../server/server";
 import { undoable } from "../undo";
 import { isShowable, useLive } from "../workspace/answers";
 import { withFile } from "../workspace/command";
-import { Button, Fold, Pick, Remarks, TextInput } from "../workspace/fields";
+import { Button, Fold, Pick, Remarks, TextInput, toggled } from "../workspace/fields";
 import { studies } from "../workspace/files";
 import { Leading, Problems, SliderRow, useCopied } from "../workspace/parts";
 import { isOverMain } from "../workspace/tree";
 import * as beside from "./beside";
 import { braked, type Step, StepsPane, stepsOf, written } from "./steps";
 
-interface Trace {
+interface Trace extends Pick<Frame<Head>, "arrays"> {
   run: string; // what was simulated, in words
   label: string;
-  time: Numbers;
-  columns: Map<string, Numbers>;
 }
 
-const isNarrow = globalThis.matchMedia?.("(max-width: 60rem)").matches;
 const command = undoable(signal("0 s: 1, 1 s: -1"));
 const duration = undoable(signal("2 s"));
 const initial = undoable(signal(""));
 /** Values that have a slider. */
 export const pinned = undoable(signal<string[]>([]));
-export const pin = (key: string): void =>
-  void (pinned.value = pinned.value.includes(key) ? pinned.value.filter((one) => one !== key) : [...pinned.value, key]);
+export const pin = (key: string): void => void (pinned.value = toggled(pinned.value, key));
 const moved = undoable(signal<Record<string, number>>({})); // by `placeOf` a value
 const frozen = signal<Trace[]>([]);
 const answer = signal<Frame<Head> | null>(null);
@@ -59,14 +55,7 @@ const numbers = computed(() =>
   ),
 );
 
-const changes = computed(() => {
-  const out: Record<string, string | number> = {};
-  for (const [key, value] of Object.entries(numbers.value)) {
-    const field = fields.value.get(key);
-    if (field?.number !== undefined && value !== field.number) out[key] = withUnit(value, field.unit);
-  }
-  return out;
-});
+const changes = computed(() => changed(fields.value.values(), numbers.value));
 
 export function request(pixels = 1000): Record<string, unknown> | null {
   const now = opened.value;
@@ -96,7 +85,7 @@ effect(() => {
   [zoom.value, answer.value, wrong.value] = [null, null, []];
   [pinned.value, moved.value, frozen.value] = [now.sliders ?? [], {}, []];
   beside.forget();
-  beside.motion.value = now.kind === "circuit" && !isNarrow;
+  beside.motion.value = now.kind === "circuit" && !beside.isNarrow;
   initial.value = "";
   const lines = Object.entries(now.valves ?? {}).map(([valve, lowest]) => `${valve}: 0 s: 1, 1 s: ${lowest}`);
   command.value = now.kind === "circuit" ? lines.join("\n") : "0 s: 1, 1 s: -1";
@@ -109,7 +98,7 @@ function freeze(): void {
   const run = `${changed.join(", ") || "as described"}; ${command.value.trim().replace(/\s*\n\s*/g, "; ")}${initial.value && `; ${initial.value}`}`;
   const again = frozen.value.filter((one) => one.run === run).length;
   const label = again ? `${run}; ${again + 1}` : run;
-  frozen.value = [...frozen.value.slice(-6), { run, label, time: now.arrays.get("time_s")!, columns: now.arrays }];
+  frozen.value = [...frozen.value.slice(-6), { run, label, arrays: now.arrays }];
 }
 
 /** Frame of the view. It does not depend on answers, so that an answer redraws only curves and numbers. */
@@ -371,7 +360,7 @@ function Notes() {
   return (
     <>
       {notes.length > 0 && (
-        <Fold class="note" open={!isNarrow} title={count(notes.length, "more note")}>
+        <Fold class="note" open={!beside.isNarrow} title={count(notes.length, "more note")}>
           <ul class="warnings">
             {notes.map((one) => (
               <li key={one}>{sentence(one)}</li>
@@ -466,11 +455,7 @@ function PanelPlot({ panel, height, isLast }: { panel: Panel; height: number; is
   const curves: Curve[] = [
     ...curvesOf(now, panel),
     ...panel.curves.flatMap(({ column, label }) => beside.otherCurves(now, column, label)),
-    ...frozen.value.flatMap((trace) =>
-      panel.curves
-        .filter(({ column }) => trace.columns.has(column))
-        .map(({ column, label }) => curveOf(trace.columns, trace.time, column, `${label} (${trace.label})`)),
-    ),
+    ...frozen.value.flatMap((trace) => curvesOf(trace, panel, trace.label)),
   ];
   const bands = panel.curves.flatMap(({ column }, index) => beside.bandOf(now, column, index));
   const events = useMemo(() => now.head.events?.map((one) => ({ at: one.time_s, what: one.what })), [now]);
@@ -516,18 +501,14 @@ function Slider({ field }: { field: Field }) {
   const value = numbers.value[field.key] ?? field.number!;
   const isChanged = value !== field.number;
   const put = (next: number) => (moved.value = { ...moved.value, [placeOf(field)]: next });
-  const { unit = "" } = field;
-  const kind = isChanged ? "changed" : field.kind;
   return (
     <SliderRow
+      of={field}
       id={`slider-${field.key}`}
       label={field.key.replace(/^components\./, "")}
-      name={field.key}
       title={field.origin}
-      ends={[field.low!, field.high!]}
       value={value}
-      unit={unit}
-      kind={kind}
+      kind={isChanged ? "changed" : field.kind}
       put={put}>
       <Button
         class="icon"
@@ -539,7 +520,7 @@ function Slider({ field }: { field: Field }) {
       {isChanged && (
         <span class="row">
           <Button class="link" act={() => put(field.number!)} words={`back to ${field.text}`} />
-          <Button class="link" act={() => set(field.key, withUnit(value, unit))}>
+          <Button class="link" act={() => set(field.key, withUnit(value, field.unit))}>
             put into the text{field.copies && `, of ${field.copies.join(", ")} together`}
           </Button>
         </span>
@@ -565,22 +546,15 @@ function FileCommand({ valve }: { valve: string }) {
 function Run() {
   const isCircuit = valid.value?.kind === "circuit";
   const valves = valid.value?.valves ?? {};
+  const type = ({ currentTarget }: { currentTarget: { value: string } }) => (command.value = currentTarget.value);
+  const field = { id: "command", value: command.value, onInput: type };
   const oneWay = Object.keys(valves).filter((one) => valves[one] === 0);
   return (
     <div class="run">
       <label for="command">
         Command, -1 to 1{isCircuit ? ", a line for each valve" : ""}
         {oneWay.length > 0 && `; 0 to 1 for ${oneWay.join(", ")}`}
-        {isCircuit ? (
-          <textarea
-            id="command"
-            rows={3}
-            value={command.value}
-            onInput={(event) => (command.value = event.currentTarget.value)}
-          />
-        ) : (
-          <input id="command" value={command.value} onInput={(event) => (command.value = event.currentTarget.value)} />
-        )}
+        {isCircuit ? <textarea {...field} rows={3} /> : <input {...field} />}
       </label>
       {isCircuit ? (
         <Fold title="Commands from files">

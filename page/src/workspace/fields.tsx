@@ -55,6 +55,10 @@ export type Bound<T> = { of: Signal<T> } | { value: T; put: (value: T) => unknow
 export const bound = <T,>(by: Bound<T>): [value: T, put: (value: T) => unknown] =>
   "of" in by ? [by.of.value, (value) => (by.of.value = value)] : [by.value, by.put];
 
+/** Return a list with a thing at its end, or without it if it is there. */
+export const toggled = <T,>(list: T[], one: T): T[] =>
+  list.includes(one) ? list.filter((other) => other !== one) : [...list, one];
+
 type TickProps = Bound<boolean> & {
   label: ComponentChildren; // or a name that only a screen reader tells
   name?: string;
@@ -79,16 +83,15 @@ export function Tick({ label, name, class: look, ...by }: TickProps) {
 /** Boxes to tick below a legend. The chosen values keep the order of choosing. */
 export const Ticks = (props: {
   legend: string;
-  options: [key: string, label: string][];
+  options: Option[];
   chosen: string[];
   put: (chosen: string[]) => void;
 }) => (
   <fieldset>
     <legend>{props.legend}</legend>
     <div class="row">
-      {props.options.map(([key, label]) => {
-        const others = props.chosen.filter((other) => other !== key);
-        const put = (isIn: boolean) => props.put(isIn ? [...others, key] : others);
+      {props.options.map(pairOf).map(([key, label]) => {
+        const put = () => props.put(toggled(props.chosen, key));
         return <Tick key={key} label={label} value={props.chosen.includes(key)} put={put} />;
       })}
     </div>
@@ -142,18 +145,19 @@ export function Range({ label, name, id, value, ends: [low, high], words, put, s
   );
 }
 
+/** A value that can be chosen, with its text if that is another. */
 export type Option = string | [key: string, text: string];
+
+export const pairOf = (option: Option): [key: string, text: string] =>
+  Array.isArray(option) ? option : [option, option];
 
 export const Options = ({ of }: { of: Option[] }) => (
   <>
-    {of.map((option) => {
-      const [key, text] = Array.isArray(option) ? option : [option, option];
-      return (
-        <option key={key} value={key}>
-          {text}
-        </option>
-      );
-    })}
+    {of.map(pairOf).map(([key, text]) => (
+      <option key={key} value={key}>
+        {text}
+      </option>
+    ))}
   </>
 );
 

@@ -3,18 +3,21 @@
 import { signal, useSignal } from "@preact/signals";
 import type { ComponentChildren } from "preact";
 import { useEffect, useLayoutEffect } from "preact/hooks";
-import type { CommandInput as Field, Made } from "../server/generated";
-import { ask, attempting, type Problem, read } from "../server/server";
+import type { CommandInput, Form, Made, Problem } from "../server/generated";
+import { ask, attempting, read } from "../server/server";
 import { undoable } from "../undo";
 import { useRequest } from "./answers";
-import { Button, type Option, Tick, Ticks } from "./fields";
+import { Button, type Option, pairOf, Tick, Ticks, toggled } from "./fields";
 import { cataloguePaths, filesOf, freeName, pathsOf, studies } from "./files";
 import { follow, JobList } from "./jobs";
 import { NumberField, Problems, Select, Unsaved, useCopied } from "./parts";
 
 type Values = Record<string, unknown>;
+/** An input of a form. A view leaves out the parts that it does not use. */
+type Field = Pick<CommandInput, "key" | "label" | "kind"> &
+  Partial<Omit<CommandInput, "choices">> & { choices?: Option[] };
 
-const forms = signal<Record<string, { title: string; fields: Field[] }>>({});
+const forms = signal<Record<string, Form>>({});
 /** Typed values by command. They are kept while another view is shown. */
 const typed = undoable(signal<Record<string, Values>>({}));
 /** Values with which the fields of a command began last, and the free name among them. */
@@ -61,26 +64,6 @@ interface OwnForm {
   body: (values: Values) => Values;
 }
 
-/** Return an input of a form. */
-export const field = (
-  key: string,
-  label: string,
-  kind: string,
-  { choices = [], ...about }: Partial<Omit<Field, "choices">> & { choices?: Option[] } = {},
-): Field => ({
-  key,
-  label,
-  kind,
-  option: "",
-  start: "",
-  most: 0,
-  hint: "",
-  suffix: "",
-  only: [],
-  ...about,
-  choices: choices.map((one): [string, string] => (Array.isArray(one) ? one : [one, one])),
-});
-
 interface FormProps {
   kind: string;
   own?: OwnForm;
@@ -117,7 +100,7 @@ export function JobForm(props: FormProps) {
   const [copy, copied] = useCopied(form && isReady && !needed && !own ? sent : null, attempt);
   if (!form) return <Problems of={wrong.value} />;
   const shown = form.fields.filter(
-    (one) => !(one.key in given) && (!one.only.length || values[one.only[0]!] === one.only[1]),
+    (one) => !(one.key in given) && (!one.only?.length || values[one.only[0]!] === one.only[1]),
   );
   const run = () =>
     attempt(async () => {
@@ -168,24 +151,24 @@ const usedNames = (): (string | undefined)[] =>
 
 function FormField(props: { field: Field; value: unknown; put: (value: unknown) => void; made: string[] }) {
   const { field, value, put: change, made } = props;
-  const { label, kind, suffix, hint } = field;
+  const { label, kind, suffix, hint = "", choices = [] } = field;
   const files = KINDS[kind];
   if (kind === "recordings")
     return (
       <Recordings
         label={label}
-        paths={field.choices.map(([path]) => path)}
+        paths={choices.map((one) => pairOf(one)[0])}
         chosen={(value as string[] | undefined) ?? []}
         put={change}
         made={made}
       />
     );
   if (kind === "several")
-    return <Ticks legend={label} options={field.choices} chosen={(value as string[] | undefined) ?? []} put={change} />;
+    return <Ticks legend={label} options={choices} chosen={(value as string[] | undefined) ?? []} put={change} />;
   if (kind === "flag") return <Tick class="tick" label={label} value={value === true} put={change} />;
   if (files || kind === "choice") {
     const catalogue = kind === "drive" || kind === "model" ? cataloguePaths() : [];
-    const options: Option[] = files ? [["", "choose"], ...pathsOf(...files), ...catalogue] : field.choices;
+    const options: Option[] = files ? [["", "choose"], ...pathsOf(...files), ...catalogue] : choices;
     return <Select label={label} value={String(value ?? "")} options={options} put={change} />;
   }
   if (kind === "number" && field.start !== null)
@@ -235,7 +218,7 @@ function Recordings(props: {
             </>
           }
           value={chosen.includes(path)}
-          put={(isIn) => change(isIn ? [...chosen, path] : chosen.filter((one) => one !== path))}
+          put={() => change(toggled(chosen, path))}
         />
       ))}
     </fieldset>

@@ -4,8 +4,8 @@ import { useEffect, useState } from "preact/hooks";
 import { isUnsaved } from "../drive/opened";
 import { digits, pretty } from "../plots/looks";
 import { link } from "../routes";
-import type { SentValue } from "../server/generated";
-import { ask, type attempting, connection, type Listed, type Problem, read } from "../server/server";
+import type { Field, Listed, Problem, SentValue } from "../server/generated";
+import { ask, type attempting, connection, read } from "../server/server";
 import { useAnswer } from "./answers";
 import { type Bound, Breakable, Button, bound, Lines, type Option, Options, Range } from "./fields";
 
@@ -154,14 +154,13 @@ export function NumberField({ label, low = -Infinity, high = Infinity, whole = f
 }
 
 interface SliderProps {
+  of: Pick<Field, "key" | "unit" | "low" | "high">;
   id: string;
-  label: string;
+  label?: string; // absent: the key
   title?: string;
   value: number;
   shown?: number | string; // in the field; absent: the value
-  ends: [number, number];
-  unit?: string;
-  name: string; // of the field, without its unit
+  ends?: [number, number];
   kind: string;
   state?: string; // the word of the kind; absent: the kind
   put: (value: number) => void;
@@ -170,7 +169,8 @@ interface SliderProps {
 
 /** A value with its slider, its field and its unit. */
 export function SliderRow(props: SliderProps) {
-  const { id, label, title, value, shown = value, ends, unit = "", name, kind, state = kind, put, children } = props;
+  const { key, unit = "", low, high } = props.of;
+  const { id, label = key, title, value, shown = value, kind, state = kind, put, children } = props;
   return (
     <div class="slider">
       <label for={id}>
@@ -179,11 +179,11 @@ export function SliderRow(props: SliderProps) {
       <Range
         id={id}
         value={value}
-        ends={ends}
+        ends={props.ends ?? [low!, high!]}
         words={`${digits(value)} ${unit}`}
         put={(next) => put(Number(next.toPrecision(5)))}
       />
-      <NumberField label={`${name}, ${unit || "number"}`} value={shown} put={put} />
+      <NumberField label={`${key}, ${unit || "number"}`} value={shown} put={put} />
       <span class="unit">{unit}</span>
       <span class={`kind ${kind}`} title={title}>
         {state}

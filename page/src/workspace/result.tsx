@@ -1,7 +1,7 @@
 /** A result in the form that terminal, notebook and report share: a table of values, curves, and sentences. */
 
 import type { ComponentChildren } from "preact";
-import { FigureView } from "../plots/figure";
+import { FigurePanel } from "../plots/figure";
 import { isSevere, pretty } from "../plots/looks";
 import { type Group, isWide, pointsFigure } from "../plots/points";
 import { route } from "../routes";
@@ -127,9 +127,7 @@ export function Figures({ view }: { view: SentView }) {
   return (
     <>
       {(view.figures.length ? view.figures : figuresOf(view.curves)).map((one) => (
-        <div class="panel" key={one.name}>
-          <FigureView shown={one} />
-        </div>
+        <FigurePanel key={one.name} shown={one} />
       ))}
     </>
   );

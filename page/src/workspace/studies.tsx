@@ -5,12 +5,12 @@ import { useEffect } from "preact/hooks";
 import { isUnsaved } from "../drive/opened";
 import { count, pretty } from "../plots/looks";
 import { inCatalogue, link } from "../routes";
-import type { Compared } from "../server/generated";
-import { ask, attempting, connection, type Listed } from "../server/server";
+import type { Compared, Listed } from "../server/generated";
+import { ask, attempting, connection } from "../server/server";
 import { viewOf } from "../views";
 import { usePosted } from "./answers";
 import { Starts } from "./choose";
-import { Button, Fold, Tick } from "./fields";
+import { Button, Fold, Tick, toggled } from "./fields";
 import { folderOf, GROUPS, type Kinds, list, listed, refused, studies } from "./files";
 import { Chain, stale, trace, useHeadlines } from "./lineage";
 import { Copied, day, Problems } from "./parts";
@@ -60,10 +60,7 @@ const overview = signal<typeof import("../measured/overview") | null>(null);
 export const comparePair = (paths: string[]): void => void (pair.value = paths);
 
 /** Select a file for the comparison. The newest two count. */
-const tick = (path: string): void =>
-  void (pair.value = pair.value.includes(path)
-    ? pair.value.filter((one) => one !== path)
-    : [...pair.value, path].slice(-2));
+const tick = (path: string): void => void (pair.value = toggled(pair.value, path).slice(-2));
 
 /** Comparison of the two selected files in their current state. */
 function Compare() {
