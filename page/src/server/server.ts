@@ -205,107 +205,97 @@ export async function frame<Head>(path: string, given: Record<string, string>): 
 const OF_ANOTHER = ["path", "record", "law"];
 const ROOM_MS = 11; // of a frame of 60 Hz in which a drawing may begin
 
-/** The socket: at most one request is in flight and only the newest waits. Only the newest answer is drawn. */
-export class Live<Head extends { number: number }> {
-  sent = 0;
-  mostOnTheWay = 0;
-  private onTheWay = 0;
-  private newest = 0;
-  private toDraw: Frame<Head> | null = null;
-  private waiting: Record<string, unknown> | null = null;
-  private last: Record<string, unknown> | null = null;
-  private asked: Record<string, unknown> | null = null; // what is on its way
-  private socket: WebSocket | null = null;
-  private closed = false;
+type Request = Record<string, unknown> | null;
 
-  constructor(private readonly draw: (frame: Frame<Head>) => void) {
-    delete document.documentElement.dataset.drawn; // by another view
-  }
+/** Return the socket: at most one request is in flight and only the newest waits. Only the newest answer is drawn. */
+export function liveSocket<Head extends { number: number }>(draw: (frame: Frame<Head>) => void) {
+  const page = document.documentElement.dataset;
+  delete page.drawn; // by another view
+  let [sent, onTheWay, mostOnTheWay, newest, isClosed] = [0, 0, 0, 0, false];
+  let toDraw: Frame<Head> | null = null;
+  let [waiting, last, asked]: Request[] = [null, null, null]; // asked: what is on its way
+  let socket: WebSocket | null = null;
 
-  private connect(): void {
-    const socket = new WebSocket(`${location.protocol.replace("http", "ws")}//${location.host}/api/live`, [
+  function connect(): void {
+    const made = new WebSocket(`${location.protocol.replace("http", "ws")}//${location.host}/api/live`, [
       "pneudrive",
       `token.${token}`,
     ]);
-    socket.binaryType = "arraybuffer";
+    made.binaryType = "arraybuffer";
     let wasOpen = false;
-    socket.onopen = () => {
+    made.onopen = () => {
       wasOpen = true;
       connection.value = "open";
-      this.waiting ??= this.last;
-      this.pump();
+      waiting ??= last;
+      pump();
     };
-    socket.onmessage = (event: MessageEvent<ArrayBuffer>) => {
-      this.onTheWay -= 1;
-      const isOfAnother = OF_ANOTHER.some((key) => this.asked?.[key] !== this.last?.[key]);
+    made.onmessage = (event: MessageEvent<ArrayBuffer>) => {
+      onTheWay -= 1;
+      const isOfAnother = OF_ANOTHER.some((key) => asked?.[key] !== last?.[key]);
       const frame = unpack<Head>(event.data);
-      this.pump();
+      pump();
       if (isOfAnother) return; // its curves would appear under the name of the file that is now shown
-      if (frame.head.number <= this.newest) return;
-      this.newest = frame.head.number;
-      document.documentElement.dataset.answered = String(this.newest);
+      if (frame.head.number <= newest) return;
+      newest = frame.head.number;
+      page.answered = String(newest);
       const isLate = performance.now() - Number(document.timeline.currentTime) > ROOM_MS;
-      if (isLate && this.toDraw === null) requestAnimationFrame(() => this.drawNewest());
-      this.toDraw = frame;
-      if (!isLate) this.drawNewest();
+      if (isLate && toDraw === null) requestAnimationFrame(drawNewest);
+      toDraw = frame;
+      if (!isLate) drawNewest();
     };
-    socket.onclose = () => {
-      this.onTheWay = 0;
-      if (this.closed) return;
+    made.onclose = () => {
+      onTheWay = 0;
+      if (isClosed) return;
       if (wasOpen) connection.value = "lost";
-      else void look().then(() => !this.closed && connection.value === "open" && (connection.value = "full"));
-      setTimeout(() => this.connect(), 500);
+      else void look().then(() => !isClosed && connection.value === "open" && (connection.value = "full"));
+      setTimeout(() => isClosed || connect(), 500);
     };
-    this.socket = socket;
+    socket = made;
   }
 
   /** Draw at once, or in the next frame if the drawing would make this frame late. */
-  private drawNewest(): void {
-    const frame = this.toDraw;
-    this.toDraw = null;
-    if (!frame || this.closed) return;
-    this.draw(frame);
-    document.documentElement.dataset.drawn = String(frame.head.number);
-    this.count();
+  function drawNewest(): void {
+    const frame = toDraw;
+    toDraw = null;
+    if (!frame || isClosed) return;
+    draw(frame);
+    page.drawn = String(frame.head.number);
+    count();
   }
 
   /** Numbers of requests, as attributes of the page. A waiting request counts as sent. */
-  private count(): void {
-    const page = document.documentElement.dataset;
-    page.sent = String(this.sent + Number(this.waiting !== null));
-    page.mostOnTheWay = String(this.mostOnTheWay);
+  function count(): void {
+    page.sent = String(sent + Number(waiting !== null));
+    page.mostOnTheWay = String(mostOnTheWay);
   }
 
-  /** Whether an answer is still expected. */
-  get isRunning(): boolean {
-    return this.waiting !== null || this.onTheWay > 0;
+  function pump(): void {
+    if (waiting === null || onTheWay > 0 || socket?.readyState !== WebSocket.OPEN) return;
+    sent += 1;
+    onTheWay += 1;
+    mostOnTheWay = Math.max(mostOnTheWay, onTheWay);
+    asked = waiting;
+    socket.send(JSON.stringify({ ...waiting, number: sent }));
+    waiting = null;
   }
 
-  /** Request a run. A waiting request is dropped. The first request opens the socket: a server has few of them. */
-  request(asked: Record<string, unknown>): void {
-    if (!this.socket) this.connect();
-    this.waiting = asked;
-    this.last = asked;
-    this.pump();
-    this.count();
-  }
-
-  private pump(): void {
-    if (this.waiting === null || this.onTheWay > 0 || this.socket?.readyState !== WebSocket.OPEN) return;
-    this.sent += 1;
-    this.onTheWay += 1;
-    this.mostOnTheWay = Math.max(this.mostOnTheWay, this.onTheWay);
-    this.asked = this.waiting;
-    this.socket.send(JSON.stringify({ ...this.waiting, number: this.sent }));
-    this.waiting = null;
-  }
-
-  close(): void {
-    this.closed = true;
-    if (connection.value === "full") connection.value = "open";
-    const socket = this.socket;
-    if (socket?.readyState === WebSocket.CONNECTING)
-      socket.onopen = () => socket.close(); // the browser complains of it before
-    else socket?.close();
-  }
+  return {
+    /** Whether an answer is still expected. */
+    isRunning: () => waiting !== null || onTheWay > 0,
+    /** Request a run. A waiting request is dropped. The first request opens the socket: a server has few of them. */
+    request(what: Request): void {
+      if (!socket) connect();
+      waiting = last = what;
+      pump();
+      count();
+    },
+    close(): void {
+      isClosed = true;
+      if (connection.value === "full") connection.value = "open";
+      const left = socket;
+      if (left?.readyState === WebSocket.CONNECTING)
+        left.onopen = () => left.close(); // the browser complains of it before
+      else left?.close();
+    },
+  };
 }

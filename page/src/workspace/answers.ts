@@ -3,7 +3,7 @@ import { effect, type Signal, useSignal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
 import type { Frame } from "../server/frame";
 import type { Problem } from "../server/generated";
-import { ask, Live, problemsOf, read } from "../server/server";
+import { ask, liveSocket, problemsOf, read } from "../server/server";
 
 /**
  * Return the answer about a subject, and the problems of a refusal. Another subject has no answer until its own comes;
@@ -59,7 +59,7 @@ export function useLive<Head extends { number: number }>(
   again: unknown[] = [],
 ): void {
   useEffect(() => {
-    const live = new Live<Head>((frame) => take(frame, live.isRunning));
+    const live = liveSocket<Head>((frame) => take(frame, live.isRunning()));
     const end = effect(() => {
       const newest = request();
       if (newest) live.request(newest);
