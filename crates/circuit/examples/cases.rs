@@ -34,7 +34,7 @@ fn main() {
         let start = std::time::Instant::now();
         let rows = if servo_loop {
             let mut session = drive.session(&initial, options);
-            let column = |name: &str| session.columns().iter().position(|own| own.ends_with(name));
+            let column = |name: &str| session.assembly.columns().iter().position(|own| own.ends_with(name));
             let columns = ["position_m", "velocity_m_s"].map(|name| column(name).expect("a column")).to_vec();
             let input = session.inputs().iter().position(|own| own.name.ends_with("command"));
             let sampling = Sampling {

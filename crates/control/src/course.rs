@@ -89,9 +89,11 @@ const STEEPEST: f64 = 1.875;
 #[derive(Clone, Copy, Debug)]
 pub struct Course<'a> {
     /// The reference; `None` if the drive is at rest.
-    reference: Option<&'a Reference>,
-    stands_at: f64,
-    fade: Option<Fade>,
+    pub(crate) reference: Option<&'a Reference>,
+    /// Place at which a path ends without a reference, m.
+    pub(crate) stands_at: f64,
+    /// A path to that place, or back to the reference, which fades out.
+    pub(crate) fade: Option<Fade>,
 }
 
 impl<'a> From<&'a Reference> for Course<'a> {
@@ -101,16 +103,6 @@ impl<'a> From<&'a Reference> for Course<'a> {
 }
 
 impl<'a> Course<'a> {
-    /// Returns a course along a reference, plus a path back to it that fades out.
-    pub fn back_to(reference: &'a Reference, fade: Fade) -> Self {
-        Course { fade: Some(fade), ..reference.into() }
-    }
-
-    /// Returns a course to a place, m, at which a path ends.
-    pub fn to_stand(at: f64, fade: Fade) -> Self {
-        Course { reference: None, stands_at: at, fade: Some(fade) }
-    }
-
     /// Returns the reference, if no path is added to it.
     pub fn reference(&self) -> Option<&'a Reference> {
         self.reference.filter(|_| self.fade.is_none())

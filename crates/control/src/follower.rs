@@ -124,7 +124,7 @@ impl Follower {
         });
         if lost {
             // The sample is much later than the last one, or far from the model: the observer starts again.
-            self.restart();
+            self.observer = None;
             self.take(sample);
         }
         self.adapt(measured && sample.pressures.is_some());
@@ -186,11 +186,6 @@ impl Follower {
         Ok(())
     }
 
-    /// Restarts the observer with the next sample.
-    pub(crate) fn restart(&mut self) {
-        self.observer = None;
-    }
-
     /// Continues from a command without a bump. Holding and breakaway begin anew.
     pub(crate) fn begin_anew(&mut self, command: f64) {
         self.push = 0.0;
@@ -205,10 +200,10 @@ impl Follower {
     /// efforts, N in +x.
     pub fn deviation(&self, reference: &Reference) -> Option<f64> {
         let (observer, model) = (self.observer.as_ref()?, &self.model);
-        let Effort { mass, load, .. } = reference.effort(observer.time())?;
+        let Effort { mass, load, .. } = reference.effort(observer.time)?;
         let State { position, velocity, friction, pressures, .. } = observer.state;
         let [_, viscous] = model.friction_levels([position, velocity], pressures);
-        let planned = mass * reference.at(observer.time()).acceleration - load;
+        let planned = mass * reference.at(observer.time).acceleration - load;
         Some(model.gas_force(pressures) - friction - viscous * velocity - planned)
     }
 
@@ -226,7 +221,7 @@ impl Follower {
     pub(crate) fn foresee(&self, time: f64) -> Option<(State, Edges<f64>)> {
         let observer = self.observer.as_ref()?;
         let (state, _) = observer.predict(&self.model, time, self.period);
-        Some((state, observer.spool.clone().edges(&self.model, observer.time(), time)))
+        Some((state, observer.spool.clone().edges(&self.model, observer.time, time)))
     }
 
     /// Position resolution of the model one period ahead, m. It is the sensor resolution, or the distance by which
@@ -256,7 +251,7 @@ impl<S: Number, L: Law<S>> Follower<L, S> {
         let (Some(adaptation), Some(observer)) = (&mut self.adaptation, &mut self.observer) else { return };
         adaptation.learn_mass(&mut self.model, &observer.state, self.speed, self.period);
         if measured {
-            let spool = matches!(self.valves, Valves::One).then(|| observer.spool.state());
+            let spool = matches!(self.valves, Valves::One).then(|| observer.spool.state);
             adaptation.learn(&mut self.model, &mut observer.state, spool, self.period);
         }
     }

@@ -118,7 +118,8 @@ pub struct Observer<S = f64> {
     /// Gains of position, 1, velocity, 1/s, and of the disturbance over the mass, 1/s2. The poles stay the same if the
     /// mass is learned.
     gain: [f64; 3],
-    time: f64,
+    /// Time of the last sample, s.
+    pub time: f64,
 }
 
 /// Noise of the position sensor, and expected wander of the disturbance.
@@ -207,11 +208,6 @@ impl<S: Number> Observer<S> {
         }
         self.time = to;
         correct(model, &mut self.state, sample.position, self.gain);
-    }
-
-    /// Returns the time of the last sample, s.
-    pub fn time(&self) -> f64 {
-        self.time
     }
 
     /// Predicts state and spool at a later time, s, under the commands given so far.

@@ -10,7 +10,7 @@ use std::collections::VecDeque;
 #[derive(Clone, Debug)]
 pub struct Spool<S = f64> {
     /// Position and speed.
-    state: [S; 2],
+    pub state: [S; 2],
     /// Commands under way: the times at which they act, s, and their values; the first one acts now.
     acts: VecDeque<(f64, S)>,
     angular_frequency: f64,
@@ -129,11 +129,6 @@ impl<S: Number> Spool<S> {
         let [position, _] = self.state;
         self.advance(middle, to);
         position
-    }
-
-    /// Returns position and speed.
-    pub fn state(&self) -> [S; 2] {
-        self.state
     }
 
     /// Returns the present position.

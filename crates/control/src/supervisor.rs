@@ -39,7 +39,8 @@ pub struct Supervisor {
     pub standby: AnyLaw,
     /// Whether it also takes over from custom laws. If false, a failure of such a law ends the run.
     pub serves_own: bool,
-    log: Log,
+    /// Its events.
+    pub log: Log,
     mode: Mode,
     position: Position,
     gas: Gas,
@@ -70,11 +71,6 @@ impl Supervisor {
         Supervisor { rules, standby, ..Supervisor::default() }
     }
 
-    /// Returns the events.
-    pub fn log(&self) -> &Log {
-        &self.log
-    }
-
     /// Returns the time of a sample on an even clock. An invalid time becomes the time of the last sample.
     pub(crate) fn corrected(&self, time: f64) -> f64 {
         let time = time + self.correction;
@@ -96,7 +92,7 @@ impl Supervisor {
             && (self.position.is_lost() || self.gas.is_lost() || self.gas.supply_told || self.stands_by)
         {
             // A lost signal may be back: the supervisor starts again.
-            own.restart();
+            own.observer = None;
             (self.position, self.gas) = Default::default();
             self.lost_for = 0.0;
         }
@@ -119,7 +115,7 @@ impl Supervisor {
             self.react(own, &sample, reaction);
         }
         // Without readings, the model can be trusted only for a short time. Then the enclosed air stops the drive.
-        if self.lost_for >= MODEL_TRUSTED && self.mode.ends_shut() {
+        if self.lost_for >= MODEL_TRUSTED && matches!(self.mode, Mode::Stops { shuts: true, .. }) {
             self.mode = Mode::Shut;
         }
         let course = self.mode.course(sample.time, &state, reference, &mut self.log);

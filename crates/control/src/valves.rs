@@ -112,19 +112,13 @@ impl Valves {
     pub fn tuned(model: &Model, plant: &Plant, period: f64) -> Self {
         let stiffness = plant.natural_frequency * plant.natural_frequency * model.mass;
         let rate = STIFFNESS_RATE * plant.bandwidth();
-        let least = |armature: &Armature| {
-            let pulse = armature.arrives();
-            (pulse, 0.5 * plant.force_rate * samples(pulse, period) * period)
-        };
+        let pulse = model.valve.arrangement.armature().map_or(0.0, Armature::arrives);
+        let band = 0.5 * plant.force_rate * samples(pulse, period) * period;
         match model.valve.arrangement {
             Arrangement::One => Valves::One,
             Arrangement::Pair => Valves::Pair(Pair::new(stiffness, rate)),
-            Arrangement::Three(armature) => {
-                let (pulse, band) = least(&armature);
-                Valves::Three(armature, Three::new(pulse, band))
-            }
+            Arrangement::Three(armature) => Valves::Three(armature, Three::new(pulse, band)),
             Arrangement::Seven(armature) => {
-                let (pulse, band) = least(&armature);
                 Valves::Seven(armature, Seven::new(pulse, band, stiffness, rate, STIFFNESS_WEIGHT))
             }
             Arrangement::Pulses(armature, pulses) => {

@@ -56,12 +56,12 @@ impl<R: Lane> Queue<'_, '_, R> {
                     continue;
                 }
             };
-            if !assembly.circuit.shares_analysis(&planned.ensemble.template().circuit) {
+            if !assembly.circuit.shares_analysis(&planned.ensemble.members.template.circuit) {
                 let came = self.worker.run_alone(&assembly, member, stop);
                 self.enter(member, came);
                 continue;
             }
-            let template = planned.ensemble.template();
+            let template = &planned.ensemble.members.template;
             let circuit = Arc::unwrap_or_clone(assembly.circuit);
             let (circuit, y) = self.worker.start(circuit, template, member);
             let mut due = planned.due(member);
@@ -157,7 +157,7 @@ impl<'g, 'w, 'a, 'f, R: Lane> Group<'g, 'w, 'a, 'f, R> {
             return;
         }
         if failure.is_none() && !seat.due.is_empty() {
-            let template = self.queue.worker.planned.ensemble.template();
+            let template = &self.queue.worker.planned.ensemble.members.template;
             self.follower.changes(lane, self.stepper.system());
             while let Some((_, input, value)) = seat.due.pop_if(|due| due.0 <= now) {
                 template.set(&mut seat.circuit, input, 0, value);

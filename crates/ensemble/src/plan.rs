@@ -67,7 +67,7 @@ pub struct EnsembleRequest<'a> {
     pub plans: Vec<Plan<'a>>,
     /// Duration of the runs, s: one number for all, or one for each.
     pub duration: Column<'a>,
-    /// Start values in the order of [`Ensemble::start_names`]: one row for all, or one for each.
+    /// Start values in the order of [`given_names`](Assembly::given_names): one row for all, or one for each.
     pub initial: Column<'a>,
     /// Rest time of all contacts before the start, s.
     pub contact_age: f64,
@@ -110,7 +110,8 @@ impl Kernel {
 /// Members of one description.
 #[derive(Clone, Debug)]
 pub struct Ensemble {
-    pub(crate) members: Members,
+    /// The circuit that they share, and the numbers in which they differ.
+    pub members: Members,
 }
 
 fn read<T: FromJson>(json: &str) -> Result<T, Error> {
@@ -124,21 +125,6 @@ impl Ensemble {
     pub fn called(json: &str, names: &[String], short: Arc<Names>) -> Result<Self, Error> {
         let spec: specification::Circuit = read(json)?;
         Ok(Ensemble { members: Network::called(&spec, false, short)?.members(json, names)?.general()? })
-    }
-
-    /// Circuit that all members share.
-    pub fn template(&self) -> &Assembly {
-        self.members.template()
-    }
-
-    /// Names of the numbers in which members differ.
-    pub fn names(&self) -> &[String] {
-        self.members.names()
-    }
-
-    /// Returns the names of the start values.
-    pub fn start_names(&self) -> Vec<&str> {
-        self.template().given_names()
     }
 }
 
@@ -154,7 +140,7 @@ pub(crate) struct Planned<'a> {
 
 impl<'a> Planned<'a> {
     pub fn of(ensemble: &'a Ensemble, asked: &'a EnsembleRequest<'a>) -> Result<Self, Error> {
-        let (template, k) = (ensemble.template(), ensemble.names().len());
+        let (template, k) = (&ensemble.members.template, ensemble.members.names.len());
         if asked.values.len() != asked.members * k {
             return refuse!(
                 "values has {} numbers: it must have a row of {k} for each of the {} members",
@@ -164,10 +150,13 @@ impl<'a> Planned<'a> {
         }
         for (member, row) in asked.values.chunks_exact(k.max(1)).enumerate() {
             for (place, &value) in row.iter().enumerate() {
-                ensemble.members.check(place, value).map_err(|error| in_row(member, &error))?;
+                ensemble
+                    .members
+                    .check(place, value)
+                    .map_err(|error| Error::Specification(format!("member {member}: {error}")))?;
             }
         }
-        let names = ensemble.start_names();
+        let names = template.given_names();
         asked.initial.check("initial", asked.members)?;
         if asked.initial.width != names.len() {
             return refuse!("initial must have a number for each of {}", names.join(", "));
@@ -201,7 +190,7 @@ impl<'a> Planned<'a> {
     /// Limit on the step attempts of a member, independent of its neighbours.
     pub fn budget(&self, member: usize) -> u64 {
         let commands = self.asked.plans.iter().map(|plan| plan.times.len()).sum();
-        let states = self.ensemble.template().circuit.n_states();
+        let states = self.ensemble.members.template.circuit.n_states();
         let duration = self.asked.duration.row(member)[0];
         self.asked.budget.unwrap_or_else(|| budget(duration, commands, states))
     }
@@ -225,10 +214,6 @@ impl<'a> Planned<'a> {
         due.sort_by(|one, other| one.0.total_cmp(&other.0));
         due
     }
-}
-
-fn in_row(member: usize, error: &Error) -> Error {
-    Error::Specification(format!("member {member}: {error}"))
 }
 
 fn check_start(template: &Assembly, initial: &Column) -> Result<(), Error> {

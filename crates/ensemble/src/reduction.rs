@@ -135,7 +135,7 @@ impl<'a, R: Lane> Reducer<'a, R> {
             times: rate.map_or(Vec::new(), |rate| sample_times(duration, rate)),
             next: vec![usize::MAX; R::L],
             waiting: vec![Vec::new(); R::L],
-            at: vec![R::zero(); 1 + assembly.circuit.structure().n()],
+            at: vec![R::zero(); 1 + assembly.circuit.structure().n],
             needs_rows: sources
                 .iter()
                 .zip(asked)
@@ -205,7 +205,7 @@ impl<'a, R: Lane> Reducer<'a, R> {
         if let Some(course) = self.courses[r] {
             return course.of(lane).value(theta);
         }
-        let y = &states.at(theta)[..circuit.structure().n()];
+        let y = &states.at(theta)[..circuit.structure().n];
         self.assembly.row(circuit, R::c(theta.mul_add(h, t)), y, &mut self.net, &mut self.row);
         self.row[self.asked[r].column].get(lane)
     }
@@ -246,7 +246,7 @@ impl<'a, R: Lane> Reducer<'a, R> {
         if !self.needs_rows {
             return;
         }
-        let n = circuit.structure().n();
+        let n = circuit.structure().n;
         for (k, row) in self.rows.iter_mut().enumerate() {
             let y = match k {
                 0 => states.before(),

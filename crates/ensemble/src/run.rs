@@ -114,7 +114,7 @@ impl<'a> Planned<'a> {
         outcome: &mut Outcome,
         interrupted: &mut dyn FnMut(f64) -> bool,
     ) -> Result<bool, Error> {
-        let circuit = &self.ensemble.template().circuit;
+        let circuit = &self.ensemble.members.template.circuit;
         let run = EnsembleRun { plan: self, total, widths, outcome, interrupted };
         match self.kernel {
             Kernel::Eight if circuit.is_fused() && circuit.n_events() == 0 => with_eight(run),
@@ -123,7 +123,7 @@ impl<'a> Planned<'a> {
     }
 
     fn worker<R: Lane>(&self, width: usize) -> Worker<'_, R> {
-        let (template, duration) = (self.ensemble.template(), self.asked.duration.row(0)[0]);
+        let (template, duration) = (&self.ensemble.members.template, self.asked.duration.row(0)[0]);
         // Timings that start with a command need a separate schedule for each member.
         let beside = self.kernel != Kernel::Scalar && template.timings.is_empty();
         Worker {

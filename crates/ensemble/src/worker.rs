@@ -52,7 +52,7 @@ impl<R: Lane> Worker<'_, R> {
 
     /// Returns the assembly of a member with its numbers.
     pub fn member(&mut self, member: usize) -> Result<Assembly, Error> {
-        let k = self.planned.ensemble.names().len();
+        let k = self.planned.ensemble.members.names.len();
         self.members.member(&self.planned.asked.values[member * k..][..k])
     }
 

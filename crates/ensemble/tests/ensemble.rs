@@ -69,7 +69,7 @@ fn asked(values: &[f64], outputs: Vec<Reduction>, threads: usize) -> EnsembleReq
 }
 
 fn output(ensemble: &Ensemble, column: &str, what: Statistic) -> Reduction {
-    let columns = ensemble.template().columns();
+    let columns = ensemble.members.template.columns();
     Reduction { column: columns.iter().position(|own| own == column).expect("a column"), what }
 }
 
@@ -213,7 +213,7 @@ fn members_are_analysed_once() {
     let network = Network::assemble(&spec, false).expect("assembles");
     let members = network.members(&circuit(), &names).expect("members");
     let mut members = members.general().expect("members");
-    let template = members.template().clone();
+    let template = members.template.clone();
     for (row, index) in rows(50).chunks_exact(VARY.len()).zip([0.5, 0.4].into_iter().cycle()) {
         let own = members.member(&[row, &[index]].concat()).expect("a member");
         assert!(own.circuit.shares_analysis(&template.circuit));
@@ -268,7 +268,7 @@ fn a_circuit_has_members_too() {
     let times = run(&ensemble, &asked).columns.remove(0);
     let spec: specification::Circuit = serde_json::from_str(json).expect("valid");
     let network = Network::assemble(&spec, false).expect("assembles");
-    assert_eq!(network.start_names(), ensemble.start_names());
+    assert_eq!(network.assembly.given_names(), ensemble.members.template.given_names());
     // Twice the conductance takes half the time, twice the volume twice.
     assert!(
         (times[1] / times[0] - 0.5).abs() < 1e-4 && (times[2] / times[0] - 1.0).abs() < 1e-4,

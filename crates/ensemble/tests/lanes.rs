@@ -33,7 +33,7 @@ fn drive(law: &str, parameters: &[(&str, f64)]) -> String {
 
 fn run(ensemble: &Ensemble, kernel: Kernel, threads: usize) -> Outcome {
     let names = ["cylinder.bore", "supply.pressure", "load.mass"];
-    assert_eq!(ensemble.names(), names);
+    assert_eq!(ensemble.members.names, names);
     let values = |m| [spread(m, 0, 0.016, 0.04), spread(m, 1, 3e5, 9e5), spread(m, 2, 0.0, 8.0)];
     let values: Vec<f64> = (0..MEMBERS).flat_map(values).collect();
     // Hard strokes into the stops, creeping, and a valve that is shut in between.
@@ -46,7 +46,7 @@ fn run(ensemble: &Ensemble, kernel: Kernel, threads: usize) -> Outcome {
         [spread(m, 6, 0.02, 0.48), 0.0, spread(m, 7, 1.5e5, 6e5), 293.15, spread(m, 8, 1.5e5, 6e5), 293.15]
     };
     let starts: Vec<f64> = (0..MEMBERS).flat_map(starts).collect();
-    let columns = ensemble.template().columns();
+    let columns = ensemble.members.template.columns();
     let mut outputs: Vec<Reduction> =
         (1..columns.len()).map(|column| Reduction { column, what: Statistic::Final }).collect();
     outputs.push(Reduction { column: 1, what: Statistic::When { value: 0.4, above: true } });

@@ -171,7 +171,7 @@ functions! {
         Ok(())
     };
     fmi3GetNumberOfEventIndicators(instance, n: *mut usize) in ANY => {
-        put(n, instance.kept.model.n_events()?);
+        put(n, instance.kept.model.events()?.len());
         Ok(())
     };
     fmi3GetNumberOfContinuousStates(instance, n: *mut usize) in ANY => {

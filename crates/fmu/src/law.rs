@@ -15,7 +15,8 @@ pub struct RunningLaw {
     /// Indices of the [`INPUTS`] among the variables. Without pressure sensors, these indices are absent.
     inputs: [Option<usize>; INPUTS.len()],
     t0: f64,
-    time: f64,
+    /// Time, s.
+    pub time: f64,
     /// Index of the next sample.
     tick: u64,
     answer: Option<Answer>,
@@ -30,11 +31,6 @@ impl RunningLaw {
         };
         let (reference, inputs) = (plan.motion.clone(), INPUTS.map(place));
         Ok(RunningLaw { controller, reference, inputs, t0, time: t0, tick: 0, answer: None })
-    }
-
-    /// Time, s.
-    pub fn time(&self) -> f64 {
-        self.time
     }
 
     /// Continues to a time, s. All samples before that time use the present inputs.
@@ -74,7 +70,7 @@ impl RunningLaw {
             "estimated_velocity" => of(|own| own.velocity),
             "disturbance" => of(|own| own.disturbance),
             "holds" => of(|own| f64::from(u8::from(own.holds))),
-            "events" => self.controller.supervisor.as_ref().map_or(0, |own| own.log().events().len()) as f64,
+            "events" => self.controller.supervisor.as_ref().map_or(0, |own| own.log.events.len()) as f64,
             _ => return None,
         })
     }

@@ -202,7 +202,7 @@ impl FmuModel {
             };
             return Ok(match role {
                 VariableRole::Output { of } => running.output(of).unwrap_or(kept),
-                _ => running.time(),
+                _ => running.time,
             });
         }
         let Running { session, places, motion, origin, .. } = self.running()?;
@@ -221,7 +221,7 @@ impl FmuModel {
 
     /// Returns the present time, s.
     pub fn time(&self) -> f64 {
-        let law = self.law.as_ref().map(RunningLaw::time);
+        let law = self.law.as_ref().map(|own| own.time);
         law.unwrap_or_else(|| self.running.as_ref().map_or(self.t0, |running| running.session.time()))
     }
 
@@ -268,11 +268,6 @@ impl FmuModel {
     /// Returns the number of continuous states that the tool integrates.
     pub fn n_states(&mut self) -> Result<usize, CallRefusal> {
         Ok(self.continuous()?.len())
-    }
-
-    /// Returns the number of event functions.
-    pub fn n_events(&mut self) -> Result<usize, CallRefusal> {
-        Ok(self.running()?.session.events().len())
     }
 
     /// Sets the time, s.
@@ -388,7 +383,7 @@ impl FmuModel {
         let Running { session, places, .. } = self.running()?;
         let state_of = |at: usize| match &plan.variables[at].role {
             VariableRole::Output { of } | VariableRole::State { of } | VariableRole::Change { of } => {
-                session.state_names().iter().position(|(name, _)| name == of)
+                session.circuit().state_names().iter().position(|(name, _)| name == of)
             }
             _ => None,
         };
@@ -437,7 +432,7 @@ fn finite_at(session: &Session, mut rates: impl Iterator<Item = (usize, f64)>) -
         Some((place, _)) => Err(CallRefusal {
             message: format!(
                 "the rate of {} is not finite at t = {} s. Try a shorter step, or a larger dead volume",
-                session.state_names()[place].0,
+                session.circuit().state_names()[place].0,
                 session.time()
             ),
             discard: true,

@@ -10,111 +10,74 @@ pub struct Id(pub(crate) usize);
 /// Largest number of nodes of a graph.
 pub(crate) const MOST_NODES: usize = 2000;
 
-/// An operation on values: nodes of a graph, or registers of a program.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub enum Operation<A = Id> {
-    /// Bits of a number.
-    Number(u64),
-    /// A parameter, by its index.
-    Parameter(usize),
-    /// An input, by its index.
-    Input(usize),
-    /// Negative of a.
-    Negative(A),
-    /// a + b.
-    Add(A, A),
-    /// a - b.
-    Subtract(A, A),
-    /// a b.
-    Multiply(A, A),
-    /// a / b.
-    Divide(A, A),
-    /// a b + c, rounded once.
-    Fused(A, A, A),
-    /// Size of a.
-    Size(A),
-    /// Square root of a.
-    Root(A),
-    /// Exponential function of a.
-    Exponential(A),
-    /// Natural logarithm of a.
-    Logarithm(A),
-    /// Hyperbolic tangent of a.
-    Tangent(A),
-    /// Sine of a.
-    Sine(A),
-    /// Cosine of a.
-    Cosine(A),
-    /// a to the power b.
-    Power(A, A),
-    /// Smaller one of a and b.
-    Least(A, A),
-    /// Greater one of a and b.
-    Greatest(A, A),
-    /// c if a < b, else d.
-    Select(A, A, A, A),
+/// Lists the operations, each with its value from those of its arguments `A`, and its meaning.
+macro_rules! operations {
+    ($($name:ident($($argument:ident: $type:ident),*) = $value:expr, $meaning:literal;)*) => {
+        /// An operation on values: nodes of a graph, or registers of a program.
+        #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+        pub enum Operation<A = Id> {
+            /// Bits of a number.
+            Number(u64),
+            /// A parameter, by its index.
+            Parameter(usize),
+            /// An input, by its index.
+            Input(usize),
+            $(#[doc = $meaning] $name($($type),*),)*
+        }
+
+        impl<A: Copy> Operation<A> {
+            /// Returns the same operation on other values.
+            pub fn map<B>(&self, mut of: impl FnMut(A) -> B) -> Operation<B> {
+                match *self {
+                    Operation::Number(bits) => Operation::Number(bits),
+                    Operation::Parameter(index) => Operation::Parameter(index),
+                    Operation::Input(index) => Operation::Input(index),
+                    $(Operation::$name($($argument),*) => Operation::$name($(of($argument)),*),)*
+                }
+            }
+
+            /// Returns the value, given the values of the arguments. `given` has the values of parameters and inputs.
+            #[inline(always)]
+            pub fn value<S: Real>(&self, of: impl Fn(A) -> S, given: impl Fn(&Self) -> S) -> S {
+                match *self {
+                    Operation::Number(bits) => S::c(f64::from_bits(bits)),
+                    Operation::Parameter(_) | Operation::Input(_) => given(self),
+                    $(Operation::$name($($argument),*) => {
+                        $(let $argument = of($argument);)*
+                        $value
+                    })*
+                }
+            }
+        }
+    };
+}
+
+operations! {
+    Negative(a: A) = -a, "Negative of a.";
+    Add(a: A, b: A) = a + b, "a + b.";
+    Subtract(a: A, b: A) = a - b, "a - b.";
+    Multiply(a: A, b: A) = a * b, "a b.";
+    Divide(a: A, b: A) = a / b, "a / b.";
+    Fused(a: A, b: A, c: A) = a.fma(b, c), "a b + c, rounded once.";
+    Size(a: A) = a.abs(), "Size of a.";
+    Root(a: A) = a.sqrt(), "Square root of a.";
+    Exponential(a: A) = a.exp(), "Exponential function of a.";
+    Logarithm(a: A) = a.ln(), "Natural logarithm of a.";
+    Tangent(a: A) = a.tanh(), "Hyperbolic tangent of a.";
+    Sine(a: A) = a.sin(), "Sine of a.";
+    Cosine(a: A) = a.cos(), "Cosine of a.";
+    Power(a: A, b: A) = a.pow(b), "a to the power b.";
+    Least(a: A, b: A) = a.min(b), "Smaller one of a and b.";
+    Greatest(a: A, b: A) = a.max(b), "Greater one of a and b.";
+    Select(a: A, b: A, c: A, d: A) = S::select(a.lt(b), c, d), "c if a < b, else d.";
 }
 
 impl<A: Copy> Operation<A> {
-    /// Returns the same operation on other values.
-    pub fn map<B>(&self, mut of: impl FnMut(A) -> B) -> Operation<B> {
-        use Operation::*;
-        match *self {
-            Number(bits) => Number(bits),
-            Parameter(index) => Parameter(index),
-            Input(index) => Input(index),
-            Negative(a) => Negative(of(a)),
-            Add(a, b) => Add(of(a), of(b)),
-            Subtract(a, b) => Subtract(of(a), of(b)),
-            Multiply(a, b) => Multiply(of(a), of(b)),
-            Divide(a, b) => Divide(of(a), of(b)),
-            Fused(a, b, c) => Fused(of(a), of(b), of(c)),
-            Size(a) => Size(of(a)),
-            Root(a) => Root(of(a)),
-            Exponential(a) => Exponential(of(a)),
-            Logarithm(a) => Logarithm(of(a)),
-            Tangent(a) => Tangent(of(a)),
-            Sine(a) => Sine(of(a)),
-            Cosine(a) => Cosine(of(a)),
-            Power(a, b) => Power(of(a), of(b)),
-            Least(a, b) => Least(of(a), of(b)),
-            Greatest(a, b) => Greatest(of(a), of(b)),
-            Select(a, b, c, d) => Select(of(a), of(b), of(c), of(d)),
-        }
-    }
-
     /// Returns its arguments in order.
     pub fn arguments(&self) -> Vec<A> {
         let mut all = Vec::new();
         self.map(|argument| all.push(argument));
         all
-    }
-
-    /// Returns the value, given the values of the arguments. `given` has the values of parameters and inputs.
-    #[inline(always)]
-    pub fn value<S: Real>(&self, of: impl Fn(A) -> S, given: impl Fn(&Self) -> S) -> S {
-        use Operation::*;
-        match *self {
-            Number(bits) => S::c(f64::from_bits(bits)),
-            Parameter(_) | Input(_) => given(self),
-            Negative(a) => -of(a),
-            Add(a, b) => of(a) + of(b),
-            Subtract(a, b) => of(a) - of(b),
-            Multiply(a, b) => of(a) * of(b),
-            Divide(a, b) => of(a) / of(b),
-            Fused(a, b, c) => of(a).fma(of(b), of(c)),
-            Size(a) => of(a).abs(),
-            Root(a) => of(a).sqrt(),
-            Exponential(a) => of(a).exp(),
-            Logarithm(a) => of(a).ln(),
-            Tangent(a) => of(a).tanh(),
-            Sine(a) => of(a).sin(),
-            Cosine(a) => of(a).cos(),
-            Power(a, b) => of(a).pow(of(b)),
-            Least(a, b) => of(a).min(of(b)),
-            Greatest(a, b) => of(a).max(of(b)),
-            Select(a, b, c, d) => S::select(of(a).lt(of(b)), of(c), of(d)),
-        }
     }
 }
 

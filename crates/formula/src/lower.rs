@@ -110,7 +110,8 @@ impl Graph {
             return Err(Problem::new(format!("the function '{name}' is unknown"), function, remedy));
         };
         if arguments.len() != *count {
-            let what = format!("{name} takes {count} argument{}, not {}", plural(*count), arguments.len());
+            let plural = if *count == 1 { "" } else { "s" };
+            let what = format!("{name} takes {count} argument{plural}, not {}", arguments.len());
             return Err(Problem::new(what, place, ""));
         }
         if matches!(name, "if" | "select") {
@@ -421,8 +422,4 @@ fn same(
         }
         _ => Ok(()),
     }
-}
-
-fn plural(count: usize) -> &'static str {
-    if count == 1 { "" } else { "s" }
 }

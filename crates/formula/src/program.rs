@@ -105,16 +105,6 @@ impl Program {
         Ok(Program { steps: steps.collect(), registers: next, constants, inputs, outputs })
     }
 
-    /// Returns the number of operations.
-    pub fn len(&self) -> usize {
-        self.steps.len()
-    }
-
-    /// Returns whether the program is empty.
-    pub fn is_empty(&self) -> bool {
-        self.steps.is_empty()
-    }
-
     /// Returns the constants of this program, from all of [`Graph::constants`].
     pub fn own<P: Real>(&self, constants: &[P]) -> Vec<P> {
         self.constants.iter().map(|id| constants[*id]).collect()

@@ -20,7 +20,7 @@ pub(crate) struct Step<R: Lane> {
     /// `c` belongs to the present attempt.
     ready: bool,
     /// Number of attempts so far.
-    attempts: u64,
+    pub attempts: u64,
 }
 
 /// Course of one state within a step, as a polynomial in the fraction of its length.
@@ -95,11 +95,6 @@ impl<R: Lane> Step<R> {
         self.method = method;
         self.ready = false;
         self.attempts += 1;
-    }
-
-    /// Returns the number of attempts, including this one.
-    pub fn attempts(&self) -> u64 {
-        self.attempts
     }
 
     /// Returns the course of one state, from the coefficients of `prepare`.

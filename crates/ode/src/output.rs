@@ -36,7 +36,7 @@ impl<R: Lane> Accepted<'_, R> {
     }
     /// Returns the number of the attempt. All lanes that accept it share this number.
     pub fn attempt(&self) -> u64 {
-        self.step.attempts()
+        self.step.attempts
     }
     /// Returns the course of one state.
     #[inline(always)]

@@ -115,7 +115,7 @@ impl<R: Lane, Sys: System<R>> Stepper<R, Sys> {
     /// Starts at time `t0` with state `y0` (one entry for each state).
     pub fn new(system: Sys, t0: f64, y0: &[R], options: Options) -> Self {
         let structure = system.structure().clone();
-        let n = structure.n();
+        let n = structure.n;
         assert_eq!(y0.len(), n, "one initial value for each state");
         let blocks = blocks(n);
         let mut y = zeros(blocks);
@@ -184,13 +184,13 @@ impl<R: Lane, Sys: System<R>> Stepper<R, Sys> {
 
     /// Returns the present state, one entry for each state.
     pub fn state(&self) -> &[R] {
-        &self.y.as_flattened()[..self.structure.n()]
+        &self.y.as_flattened()[..self.structure.n]
     }
 
     /// Returns the present state, to change it between two steps. The next step keeps the step size.
     pub fn state_mut(&mut self) -> &mut [R] {
         self.fresh = false;
-        &mut self.y.as_flattened_mut()[..self.structure.n()]
+        &mut self.y.as_flattened_mut()[..self.structure.n]
     }
 
     /// Sets the time of every lane, s, and the state.
@@ -327,7 +327,7 @@ impl<R: Lane, Sys: System<R>> Stepper<R, Sys> {
     }
 
     fn starts_outside(&mut self, lane: usize) -> bool {
-        let n = self.structure.n();
+        let n = self.structure.n;
         is_outside::<R>(self.system.inside(&self.y.as_flattened()[..n], &mut self.work), lane)
     }
 
@@ -353,7 +353,7 @@ impl<R: Lane, Sys: System<R>> Stepper<R, Sys> {
 
     /// Adds the part of one lane's quadratures that their integrals do not cover, at the end of the attempt.
     fn complete(&mut self, lane: usize) {
-        let n = self.structure.n();
+        let n = self.structure.n;
         let more = &mut self.rhs.as_flattened_mut()[..n];
         more.fill(R::zero());
         self.system.complete(&mut Accepted { step: &mut self.step, u: &self.u }, more);
@@ -375,7 +375,7 @@ impl<R: Lane, Sys: System<R>> Stepper<R, Sys> {
         let factor = factor(error);
         (self.looked, self.inside) = (false, None);
         let (mut any_accepted, mut taken_over) = (false, 0);
-        let n = self.structure.n();
+        let n = self.structure.n;
         for lane in 0..R::L {
             if self.finished(lane) {
                 continue;

@@ -49,7 +49,8 @@ pub(crate) struct Below {
 /// The sparsity of a system's Jacobian, and the colouring and elimination order that are computed from the sparsity.
 #[derive(Clone, Debug)]
 pub struct Structure {
-    pub(crate) n: usize,
+    /// Number of states.
+    pub n: usize,
     /// Number of stored values: the pattern with its fill-in.
     pub(crate) n_slots: usize,
     pub(crate) passes: Vec<Pass>,
@@ -121,11 +122,6 @@ impl Structure {
     /// Returns whether the inverse of W alone solves every stage.
     pub(crate) fn is_small(&self) -> bool {
         self.n <= SMALL && self.n == self.n_coupled && !self.depends_on_time
-    }
-
-    /// Number of states.
-    pub fn n(&self) -> usize {
-        self.n
     }
 }
 

@@ -115,6 +115,19 @@ pub trait Described: Sized {
     }
 }
 
+/// Inside `impl Law`: its levels, from the fields of Fc, Fs and Fv, and the stiffness of its spring.
+macro_rules! levels_of {
+    ($coulomb:ident $breakaway:ident $viscous:ident $(, spring $stiffness:ident)?) => {
+        fn levels(&self) -> Levels<P> {
+            Levels::new(self.$coulomb, self.$breakaway, self.$viscous)
+        }
+        $(fn spring(&self) -> Option<P> {
+            Some(self.$stiffness)
+        })?
+    };
+}
+use levels_of;
+
 /// Laws without choices.
 macro_rules! without_choices {
     ($($law:ident),*) => {$(
@@ -390,7 +403,8 @@ macro_rules! laws {
             pub fn states(&self) -> &'static [InnerState] {
                 match self { $(AnyLaw::$name(law) => law.states(),)* AnyLaw::Formula(law) => law.states() }
             }
-            pub(super) fn inertia(&self) -> P {
+            /// See [`Law::inertia`].
+            pub fn inertia(&self) -> P {
                 match self { $(AnyLaw::$name(law) => law.inertia(),)* AnyLaw::Formula(_) => P::zero() }
             }
             /// See [`Law::levels`].

@@ -264,7 +264,7 @@ pub fn control_run<'py>(
         own.map(|(call, names)| places(&names).map(|places| Called { call, places })).transpose()?;
     let shape = outputs.len();
     let ((rows, others), air, led) = watched(py, look, move |interrupted| {
-        let mut session = circuit.network().session(&start, Options { rtol, ..Options::default() })?;
+        let mut session = circuit.network.assembly.session(&start, Options { rtol, ..Options::default() })?;
         session.follow_drawn();
         let mut led = vec![];
         for (spec, reference, setup) in axes {
@@ -274,7 +274,7 @@ pub fn control_run<'py>(
             }
             led.push((Servo::new(&mut session, &axis, &setup)?, controller, reference));
         }
-        let places = outputs.iter().map(|name| session.variables().column(name));
+        let places = outputs.iter().map(|name| session.assembly.variables.column(name));
         let places = places.collect::<Result<Vec<_>, _>>()?;
         let mut each: Vec<_> = (led.iter_mut())
             .map(|(servo, controller, reference)| Led { servo, controller, reference })
@@ -286,7 +286,7 @@ pub fn control_run<'py>(
     let mut out = vec![];
     for (rows, (servo, controller, _)) in rows.iter().zip(&led) {
         let own = columns(py, rows, servo)?;
-        let events = controller.supervisor.as_ref().map_or(&[][..], |own| own.log().events());
+        let events = controller.supervisor.as_ref().map_or(&[][..], |own| &own.log.events);
         let told: Vec<_> = events.iter().map(|own| (own.time, own.kind.key(), own.value)).collect();
         own.set_item("events", told)?;
         out.push(own);

@@ -85,7 +85,7 @@ fn plan<'a>(
 
 impl PyEnsemble {
     fn output(&self, asked: &Output) -> PyResult<Reduction> {
-        let column = self.ensemble.template().variables.column(&asked.column).map_err(to_python)?;
+        let column = self.ensemble.members.template.variables.column(&asked.column).map_err(to_python)?;
         let value = || match asked.value {
             Some(value) if value.is_finite() => Ok(value),
             _ => refuse(format!("{} of {} needs a finite value", asked.what, asked.column)),
@@ -121,25 +121,25 @@ impl PyEnsemble {
     /// Returns the names of the numbers in which members differ: the columns of `values`.
     #[getter]
     fn names(&self) -> Vec<String> {
-        self.ensemble.names().to_vec()
+        self.ensemble.members.names.to_vec()
     }
 
     /// Returns the names of the inputs that a plan may set.
     #[getter]
     fn inputs(&self) -> Vec<String> {
-        self.ensemble.template().variables.inputs.iter().map(|input| input.name.clone()).collect()
+        self.ensemble.members.template.variables.inputs.iter().map(|input| input.name.clone()).collect()
     }
 
     /// Returns the names of the columns that outputs can use.
     #[getter]
     fn columns(&self) -> Vec<String> {
-        self.ensemble.template().columns().to_vec()
+        self.ensemble.members.template.columns().to_vec()
     }
 
     /// Returns the names of the start values: the columns of `initial`.
     #[getter]
     fn start_names(&self) -> Vec<&str> {
-        self.ensemble.start_names()
+        self.ensemble.members.template.given_names()
     }
 
     /// Runs all members. The stub describes the fields of `asked` and the result.
@@ -164,9 +164,9 @@ impl PyEnsemble {
         look: Teller<'py>,
     ) -> PyResult<Bound<'py, PyDict>> {
         let outputs = asked.outputs.iter().map(|output| self.output(output)).collect::<PyResult<Vec<_>>>()?;
-        let (members, k) = (asked.values.shape()[0], self.ensemble.names().len());
+        let (members, k) = (asked.values.shape()[0], self.ensemble.members.names.len());
         if asked.values.shape()[1] != k {
-            let names = self.ensemble.names().join(", ");
+            let names = self.ensemble.members.names.join(", ");
             return refuse(format!(
                 "values has {} columns: it must have {k}, one for each of {names}",
                 asked.values.shape()[1]

@@ -19,7 +19,7 @@ pub struct PyCircuit {
     json: String,
     spec: specification::Circuit,
     names: Arc<Names>,
-    network: Network,
+    pub network: Network,
     /// The same circuit with its balances, made on first use.
     accounted: OnceLock<Network>,
 }
@@ -33,10 +33,6 @@ pub fn called(names: Option<ShortNames>) -> Names {
 }
 
 impl PyCircuit {
-    pub fn network(&self) -> &Network {
-        &self.network
-    }
-
     pub fn accounted(&self) -> Result<&Network, circuit::Error> {
         if let Some(known) = self.accounted.get() {
             return Ok(known);
@@ -69,26 +65,26 @@ impl PyCircuit {
     /// Returns name, unit, bounds as text and meaning of each input.
     #[getter]
     fn inputs(&self) -> Vec<(&str, &'static str, String, &'static str)> {
-        let inputs = self.network.assembly().variables.inputs.iter();
+        let inputs = self.network.assembly.variables.inputs.iter();
         inputs.map(|own| (&*own.name, own.unit, own.bounds.to_string(), own.meaning)).collect()
     }
 
     /// Returns the names of the outputs.
     #[getter]
     fn columns(&self) -> Vec<String> {
-        self.network.assembly().columns().to_vec()
+        self.network.assembly.columns().to_vec()
     }
 
     /// Returns the names of the start values.
     #[getter]
     fn start_names(&self) -> Vec<&str> {
-        self.network.start_names()
+        self.network.assembly.given_names()
     }
 
     /// Returns the names of the start values of segments of `shoot`, including inner states of friction.
     #[getter]
     fn segment_names(&self) -> Vec<String> {
-        self.network.assembly().start_names()
+        self.network.assembly.start_names()
     }
 
     /// Returns gas joints whose volume belongs to no component: the first port of each, and the volume of its
@@ -113,14 +109,14 @@ impl PyCircuit {
     /// Returns the platforms of the circuit.
     #[getter]
     fn platforms(&self) -> Vec<PyPlatform> {
-        let each = self.network.assembly().platforms();
+        let each = self.network.assembly.platforms();
         each.map(|(name, platform, legs)| PyPlatform::new(name, platform, &legs)).collect()
     }
 
     /// Returns name and unit of each state.
     #[getter]
     fn states(&self) -> Vec<(String, &'static str)> {
-        self.network.assembly().circuit.state_names().to_vec()
+        self.network.assembly.circuit.state_names().to_vec()
     }
 
     /// Returns warnings about this description.
@@ -138,7 +134,7 @@ impl PyCircuit {
     /// Returns a session at a start given by name, or at the state of another session.
     fn start(&self, start: Start, rtol: f64) -> PyResult<PySession> {
         let options = Options { rtol, ..Options::default() };
-        let assembly = self.network.assembly();
+        let assembly = &self.network.assembly;
         let session = match start {
             Start::Named(start) => assembly.session(&start, options),
             Start::State(state) => assembly.session_from(&state, options),
@@ -174,7 +170,7 @@ impl PyCircuit {
     /// Returns pressure, Pa, and temperature, K, in chambers a and b (four columns) at states in the form of `states`.
     fn chambers<'py>(&self, py: Python<'py>, states: PyReadonlyArray2<'py, f64>) -> PyResult<Table<'py>> {
         let states = states.as_array();
-        let n = self.network.assembly().circuit.n_states();
+        let n = self.network.assembly.circuit.n_states();
         if states.ncols() != n {
             let message = format!("states have {} columns; this circuit has {n} states", states.ncols());
             return Err(PyValueError::new_err(message));
@@ -246,7 +242,7 @@ impl PyCircuit {
     ) -> PyResult<Bound<'py, PyDict>> {
         let network = if ledger { self.accounted().map_err(to_python)? } else { &self.network };
         let commands = plans.iter().map(|(_, times, _)| times.len()).sum();
-        let options = options(rtol, duration, commands, network.assembly().circuit.n_states(), budget);
+        let options = options(rtol, duration, commands, network.assembly.circuit.n_states(), budget);
         let run = watched(py, look, |interrupted| {
             network.simulate(&plans, (duration, sample_rate), &start, options, interrupted)
         })?;
@@ -254,7 +250,7 @@ impl PyCircuit {
         warnings.extend(network.impact_warnings(&run.impacts));
         let cylinders: Vec<Option<String>> =
             run.impacts.iter().map(|impact| network.cylinder(impact.axis).map(Into::into)).collect();
-        let out = run_to_dict(py, network.assembly().columns(), run)?;
+        let out = run_to_dict(py, network.assembly.columns(), run)?;
         let impacts = out.get_item("impacts")?.expect("impacts of a run").cast_into::<PyList>()?;
         for (impact, cylinder) in impacts.iter().zip(cylinders) {
             if cylinder.as_ref() != Some(&self.names.of) {

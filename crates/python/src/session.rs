@@ -22,7 +22,7 @@ impl PySession {
     }
 
     fn input(&self, name: &str) -> PyResult<usize> {
-        self.session.variables().input(name).map_err(to_python)
+        self.session.assembly.variables.input(name).map_err(to_python)
     }
 
     fn prescribed(&mut self) -> PyResult<(&Session, &mut Prescribed)> {
@@ -42,7 +42,7 @@ impl PySession {
     }
 
     fn columns_of(&self, names: &[String]) -> PyResult<Vec<usize>> {
-        let places = names.iter().map(|name| self.session.variables().column(name));
+        let places = names.iter().map(|name| self.session.assembly.variables.column(name));
         places.collect::<Result<_, _>>().map_err(to_python)
     }
 }
@@ -76,13 +76,13 @@ impl PySession {
     /// Returns the names of the outputs.
     #[getter]
     fn columns(&self) -> Vec<String> {
-        self.session.columns().to_vec()
+        self.session.assembly.columns().to_vec()
     }
 
     /// Returns name and unit of each state.
     #[getter]
     fn states(&self) -> Vec<(String, &'static str)> {
-        self.session.state_names().to_vec()
+        self.session.circuit().state_names().to_vec()
     }
 
     /// Sets an input from now on.
@@ -168,12 +168,12 @@ impl PySession {
     /// Returns the present values of the states.
     #[getter]
     fn state(&self) -> Vec<f64> {
-        self.session.state()[..self.session.state_names().len()].to_vec()
+        self.session.state()[..self.session.circuit().state_names().len()].to_vec()
     }
 
     /// Returns a column, or an input, at the present state.
     fn read(&mut self, name: &str) -> PyResult<f64> {
-        match self.session.variables().column(name) {
+        match self.session.assembly.variables.column(name) {
             Ok(column) => Ok(self.session.read(column)),
             Err(_) => Ok(self.session.input(self.input(name)?)),
         }

@@ -112,13 +112,14 @@ impl Servo {
     pub fn new(session: &mut Session, axis: &Axis, setup: &specification::Setup) -> Result<Self, Error> {
         let foreign =
             |error: Error| Error::Specification(format!("the controller is for another drive: {error}"));
-        let input = |session: &Session, name: String| session.variables().input(&name).map_err(foreign);
+        let input =
+            |session: &Session, name: String| session.assembly.variables.input(&name).map_err(foreign);
         let mut columns = [0; 4];
         for (column, of_cylinder) in
             columns.iter_mut().zip(["position_m", "velocity_m_s", "a.pressure_pa", "b.pressure_pa"])
         {
             let name = format!("{}.{of_cylinder}", axis.cylinder);
-            *column = session.variables().column(&name).map_err(foreign)?;
+            *column = session.assembly.variables.column(&name).map_err(foreign)?;
         }
         if !setup.forces.is_empty() {
             let force = input(session, format!("{}.load_force_n", axis.cylinder))?;

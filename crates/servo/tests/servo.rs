@@ -121,8 +121,8 @@ fn a_limit_cycle_along_a_moving_reference_is_reported() {
     controller.adaptation = None;
     let mut never = |_| false;
     under.run(&mut controller, &sine(0.5), 6.0, &mut Look::new(&mut never)).expect("it runs");
-    let log = controller.supervisor.as_ref().expect("a supervisor").log();
-    assert_eq!(log.count(EventKind::LimitCycle), 1, "{:?}", log.events());
+    let log = &controller.supervisor.as_ref().expect("a supervisor").log;
+    assert_eq!(log.count(EventKind::LimitCycle), 1, "{:?}", log.events);
 }
 
 /// Dry friction that is described as a contact that drifts makes the drive slip past its target. Kept many bands away, it is drawn
@@ -250,7 +250,7 @@ fn a_fine_sensor_of_a_short_stroke_is_not_lost_where_it_rests() {
         let (mut under, mut controller) = begin(plant.clone(), &plant, (law, None), &short, 0.0125);
         let mut never = |_| false;
         under.run(&mut controller, &along, 4.0, &mut Look::new(&mut never)).expect("it runs");
-        let events = controller.supervisor.as_ref().expect("a supervisor").log().events();
+        let events = &controller.supervisor.as_ref().expect("a supervisor").log.events;
         assert!(events.iter().all(|own| own.kind != EventKind::PositionLost), "{law}: {events:?}");
     }
 }
@@ -314,7 +314,7 @@ fn drives_with_dry_friction_are_followed() {
     let dry = rubbing(2.0, "coulomb", &[("coulomb", 30.0), ("viscous", 40.0)]);
     for law in ["nmpc", "inversion"] {
         let (rows, controller) = run_believing(dry.clone(), &dry, law, &sine(0.5), 4.0, 1);
-        let events = controller.supervisor.as_ref().expect("a supervisor").log().events();
+        let events = &controller.supervisor.as_ref().expect("a supervisor").log.events;
         let error = largest(&rows) * 1e3;
         assert!(events.is_empty() && error < 1.0, "{law}: {error} mm, {events:?}");
     }
@@ -352,7 +352,8 @@ fn a_prediction_agrees_with_the_circuit_over_its_horizon() {
         let mut never = |_| false;
         session.go_on(0.04, &mut Look::new(&mut never)).expect("it runs");
         let (state, _) = observer.predict(&model, 0.04, 1e-3);
-        let column = |name: &str| session.columns().iter().position(|own| own == name).expect("a column");
+        let column =
+            |name: &str| session.assembly.columns().iter().position(|own| own == name).expect("a column");
         let [x, a, b] =
             ["cylinder.position_m", "cylinder.a.pressure_pa", "cylinder.b.pressure_pa"].map(column);
         let [x, a, b] = [x, a, b].map(|column| session.read(column));

@@ -74,12 +74,12 @@ fn run(faults: Vec<Fault>) -> (Rows, Controller) {
 }
 
 fn count(controller: &Controller, kind: EventKind) -> u32 {
-    controller.supervisor.as_ref().expect("a supervisor").log().count(kind)
+    controller.supervisor.as_ref().expect("a supervisor").log.count(kind)
 }
 
 fn told(controller: &Controller) -> Vec<(f64, EventKind)> {
-    let log = controller.supervisor.as_ref().expect("a supervisor").log();
-    log.events().iter().map(|own| (own.time, own.kind)).collect()
+    let log = &controller.supervisor.as_ref().expect("a supervisor").log;
+    log.events.iter().map(|own| (own.time, own.kind)).collect()
 }
 
 fn fastest(rows: &[[f64; COLUMNS.len()]]) -> f64 {

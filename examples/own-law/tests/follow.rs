@@ -23,8 +23,8 @@ fn errors(law: impl control::OwnLaw + 'static) -> Result<[f64; 2], Error> {
         _ => 0.0,
     };
     let start: BTreeMap<_, _> =
-        network.start_names().iter().map(|name| (name.to_string(), value(name))).collect();
-    let mut session = network.session(&start, Options { rtol: 1e-5, ..Options::default() })?;
+        network.assembly.given_names().iter().map(|name| (name.to_string(), value(name))).collect();
+    let mut session = network.assembly.session(&start, Options { rtol: 1e-5, ..Options::default() })?;
     let position = Encoder { resolution: 5e-6, noise: 1e-6 };
     let setup = Setup {
         position,

@@ -1,7 +1,6 @@
 //! A piston between two chambers on the edges of a valve: runs and evaluations that need its states by name.
 
 use crate::assembly::variables::{Assembly, Settable, Target};
-use crate::circuit::Circuit;
 use crate::component::Starting;
 use crate::ground::{AxisId, Error, GasId, refuse};
 use ode::System;
@@ -33,16 +32,12 @@ impl<'a> Driven<'a> {
         }
     }
 
-    pub(super) fn circuit(&self) -> &'a Circuit<f64> {
-        &self.assembly.circuit
-    }
-
     /// (p_a, T_a, p_b, T_b) at each of the states, one after the other.
     pub fn gas(&self, states: impl Iterator<Item = Vec<f64>>) -> Vec<f64> {
-        let mut net = self.circuit().work::<f64>();
+        let mut net = self.assembly.circuit.work::<f64>();
         let mut gas = Vec::new();
         for y in states {
-            self.circuit().observe(&y, &mut net);
+            self.assembly.circuit.observe(&y, &mut net);
             gas.extend(self.chambers.iter().flat_map(|&id| [net[id].p, net[id].t]));
         }
         gas

@@ -73,7 +73,7 @@ impl Session {
 
     /// Returns the axis with this name of the start position, and the index of that position among the states.
     pub fn axis(&self, start: &str) -> Option<(AxisId, usize)> {
-        let axis = self.starts().iter().find_map(|(starting, names)| match *starting {
+        let axis = self.assembly.variables.starts.iter().find_map(|(starting, names)| match *starting {
             Starting::Axis(id) if names[0] == start => Some(id),
             _ => None,
         })?;

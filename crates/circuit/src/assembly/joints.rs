@@ -1,8 +1,7 @@
 //! The nodes of joints, from what the joined components bring.
 
 use crate::component::{
-    Brings, Build, Chain, Instance, Leg, Node, PortId, PortKind, Starting, Vessel, WallHeat, bring,
-    joint_volume,
+    Brings, Build, Chain, Instance, Leg, Node, PortId, PortKind, Starting, Vessel, WallHeat, joint_volume,
 };
 use crate::ground::{AxisId, Error, GasId, refuse};
 use crate::part::ChamberLaw;
@@ -95,7 +94,7 @@ where
             return String::new();
         }
         let own = &self.each[component];
-        format!("{}.{}", own.name, own.kind().ports[port].name)
+        format!("{}.{}", own.name, own.table.ports[port].name)
     }
 
     fn own(&mut self, name: &str) {
@@ -111,7 +110,7 @@ where
 
     /// Returns the node of a joint.
     pub fn join(&mut self, joint: &Joint) -> Result<(), Error> {
-        let kind = |&(component, port): &PortId| self.each[component].kind().ports[port].kind;
+        let kind = |&(component, port): &PortId| self.each[component].table.ports[port].kind;
         let node = match joint.ports.first().map(kind) {
             None => return Ok(()),
             Some(PortKind::Pilot) if !joint.ambient => {
@@ -136,14 +135,14 @@ where
         }
         for &(component, port) in &joint.ports {
             let name = self.name((component, port));
-            ports += self.each[component].kind().ports[port].volume;
-            match bring(&self.each[component], port, self.build.ambient[1]) {
+            ports += self.each[component].table.ports[port].volume;
+            match self.each[component].brings(port, self.build.ambient[1]) {
                 Brings::Reservoir { pressure, temperature } => {
                     held.push((name, Some([pressure, temperature])))
                 }
                 Brings::Volume(vessel) => {
                     let owner = &self.each[component];
-                    let is_alone = owner.kind().ports.len() == 1;
+                    let is_alone = owner.table.ports.len() == 1;
                     let is_named = is_alone && !self.build.is_like;
                     if let Some(other) = own_name.replace(if is_named { owner.name.clone() } else { name }) {
                         return refuse!(
@@ -156,7 +155,7 @@ where
                 Brings::Room { volume } => room = Some(room.map_or(volume, |room| room + volume)),
                 _ => {}
             }
-            if self.each[component].kind().key.starts_with("tube") {
+            if self.each[component].table.key.starts_with("tube") {
                 let own = self.each[component].number("diameter");
                 bore = Some(bore.map_or(own, |bore| bore.min(own)));
             }
@@ -232,7 +231,7 @@ where
         for &(component, port) in &joint.ports {
             let one = &self.each[component].name;
             let mut moves = false;
-            match bring(&self.each[component], port, self.build.ambient[1]) {
+            match self.each[component].brings(port, self.build.ambient[1]) {
                 Brings::Mass { mass: own, incline, force, friction } => {
                     body.mass = Some(body.mass.map_or(own, |sum| sum + own));
                     body.force += force;
@@ -279,7 +278,7 @@ where
             );
         }
         if let Some(((component, port), _)) = guide {
-            let leg = format!("leg {} of {}", each[component].kind().ports[port].name, each[component].name);
+            let leg = format!("leg {} of {}", each[component].table.ports[port].name, each[component].name);
             check_leg(&leg, (name, driven, has_more), incline, friction.as_ref())?;
         }
         let contact = friction.iter().filter(|_| !self.build.is_like);

@@ -27,12 +27,14 @@ enum MemberNumber {
 /// Circuits of one topology that differ in numbers. The topology is analysed once.
 #[derive(Clone, Debug)]
 pub struct Members {
-    template: Assembly,
+    /// The circuit that all members share.
+    pub template: Assembly,
     gas: Gas<f64>,
     ambient: [f64; 2],
     joints: Joints,
     each: Vec<Instance<f64>>,
-    names: Vec<String>,
+    /// Names of the numbers in which members differ.
+    pub names: Vec<String>,
     numbers: Vec<MemberNumber>,
     /// Described friction of each component.
     friction: Vec<Option<Seeds<Friction>>>,
@@ -78,7 +80,7 @@ impl Network {
             (!own.is_null()).then(|| friction_of(own, names)).transpose()
         });
         Ok(Members {
-            template: self.assembly().clone(),
+            template: self.assembly.clone(),
             gas: gas(&Lifted::plain(&spec.gas)),
             ambient: [spec.ambient.pressure_pa, spec.ambient.temperature_k],
             joints: self.joints.clone(),
@@ -137,21 +139,11 @@ impl Members {
         self.rub(component)
     }
 
-    /// Returns the circuit that all members share.
-    pub fn template(&self) -> &Assembly {
-        &self.template
-    }
-
-    /// Returns the names of the numbers in which members differ.
-    pub fn names(&self) -> &[String] {
-        &self.names
-    }
-
     /// Refuses a value that is impossible for the number `names[place]`, whatever the other numbers are.
     pub fn check(&self, place: usize, value: f64) -> Result<(), Error> {
         let bounds = match &self.numbers[place] {
             MemberNumber::Own(component, place) => {
-                let row = &self.each[*component].kind().parameters[*place];
+                let row = &self.each[*component].table.parameters[*place];
                 Some((row.bounds, row.unit))
             }
             MemberNumber::Ambient(0) => Some((physics::above(0.0), "Pa")),

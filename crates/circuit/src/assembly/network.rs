@@ -27,7 +27,8 @@ const OF_POINTS: &str = "fritsch1984";
 /// A circuit of components.
 #[derive(Clone, Debug)]
 pub struct Network {
-    assembly: Assembly,
+    /// The circuit with its names.
+    pub assembly: Assembly,
     pistons: Vec<Piston<f64>>,
     /// Warnings about the description.
     pub warnings: Vec<String>,
@@ -50,12 +51,12 @@ fn joints(spec: &specification::Circuit, each: &[Instance<f64>]) -> Result<Joint
             return refuse!("joint of \"{name}\": there is no such component");
         };
         let port = &name[each[component].name.len() + 1..];
-        let ports = each[component].kind().ports;
+        let ports = each[component].table.ports;
         match ports.iter().position(|own| own.name == port) {
             Some(port) => Ok((component, port)),
             None => refuse!(
                 "joint of \"{name}\": a {} has no port \"{port}\"; it has {}",
-                each[component].kind().key,
+                each[component].table.key,
                 one_of(ports.iter().map(|own| own.name))
             ),
         }
@@ -76,7 +77,7 @@ fn joints(spec: &specification::Circuit, each: &[Instance<f64>]) -> Result<Joint
             joined.push(port);
             joint.ports.push(port);
         }
-        let kind = |&(component, port): &PortId| each[component].kind().ports[port].kind;
+        let kind = |&(component, port): &PortId| each[component].table.ports[port].kind;
         let is_axis = |port: &PortId| kind(port) == PortKind::Axis;
         let axes = joint.ports.iter().filter(|port| is_axis(port)).count();
         if axes > 0 && (joint.ambient || axes < joint.ports.len()) {
@@ -87,7 +88,7 @@ fn joints(spec: &specification::Circuit, each: &[Instance<f64>]) -> Result<Joint
         joints.push(joint);
     }
     for (component, own) in each.iter().enumerate() {
-        for (place, port) in own.kind().ports.iter().enumerate() {
+        for (place, port) in own.table.ports.iter().enumerate() {
             if joined.contains(&(component, place)) {
                 continue;
             }
@@ -128,7 +129,7 @@ impl Said<'_> {
         piston: Option<&Piston<f64>>,
     ) -> Result<(), Error> {
         let names = self.names;
-        let sources = own.kind().sources.iter().copied();
+        let sources = own.table.sources.iter().copied();
         self.citations.extend(sources.filter(|key| *key != OF_POINTS || spec.points.is_some()));
         if own.chosen("chamber_law") == Some("as-printed") {
             let text =
@@ -212,11 +213,6 @@ impl Network {
         })
     }
 
-    /// The circuit with its names.
-    pub fn assembly(&self) -> &Assembly {
-        &self.assembly
-    }
-
     /// Returns each cylinder's name and end stops, and the design load of derived stops. Derived stops follow from the
     /// circuit and the highest start pressure, Pa absolute.
     pub fn end_stops(&self, start: f64) -> impl Iterator<Item = (&str, EndStop<f64>, Taken<f64>)> {
@@ -241,16 +237,6 @@ impl Network {
     /// Returns the name of the cylinder on an axis.
     pub fn cylinder(&self, axis: AxisId) -> Option<&str> {
         self.pistons.iter().find(|piston| piston.axis == axis).map(|piston| piston.name.as_str())
-    }
-
-    /// Returns the names of the start values: all except the inner states of friction, which start at rest.
-    pub fn start_names(&self) -> Vec<&str> {
-        self.assembly.given_names()
-    }
-
-    /// Returns a session at a start, given by the names of [`Network::start_names`].
-    pub fn session(&self, start: &BTreeMap<String, f64>, options: Options) -> Result<Session, Error> {
-        self.assembly.session(start, options)
     }
 
     /// Returns a session that starts at a time, s, with contacts of an age, s, and these values of the inputs. Valves

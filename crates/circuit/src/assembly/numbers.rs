@@ -21,10 +21,10 @@ pub(super) fn split<'a>(each: &[Instance<f64>], name: &'a str) -> Result<(usize,
 
 /// Returns the index of a number among those of its component, if it has a value.
 pub(super) fn place(own: &Instance<f64>, key: &str) -> Result<usize, Error> {
-    let rows = own.kind().parameters;
+    let rows = own.table.parameters;
     let Some(place) = rows.iter().position(|row| row.key == key) else {
         let keys: Vec<&str> = rows.iter().map(|row| row.key).collect();
-        return refuse!("a {} has no parameter \"{key}\"; it has {}", own.kind().key, keys.join(", "));
+        return refuse!("a {} has no parameter \"{key}\"; it has {}", own.table.key, keys.join(", "));
     };
     if own.numbers[place].is_none() {
         return refuse!(
@@ -45,14 +45,14 @@ fn lift<P: Lane>(
     own: &Instance<f64>,
     lifted: &Lifted<specification::Component>,
 ) -> Result<Instance<P>, Error> {
-    let rows = own.kind().parameters.iter().zip(&own.numbers);
+    let rows = own.table.parameters.iter().zip(&own.numbers);
     let given = |key: &str| lifted.value.numbers.contains_key(key);
     let numbers = rows.map(|(row, value)| {
         let number = |component: &specification::Component| component.numbers[row.key];
         value.map(|value| if given(row.key) { lifted.number(number) } else { P::c(value) })
     });
     let free = own
-        .kind()
+        .table
         .parameters
         .iter()
         .map(|row| given(row.key) && lifted.is_free(|component| component.numbers[row.key]));
@@ -80,7 +80,7 @@ where
     let each =
         of.each.iter().enumerate().map(|(i, own)| lift(own, &lifted.table(|spec| &spec.components[i])));
     let each = each.collect::<Result<Vec<_>, Error>>()?;
-    let like = of.assembly();
+    let like = &of.assembly;
     let without_ledger = Some(&*like.circuit).filter(|circuit| circuit.channels().is_empty());
     Ok(wire(&gas, of.is_air, ambient, (&each, &of.joints), false, without_ledger)?.named_like(like))
 }
@@ -99,7 +99,7 @@ impl Network {
                 return Ok(format!("components.{i}.{key}"));
             }
             let place = place(own, key)?;
-            if own.kind().discrete.contains(&key) {
+            if own.table.discrete.contains(&key) {
                 return refuse!(
                     "{name} acts on the schedule or on the number of cells: a run has no derivative by it"
                 );
@@ -124,7 +124,7 @@ impl Network {
         asked: &Shooting,
         interrupted: &mut dyn FnMut(f64) -> bool,
     ) -> Result<Shot, Error> {
-        let plain = self.assembly();
+        let plain = &self.assembly;
         let all = All::of(asked, plain)?;
         if all.directions == 0 {
             return all.run(std::slice::from_ref(plain), interrupted);

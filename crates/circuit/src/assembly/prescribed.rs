@@ -47,7 +47,7 @@ impl Prescribed {
     /// Returns the axis of a session whose velocity is prescribed, if any.
     pub fn of(session: &Session) -> Option<Self> {
         let velocity = session.inputs().iter().position(|input| input.name.ends_with(VELOCITY))?;
-        let impulse = session.state_names().iter().position(|(name, _)| name.ends_with(IMPULSE))?;
+        let impulse = session.circuit().state_names().iter().position(|(name, _)| name.ends_with(IMPULSE))?;
         Some(Prescribed { velocity, impulse, trial: session.clone(), is_same: false })
     }
 
@@ -63,7 +63,8 @@ impl Prescribed {
             self.trial.follow(session);
         } else {
             self.trial.clone_from(session);
-            self.is_same = session.keeps_its_circuit();
+            // A step cannot change the circuit if nothing is scheduled and no law has modes.
+            self.is_same = session.schedule.is_empty() && System::<f64>::n_events(session.circuit()) == 0;
         }
         let (trial, time) = (&mut self.trial, until - session.time());
         trial.set(self.velocity, velocity)?;
@@ -140,11 +141,6 @@ pub fn close(
 }
 
 impl Session {
-    /// Returns whether a step cannot change the circuit. Then nothing is scheduled, and no law has modes.
-    fn keeps_its_circuit(&self) -> bool {
-        self.schedule.is_empty() && System::<f64>::n_events(self.circuit()) == 0
-    }
-
     /// Continues from the state of another session with an equal circuit.
     fn follow(&mut self, other: &Session) {
         self.stepper.follow(&other.stepper);

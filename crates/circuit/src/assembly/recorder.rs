@@ -146,13 +146,13 @@ impl Session {
         if until.is_finite() {
             self.allow_until(until);
         }
-        let all = &self.assembly().variables;
+        let all = &self.assembly.variables;
         let shown = Variables {
             columns: columns.iter().map(|&column| all.columns[column].clone()).collect(),
             quantities: columns.iter().map(|&column| all.quantities[column]).collect(),
             ..Variables::default()
         };
-        let assembly = Assembly { variables: Arc::new(shown), ..self.assembly().clone() };
+        let assembly = Assembly { variables: Arc::new(shown), ..self.assembly.clone() };
         let mut recorder = Recorder::new(&assembly, times);
         self.advance(until, &mut recorder, look)?;
         Ok(recorder.finish(self))

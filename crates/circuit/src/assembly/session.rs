@@ -12,9 +12,8 @@ pub use sampled::Sampling;
 
 use crate::assembly::evaluate::glances::Glances;
 use crate::assembly::schedule::{Due, ScheduledAction};
-use crate::assembly::variables::{Assembly, Settable, Target, Variables};
+use crate::assembly::variables::{Assembly, Settable, Target};
 use crate::circuit::{Circuit, Drawn, Look, advance, budget, settled};
-use crate::component::{Starting, Timing};
 use crate::ground::{Error, Net, check_bounds, refuse};
 use crate::part::InputId;
 use calls::ShortCalls;
@@ -24,7 +23,8 @@ use ode::{Options, Output, Statistics, Stepper, System, same_time};
 /// A running circuit.
 #[derive(Clone)]
 pub struct Session<R: Lane = f64> {
-    assembly: Assembly<R>,
+    /// The circuit with its names.
+    pub assembly: Assembly<R>,
     pub(super) stepper: Stepper<R, Circuit<R>>,
     /// Pending entries (time, target, value) in reverse order of time.
     pub(super) schedule: Vec<(f64, ScheduledAction, f64)>,
@@ -65,11 +65,6 @@ impl<R: Lane> Session<R> {
             mark: 0,
             drawn: None,
         }
-    }
-
-    /// Returns the circuit with its names.
-    pub(super) fn assembly(&self) -> &Assembly<R> {
-        &self.assembly
     }
 
     /// Returns the present time, s.
@@ -134,11 +129,6 @@ impl<R: Lane> Session<R> {
         let circuit = self.stepper.system_mut();
         (0..R::L).for_each(|lane| circuit.set_input(id, lane, R::c(value)));
         self.is_read = false;
-    }
-
-    /// Delayed effects of commands.
-    pub(super) fn timings(&self) -> &[Timing] {
-        &self.assembly.timings
     }
 
     /// Adds an entry of a timing at a future time, after entries due at the same time.
@@ -251,29 +241,14 @@ impl<R: Lane> Session<R> {
 }
 
 impl Session {
-    /// Names of its circuit.
-    pub fn variables(&self) -> &Variables {
-        &self.assembly.variables
-    }
-
     /// Returns the inputs.
     pub fn inputs(&self) -> &[Settable] {
         &self.assembly.variables.inputs
     }
 
-    /// Returns the names of the start values.
-    pub(super) fn starts(&self) -> &[(Starting, Vec<String>)] {
-        &self.assembly.variables.starts
-    }
-
     /// Returns whether an input acts immediately and has no history.
     pub fn is_continuous(&self, input: usize) -> bool {
         !matches!(self.inputs()[input].target, Target::Timed(_))
-    }
-
-    /// Returns the outputs.
-    pub fn columns(&self) -> &[String] {
-        self.assembly.columns()
     }
 
     /// Returns a column at the present state and inputs.
@@ -298,7 +273,7 @@ impl Session {
     fn check(&self, input: usize, value: f64) -> Result<(), Error> {
         let Settable { name, unit, bounds, target, .. } = &self.inputs()[input];
         check_bounds(name, value, unit, bounds)?;
-        let whole = matches!(target, Target::Timed(timing) if self.timings()[*timing].is_whole());
+        let whole = matches!(target, Target::Timed(timing) if self.assembly.timings[*timing].is_whole());
         if whole && value.fract() != 0.0 {
             let positions = if bounds.contain(-1.0) { "-1, 0 or 1" } else { "0 or 1" };
             return refuse!(
@@ -345,10 +320,5 @@ impl Session {
     /// exhaust does not count. `None` if the gas is not recorded.
     pub fn drawn(&self) -> Option<f64> {
         self.drawn.as_ref().map(|own| own.mass())
-    }
-
-    /// Returns the names and units of the states.
-    pub fn state_names(&self) -> &[(String, &'static str)] {
-        self.circuit().state_names()
     }
 }

@@ -95,7 +95,7 @@ where
     Deps: Over<P>,
 {
     let build = Build::new(gas, is_air, ambient, is_like);
-    let nodes = each.iter().map(|own| vec![Node::Shut; own.kind().ports.len()]).collect();
+    let nodes = each.iter().map(|own| vec![Node::Shut; own.table.ports.len()]).collect();
     let chains = joints.chains(each);
     let has_heat_law = each.iter().any(Instance::has_heat_law);
     let mut wiring = Wiring { each, build, nodes, around: None, chains, has_heat_law };
@@ -108,8 +108,8 @@ where
     let Wiring { mut build, nodes, chains, .. } = wiring;
     // The ends of a cylinder depend on the components joined to it, and a platform on its couplings.
     let mut order: Vec<usize> = (0..each.len()).collect();
-    let guides = |i: usize| each[i].kind().key.starts_with("platform/");
-    order.sort_by_key(|&i| (each[i].kind().friction != FrictionTable::No, guides(i)));
+    let guides = |i: usize| each[i].table.key.starts_with("platform/");
+    order.sort_by_key(|&i| (each[i].table.friction != FrictionTable::No, guides(i)));
     for i in order {
         match chains.iter().find(|chain| chain.has(i)) {
             None => compose(&each[i], &Terminals(&nodes[i]), &mut build),

@@ -185,7 +185,7 @@ impl<R: Lane> Circuit<R> {
         let node = self.next_axis();
         let weight = mass * R::c(STANDARD_GRAVITY) * incline.sin();
         let friction = friction.map(|contact| contact.surrounded(self.common.ambient_temperature));
-        let inertia = friction.as_ref().map_or(R::zero(), Contact::inertia);
+        let inertia = friction.as_ref().map_or(R::zero(), |own| own.law.inertia());
         let inverse_mass = R::one() / (mass + inertia);
         let largest_scales = friction.as_ref().map_or(Vec::new(), mechanics::axis::largest_scales);
         let part = Axis {

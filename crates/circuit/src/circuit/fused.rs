@@ -108,7 +108,7 @@ impl<R: Lane> Fused<R> {
         let few = cylinder.axis.friction.as_ref().is_none_or(|contact| contact.states().len() <= 1);
         let law = ChamberLaw::EnergyBalance;
         let [a, b] = &cylinder.volumes;
-        if parts.has_others() || !few || a.law != law {
+        if !parts.present.is_empty() || !few || a.law != law {
             return None;
         }
         let volume = a.beside(b)?;

@@ -4,7 +4,7 @@ use super::Circuit;
 use crate::ground::{AxisId, AxisNode, Place};
 use crate::part::mechanics::axis::at;
 use crate::part::mechanics::cylinder::{CHAMBERS, INNER};
-use crate::part::{Axis, EndStops, InputId, PartId, PartKind, Platform, Volume};
+use crate::part::{Axis, InputId, PartId, PartKind, Platform, Volume};
 use math::{Lane, Over};
 
 /// A mass: its part, the indices of its states (x and v first), the mass, and the offset of the inner states of its
@@ -94,15 +94,12 @@ impl<R: Lane> Circuit<R> {
         usual || self.parts.other_cylinders.iter().any(|(_, cylinder)| cylinder.met)
     }
 
-    fn end_stops_mut(&mut self) -> impl Iterator<Item = &mut EndStops<R>> {
-        let usual = self.parts.cylinders.iter_mut().map(|(_, cylinder)| &mut cylinder.stops);
-        let others = self.parts.other_cylinders.iter_mut().map(|(_, cylinder)| &mut cylinder.stops);
-        usual.chain(others).chain(self.parts.end_stops.iter_mut().map(|(_, stops)| stops))
-    }
-
     /// Designs derived end stops for the highest pressure of a start, Pa absolute.
     pub(crate) fn lay_out_stops(&mut self, start: R) {
-        self.end_stops_mut().for_each(|stops| stops.lay_out(start));
+        let usual = self.parts.cylinders.iter_mut().map(|(_, cylinder)| &mut cylinder.stops);
+        let others = self.parts.other_cylinders.iter_mut().map(|(_, cylinder)| &mut cylinder.stops);
+        let each = usual.chain(others).chain(self.parts.end_stops.iter_mut().map(|(_, stops)| stops));
+        each.for_each(|stops| stops.lay_out(start));
     }
 
     /// Returns the pressure for which they are designed, if any, Pa absolute.

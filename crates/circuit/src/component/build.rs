@@ -5,7 +5,7 @@ use super::kind::Kind;
 use crate::circuit::{Circuit, Path};
 use crate::component::mechanics::end_stop::Ends;
 use crate::component::{Quantity, Starting, Timing};
-use crate::ground::{AxisId, Between, Error, GasId};
+use crate::ground::{AxisId, Error, GasId};
 use crate::part::{CheckValve, Edge, InputId, PartId, StoredPart, Wall};
 use math::{Deps, Lane, Over};
 use physics::flow::{BORE_CONDUCTANCE, Iso6358};
@@ -203,16 +203,6 @@ impl<P: Lane> Build<P> {
         self.circuit.add(part)
     }
 
-    /// Adds a flow path between two gas nodes.
-    pub fn between(&self, from: GasId, to: GasId) -> Between {
-        self.circuit.between(from, to)
-    }
-
-    /// Adds a signal between parts, and returns its index.
-    pub fn signal(&mut self) -> usize {
-        self.circuit.signal()
-    }
-
     /// Adds a spring between a mass and the frame: stiffness, N/m, and the position without force, m.
     pub fn spring(&mut self, axis: AxisId, stiffness: P, rest_position: P) {
         self.circuit.spring(axis, stiffness, rest_position);
@@ -279,7 +269,7 @@ impl<P: Lane> Build<P> {
 
     /// Adds the input at this index of the kind's table.
     pub fn input(&mut self, of: &Instance<P>, input: usize, acts: Acts) {
-        let (name, _, meaning) = of.kind().inputs[input];
+        let (name, _, meaning) = of.table.inputs[input];
         let name = if self.is_like { String::new() } else { format!("{}.{name}", of.name) };
         self.inputs.push((name, meaning, acts));
     }
@@ -289,7 +279,7 @@ impl<P: Lane> Build<P> {
         if self.is_like {
             return;
         }
-        let (name, ..) = of.kind().outputs[output];
+        let (name, ..) = of.table.outputs[output];
         self.columns.push((format!("{}.{name}", of.name), quantity));
     }
 

@@ -84,7 +84,7 @@ impl Component for FormulaRestriction {
         let conductance = law.mass_flow(P::one(), [supply, t], [ambient, t]) / (supply * P::c(RHO_0));
         let path = build.circuit.between(from, to);
         let part = build.flow_part(FormulaPath { opening: P::zero(), law, path }, &[conductance]);
-        if !own.kind().inputs.is_empty() {
+        if !own.table.inputs.is_empty() {
             build.input(own, 0, Acts::On(part.input(0)));
         }
         build.column(own, 0, Quantity::along(Path::along(part, 0)));
@@ -118,7 +118,7 @@ impl Component for Force {
         let (formula, values) = valued(own);
         let law = ForceFormula::new(formula, values);
         let part = build.circuit.add(FormulaForce { command: P::zero(), law, axis: axis.0 });
-        if !own.kind().inputs.is_empty() {
+        if !own.table.inputs.is_empty() {
             build.input(own, 0, Acts::On(part.input(0)));
         }
         build.column(own, 0, Quantity::Force(part));

@@ -52,7 +52,7 @@ pub struct Instance<P> {
     /// Index of the kind in [`KINDS`](super::KINDS).
     pub kind: usize,
     /// Table of the kind, or the one that a formula makes of it.
-    pub(crate) table: &'static Kind,
+    pub table: &'static Kind,
     pub(crate) extra: Given<P>,
     /// `None` for a parameter that is left out and has no default.
     pub numbers: Vec<Option<P>>,
@@ -67,19 +67,14 @@ pub struct Instance<P> {
 impl<P> Instance<P> {
     /// Returns the option of a choice, if the component has this choice.
     pub(crate) fn chosen(&self, choice: &str) -> Option<&'static str> {
-        let mut each = self.kind().choices.iter().zip(&self.choices);
+        let mut each = self.table.choices.iter().zip(&self.choices);
         each.find(|(own, _)| own.name == choice).map(|(own, option)| own.options[*option])
-    }
-
-    /// Returns the table of its kind.
-    pub fn kind(&self) -> &'static Kind {
-        self.table
     }
 }
 
 impl<P: Lane> Instance<P> {
     fn place(&self, key: &str) -> usize {
-        let place = self.kind().parameters.iter().position(|parameter| parameter.key == key);
+        let place = self.table.parameters.iter().position(|parameter| parameter.key == key);
         place.expect("a parameter of this kind")
     }
 
@@ -100,7 +95,7 @@ impl<P: Lane> Instance<P> {
 
     /// Returns whether a number is differentiated, if the component has this number.
     pub(super) fn varies(&self, key: &str) -> bool {
-        self.kind().parameters.iter().any(|row| row.key == key) && self.is_free(key)
+        self.table.parameters.iter().any(|row| row.key == key) && self.is_free(key)
     }
 
     /// Returns a number that must exist, because it was checked before.
@@ -110,7 +105,7 @@ impl<P: Lane> Instance<P> {
 
     /// Returns whether its heat transfer follows from the laws of `physics::heat`, because no coefficient is stated.
     pub(crate) fn has_heat_law(&self) -> bool {
-        let mut each = self.kind().parameters.iter().zip(&self.numbers);
+        let mut each = self.table.parameters.iter().zip(&self.numbers);
         each.any(|(row, number)| row.key == "heat_transfer" && number.is_none())
     }
 

@@ -87,10 +87,6 @@ components! {
     mechanics::cylinder::Tandem,
 }
 
-pub(crate) fn bring<P: Lane>(own: &Instance<P>, port: usize, ambient_temperature: P) -> Brings<P> {
-    with_kind!(own, Type => Type::bring(own, port, ambient_temperature))
-}
-
 pub(crate) fn series<P: Lane>(own: &Instance<P>) -> Option<[P; 2]> {
     with_kind!(own, Type => Type::series(own))
 }
@@ -120,7 +116,7 @@ pub fn formula_kind(
 impl<P: Lane> Instance<P> {
     /// Returns its contribution to the joint at one of its ports, for this temperature of the ambient air, K.
     pub fn brings(&self, port: usize, ambient_temperature: P) -> Brings<P> {
-        bring(self, port, ambient_temperature)
+        with_kind!(self, Type => Type::bring(self, port, ambient_temperature))
     }
 
     /// Creates a component of a kind with this key, with numbers by the keys of its parameters.

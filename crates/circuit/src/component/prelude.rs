@@ -8,7 +8,7 @@ pub(super) use super::kind::{
 pub(super) use super::points::Points;
 pub(super) use super::quantity::{Quantity, Starting};
 pub(super) use super::table::{LINEAR_ABOVE, Row, SUBSONIC_INDEX};
-pub(super) use super::timing::{Pulses, Timing};
+pub(super) use super::timing::Timing;
 pub(super) use super::walls::{HEAT_SCALE, TUBE_WALL, WALL, tube_heat, tube_wall};
 pub(super) use crate::ground::{Error, refuse};
 pub(super) use crate::part::Path;

@@ -1,6 +1,6 @@
 //! Restrictions in a row that are merged into one flow path.
 
-use super::{Brings, Build, Instance, Node, bring, series};
+use super::{Brings, Build, Instance, Node, series};
 use crate::circuit::Path;
 use crate::component::{Quantity, tube_wall};
 use crate::ground::{Error, refuse};
@@ -66,7 +66,7 @@ impl Chain {
     pub fn room<P: Lane>(&self, each: &[Instance<P>], ambient_temperature: P) -> Option<P> {
         let ports = self.0.iter().flat_map(|&(own, _)| [(own, 0), (own, 1)]);
         let inside = ports.filter(|port| self.is_inside(*port));
-        let rooms = inside.filter_map(|(own, port)| match bring(&each[own], port, ambient_temperature) {
+        let rooms = inside.filter_map(|(own, port)| match each[own].brings(port, ambient_temperature) {
             Brings::Room { volume } => Some(volume),
             _ => None,
         });
@@ -95,7 +95,7 @@ impl Chain {
         let numbers = [merged(&mut laws.iter().copied()), merged(&mut laws.iter().rev().copied())];
         let above = members().map(|own| own.number("linear_above")).reduce(|one, other| one.min(other));
         let [forward, backward] = numbers.map(|law| build.usual_path(law, above.expect("two or more")));
-        let path = build.between(from, to);
+        let path = build.circuit.between(from, to);
         let most = forward.conductance.max(backward.conductance);
         let ambient = build.ambient[1];
         let walls = members().filter_map(|own| tube_wall(own, ambient, &build.gas)).collect();
@@ -103,7 +103,7 @@ impl Chain {
         for &(own, entered) in &self.0 {
             let path = Path::along(part, 0);
             let path = if entered == 0 { path } else { path.backward() };
-            for output in 0..each[own].kind().outputs.len() {
+            for output in 0..each[own].table.outputs.len() {
                 build.column(&each[own], output, Quantity::along(path));
             }
         }

@@ -22,7 +22,8 @@ pub enum Timing {
         part: PartId,
         dead: [f64; 2],
         travel: [f64; 2],
-        pulses: Option<Pulses>,
+        /// Period of pulses with the commanded width, s.
+        pulses: Option<f64>,
         /// It starts at the position of its first command, otherwise at rest.
         stands: bool,
     },
@@ -30,15 +31,8 @@ pub enum Timing {
     /// keeps its position,
     /// after a started travel has ended.
     Keep { part: PartId, dead: [f64; 2], travel: [f64; 2] },
-    /// Mean value of the pulses.
-    Average { part: PartId, times: [f64; 2], dead: [f64; 2], pulses: Pulses },
-}
-
-/// Pulses with a commanded width.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Pulses {
-    /// Period, s.
-    pub period: f64,
+    /// Mean value of pulses with this period, s.
+    Average { part: PartId, times: [f64; 2], dead: [f64; 2], pulses: f64 },
 }
 
 impl Timing {
@@ -101,7 +95,7 @@ impl Timing {
 ///
 /// * `T`: period, s.
 /// * `t_on`, `t_off`: times from a command to the middle of the travel, s.
-pub(crate) fn average(d: f64, [on, off]: [f64; 2], dead: [f64; 2], Pulses { period }: Pulses) -> f64 {
+pub(crate) fn average(d: f64, [on, off]: [f64; 2], dead: [f64; 2], period: f64) -> f64 {
     if d * period <= dead[0] {
         0.0
     } else if (1.0 - d) * period <= dead[1] {

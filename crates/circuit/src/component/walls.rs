@@ -34,7 +34,7 @@ pub(crate) fn tube_wall<P: Lane>(
     ambient_temperature: P,
     gas: &Gas<P>,
 ) -> Option<TubeWall<P>> {
-    if !own.kind().key.starts_with("tube") {
+    if !own.table.key.starts_with("tube") {
         return None;
     }
     let (length, diameter) = (own.number("length"), own.number("diameter"));

@@ -147,7 +147,7 @@ macro_rules! parts {
         pub(crate) struct Parts<P> {
             $(pub $field: Vec<(Place, $part<P>)>,)*
             /// The other kinds that have parts.
-            present: Vec<PartKind>,
+            pub present: Vec<PartKind>,
         }
 
         impl<P> Default for Parts<P> {
@@ -165,10 +165,6 @@ macro_rules! parts {
         })*
 
         impl<P> Parts<P> {
-            /// Returns whether it has parts of other than the usual kinds.
-            pub fn has_others(&self) -> bool {
-                !self.present.is_empty()
-            }
         }
 
         /// Evaluates an expression with the indices and the part of an id, bound by a pattern.

@@ -8,15 +8,15 @@
 
 use math::Real;
 
+/// Receives the weighted points of a mechanism: weight in the kinetic energy, mass in the field of gravity, and place.
+pub trait Points<P, T>: FnMut([P; 2], [T; 3]) {}
+impl<P, T, F: FnMut([P; 2], [T; 3])> Points<P, T> for F {}
+
 /// A mechanism with `N` coordinates and `N` legs.
 pub trait Mechanism<const N: usize> {
-    /// Returns the position of each leg, m. Calls `point` for each weighted point of the mechanism: its weight in the
-    /// kinetic energy, its mass in the field of gravity, and its place. The weight of a unit vector is in kg m2.
-    fn see<P: Real, T: Smooth<P>>(
-        geometry: &Geometry<P>,
-        q: &[T; N],
-        point: &mut impl FnMut([P; 2], [T; 3]),
-    ) -> [T; N];
+    /// Returns the position of each leg, m. Calls `point` for each weighted point of the mechanism. The weight of a unit
+    /// vector is in kg m2.
+    fn see<P: Real, T: Smooth<P>>(g: &Geometry<P>, q: &[T; N], point: &mut impl Points<P, T>) -> [T; N];
 
     /// Returns coordinates near those at which the legs have these positions: the start of Newton's method.
     fn near<P: Real>(geometry: &Geometry<P>, x: &[P; N]) -> [P; N];

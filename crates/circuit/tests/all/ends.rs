@@ -358,7 +358,7 @@ fn a_tandem_cylinder_pushes_with_the_areas_of_both_pistons() {
         ]);
         let network = network(&components, &joints).expect("assembles");
         assert!(network.warnings.is_empty(), "{:?}", network.warnings);
-        let names: Vec<String> = network.start_names().into_iter().map(String::from).collect();
+        let names: Vec<String> = network.assembly.given_names().into_iter().map(String::from).collect();
         let value = |name: &str| match name.rsplit('.').next() {
             Some("pressure_pa") => 101_300.0,
             Some("temperature_k") => ROOM,
@@ -457,7 +457,7 @@ fn an_end_stop_is_laid_out_for_the_pressure_of_the_start() {
             name if name.ends_with("pressure_pa") => b,
             _ => ROOM,
         };
-        network.start_names().into_iter().map(|name| (name.to_string(), value(name))).collect()
+        network.assembly.given_names().into_iter().map(|name| (name.to_string(), value(name))).collect()
     };
     let area = 0.25 * std::f64::consts::PI * (0.032 * 0.032 - 0.006 * 0.006);
     for cushioned in [false, true] {
@@ -489,8 +489,8 @@ fn an_end_stop_is_laid_out_for_the_pressure_of_the_start() {
         }
         // A session that is put back has the stops of its start, not of that of the session that takes it up.
         let options = ode::Options::default;
-        let mut high = network.session(&from(&network, 8e5, 3e4), options()).expect("starts");
-        let mut low = network.session(&from(&network, 9e4, 9e4), options()).expect("starts");
+        let mut high = network.assembly.session(&from(&network, 8e5, 3e4), options()).expect("starts");
+        let mut low = network.assembly.session(&from(&network, 9e4, 9e4), options()).expect("starts");
         let go = |session: &mut circuit::Session, until: f64| {
             session.go_on(until, &mut circuit::Look::new(&mut |_| false)).expect("goes on");
         };

@@ -251,7 +251,7 @@ fn what_a_session_draws_is_what_came_in_by_its_accounts() {
     let network = network(&components, &joints).expect("assembles");
     let start = [("tank.pressure_pa", 3.5e5), ("tank.temperature_k", ROOM)];
     let start = start.map(|(name, value)| (name.to_string(), value)).into();
-    let mut session = network.session(&start, Options::default()).expect("a session");
+    let mut session = network.assembly.session(&start, Options::default()).expect("a session");
     assert!(session.drawn().is_none());
     session.follow_drawn();
     for tick in 1..=2000 {
@@ -345,7 +345,7 @@ fn in_a_row(with_hole: bool, behind: f64, junctions: &str, turned: bool) -> impl
     joints.extend([json!(["tank.1", "leak.1"]), json!(["leak.2", "ambient"])]);
     let network = joined(&json!(components), &json!(joints), junctions).expect("assembles");
     assert_eq!(network.joint_volumes.is_empty(), junctions == "series");
-    let names = network.start_names().into_iter().map(String::from).collect::<Vec<_>>();
+    let names = network.assembly.given_names().into_iter().map(String::from).collect::<Vec<_>>();
     let start = names.iter().map(|name| (&name[..], if name.ends_with("_k") { ROOM } else { 4e5 }));
     let (columns, ledger) = run(&network, &[], (1.0, 10.0), &start.collect::<Vec<_>>());
     closes(ledger);
@@ -393,7 +393,7 @@ fn what_merged_tubes_have_of_volume_between_them_goes_to_both_ends() {
             name if name.ends_with("_k") => ROOM,
             _ => 1e5,
         };
-        let names = network.start_names().into_iter().map(String::from).collect::<Vec<_>>();
+        let names = network.assembly.given_names().into_iter().map(String::from).collect::<Vec<_>>();
         let start = names.iter().map(|name| (&name[..], value(name)));
         let (columns, ledger) = run(&network, &[], (20.0, 1.0), &start.collect::<Vec<_>>());
         closes(ledger);

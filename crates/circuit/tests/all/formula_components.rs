@@ -92,7 +92,7 @@ fn its_linear_part_is_that_of_the_fitting() {
         let start = [("tank.pressure_pa", 4e5), ("tank.temperature_k", 300.0)];
         let start = start.iter().map(|(name, value)| (name.to_string(), *value)).collect();
         let network = filling(path).expect("assembles");
-        let session = network.session(&start, Options::default()).expect("starts");
+        let session = network.assembly.session(&start, Options::default()).expect("starts");
         let found = session.linearise(&[0]).expect("linear");
         [found.a, found.b, found.c, found.d].concat()
     };

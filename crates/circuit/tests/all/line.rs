@@ -22,7 +22,7 @@ fn steady(numbers: &Value, from: f64, to: f64, duration: f64) -> f64 {
     let components = json!([supply(from), line(numbers), sink]);
     let network =
         network(&components, &json!([["supply.1", "hose.1"], ["hose.2", "sink.1"]])).expect("assembles");
-    let start: Vec<_> = network.start_names().into_iter().map(str::to_string).collect();
+    let start: Vec<_> = network.assembly.given_names().into_iter().map(str::to_string).collect();
     let start: Vec<_> = start
         .iter()
         .map(|name| (name.as_str(), if name.ends_with("pressure_pa") { 0.5 * (from + to) } else { ROOM }))
@@ -67,7 +67,7 @@ fn a_shock_empties_no_cell() {
     let components = json!([ends("one"), line(&json!({ "length": 0.5, "cells": 10.0 })), ends("two")]);
     let network =
         network(&components, &json!([["one.1", "hose.1"], ["hose.2", "two.1"]])).expect("assembles");
-    let start: Vec<_> = network.start_names().into_iter().map(str::to_string).collect();
+    let start: Vec<_> = network.assembly.given_names().into_iter().map(str::to_string).collect();
     let start: Vec<_> = (start.iter().enumerate())
         .map(|(i, name)| {
             let full = i < start.len() / 2;
@@ -134,7 +134,7 @@ fn a_tube_is_steady_where_it_is_short_and_has_waves_where_it_is_long() {
         let tank = json!({ "name": "tank", "kind": "tank", "numbers": { "volume": 1e-4 } });
         let joints = json!([["supply.1", "hose.1"], ["hose.2", "tank.1"]]);
         let network = network(&json!([supply(7e5), hose, tank]), &joints).expect("assembles");
-        let start: Vec<_> = network.start_names().into_iter().map(str::to_string).collect();
+        let start: Vec<_> = network.assembly.given_names().into_iter().map(str::to_string).collect();
         let start: Vec<_> = (start.iter())
             .map(|name| (name.as_str(), if name.ends_with("pressure_pa") { 1e5 } else { ROOM }))
             .collect();

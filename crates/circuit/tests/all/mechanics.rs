@@ -325,7 +325,8 @@ fn an_impact_has_the_energy_of_what_moves_along() {
         Some("position_m") => 0.19,
         _ => 1.0,
     };
-    let start = network.start_names().into_iter().map(|name| (name.to_string(), value(name))).collect();
+    let start =
+        network.assembly.given_names().into_iter().map(|name| (name.to_string(), value(name))).collect();
     let run = network.simulate(&[], (0.05, 1000.0), &start, ode::Options::default(), &mut |_| false);
     let impact = run.expect("runs").impacts[0];
     let (v, mass) = (impact.speed, 2.0 * impact.energy / impact.speed.powi(2));

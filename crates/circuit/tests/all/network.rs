@@ -465,14 +465,14 @@ fn every_component_keeps_mass_and_energy_and_rests_where_nothing_drives_it() {
         }
         let network =
             network(&json!(components), &json!(joints)).unwrap_or_else(|e| panic!("{}: {e}", kind.key));
-        let states = network.assembly().circuit.state_names();
+        let states = network.assembly.circuit.state_names();
         for (i, (name, _)) in states.iter().enumerate() {
             let of = |own: &Value| name.starts_with(&format!("{}.", own["name"].as_str().expect("a name")));
             assert!(components.iter().any(of), "{}: {name} is no component's", kind.key);
             assert!(states[..i].iter().all(|(other, _)| other != name), "{}: {name} twice", kind.key);
         }
         let start = |driven: bool| -> Vec<(String, f64)> {
-            let each = network.start_names().into_iter().map(|name| {
+            let each = network.assembly.given_names().into_iter().map(|name| {
                 let given = pressures.iter().find(|(own, _)| own == name).filter(|_| driven).map(|(_, p)| *p);
                 let usual = match name.rsplit('.').next() {
                     Some("pressure_pa") => 101_300.0,
@@ -485,7 +485,7 @@ fn every_component_keeps_mass_and_energy_and_rests_where_nothing_drives_it() {
             });
             each.collect()
         };
-        let inputs = &network.assembly().variables.inputs;
+        let inputs = &network.assembly.variables.inputs;
         let commands: Vec<_> = inputs
             .iter()
             .filter(|own| ["own.command", "own.jerk_m_s3"].contains(&&*own.name))

@@ -57,7 +57,7 @@ fn start(network: &Network) -> BTreeMap<String, f64> {
         Some("position_m") => 0.1,
         _ => 0.0,
     };
-    network.start_names().into_iter().map(|name| (name.to_string(), value(name))).collect()
+    network.assembly.given_names().into_iter().map(|name| (name.to_string(), value(name))).collect()
 }
 
 /// The state after a stroke.
@@ -84,7 +84,7 @@ fn members_of_one_topology_are_analysed_once_and_are_the_circuits_with_their_num
     let values = |k: f64| [0.02 + 1e-6 * k, 0.5 + 1e-4 * k, 0.001 + 1e-7 * k, 10.0 + 1e-3 * k, 6e5 + k];
     let mut shares = |k: u32| {
         let own = members.member(&values(f64::from(k))).expect("a member");
-        own.circuit.shares_analysis(&network.assembly().circuit)
+        own.circuit.shares_analysis(&network.assembly.circuit)
     };
     let set = least((0..10).map(|tenth| {
         let begun = Instant::now();
@@ -95,7 +95,7 @@ fn members_of_one_topology_are_analysed_once_and_are_the_circuits_with_their_num
         let own = members.member(&values(f64::from(k))).expect("a member");
         let numbers = NAMES.into_iter().zip(values(f64::from(k))).collect::<Vec<_>>();
         let alone = assemble(&with(&numbers));
-        let of_alone = after(alone.session(&start(&alone), options).expect("starts"));
+        let of_alone = after(alone.assembly.session(&start(&alone), options).expect("starts"));
         let of_member = after(own.session(&start(&network), options).expect("starts"));
         assert_eq!(of_member, of_alone, "{k}");
     }
@@ -115,9 +115,9 @@ fn a_member_of_other_parts_is_analysed_by_itself() {
     for (name, value) in [("left.leakage", 1e-10), ("hose.cells", 3.0)] {
         let mut members = network.members(&json, &[name.into()]).expect("a number");
         let own = members.member(&[value]).expect("a member");
-        assert!(!own.circuit.shares_analysis(&network.assembly().circuit), "{name}");
+        assert!(!own.circuit.shares_analysis(&network.assembly.circuit), "{name}");
         let alone = assemble(&with(&[(name, value)]));
-        let of_alone = after(alone.session(&start(&alone), Options::default()).expect("starts"));
+        let of_alone = after(alone.assembly.session(&start(&alone), Options::default()).expect("starts"));
         assert_eq!(
             after(own.session(&start(&alone), Options::default()).expect("starts")),
             of_alone,
@@ -143,7 +143,7 @@ fn a_run_is_differentiated_by_numbers_of_components() {
         ["left.bore", "hose.length", "hose.loss", "left.friction.parameters.viscous", "valve.conductance"];
     let shot = |circuit: &Value, parameters: &[&str]| {
         let network = assemble(circuit);
-        let names = network.assembly().start_names();
+        let names = network.assembly.start_names();
         let value = |name: &String| match &name[..] {
             "left.a.pressure_pa" => 6e5,
             "left.position_m" => 0.1,
@@ -205,7 +205,7 @@ fn a_tank_behind_merged_restrictions_is_differentiated_by_their_numbers() {
     let names = ["hole.conductance", "hose.length"];
     let shot = |circuit: &Value, parameters: &[&str]| {
         let network = assemble(circuit);
-        let starts = network.assembly().start_names();
+        let starts = network.assembly.start_names();
         assert_eq!(starts, ["tank.pressure_pa", "tank.temperature_k"]);
         let asked = Shooting {
             plans: plan("supply.pressure_pa", vec![0.0], vec![7e5]),
@@ -264,7 +264,7 @@ fn a_segment_begins_with_the_spool_where_its_commands_put_it() {
     };
     let known = start(&network);
     let first: Vec<f64> =
-        network.assembly().start_names().iter().map(|name| known.get(name).copied().unwrap_or(0.0)).collect();
+        network.assembly.start_names().iter().map(|name| known.get(name).copied().unwrap_or(0.0)).collect();
     let (whole, half) = (shoot(&[0], &[&first]), shoot(&[0, 30], &[&first, &first]));
     let joined = shoot(&[0, 30], &[&first, &half.ends[..first.len()]]);
     let width = joined.directions;
@@ -293,7 +293,7 @@ fn a_motor_gives_the_mean_force_at_a_velocity_its_slope_and_the_work() {
         "joints": [["sled.1", "motor.1"]],
     });
     let network = assemble(&circuit);
-    let names = network.assembly().start_names();
+    let names = network.assembly.start_names();
     let initial = names.iter().map(|name| if name == "sled.velocity_m_s" { 0.1 } else { 0.0 });
     let outputs = ["motor.impulse_n_s", "motor.work_j", "sled.position_m", "motor.force_n"];
     let asked = Shooting {
@@ -317,9 +317,9 @@ fn a_motor_gives_the_mean_force_at_a_velocity_its_slope_and_the_work() {
     near(grown(&shot.sensitivities, 0) / 0.2, 40.0, "slope");
     near(grown(&shot.values, 1), 24.0 * 0.02, "work");
     // The input takes the place of the number: pulled the other way, all turn.
-    let mut session = network.session(&start(&network), Options::default()).expect("starts");
+    let mut session = network.assembly.session(&start(&network), Options::default()).expect("starts");
     let places = ["motor.impulse_n_s", "motor.work_j"]
-        .map(|name| session.columns().iter().position(|column| column == name).expect("a column"));
+        .map(|name| session.assembly.columns().iter().position(|column| column == name).expect("a column"));
     let velocity =
         session.inputs().iter().position(|input| input.name == "motor.velocity_m_s").expect("an input");
     session.set(velocity, -0.3).expect("a velocity");

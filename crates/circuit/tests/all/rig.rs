@@ -172,7 +172,7 @@ fn run(
     from: Result<f64, &[f64]>,
     rtol: f64,
 ) -> (Run, Vec<f64>) {
-    let assembly = rig.network.assembly();
+    let assembly = &rig.network.assembly;
     let at_rest = |position| {
         let mut start = rig.filled.clone();
         for own in ["carriage", "piston"] {
@@ -197,7 +197,7 @@ fn run(
     let all: Vec<usize> = (0..assembly.columns().len()).collect();
     let times = (0..=2000).map(|k| duration * f64::from(k) / 2000.0).collect();
     let run = session.record(duration, times, &all, &mut Look::new(&mut |_| false)).expect("runs");
-    let names = session.state_names();
+    let names = session.circuit().state_names();
     let mut state = session.state()[..names.len()].to_vec();
     let place = |begin| names.iter().position(|(name, _)| name.starts_with(begin)).expect("a carriage");
     let (first, x) = (place("carriage."), place("carriage.position_m"));
@@ -211,7 +211,7 @@ fn run(
 }
 
 fn column<'r>(rig: &Rig, run: &'r Run, name: &str) -> &'r [f64] {
-    &run.columns[rig.network.assembly().columns().iter().position(|column| column == name).expect(name)]
+    &run.columns[rig.network.assembly.columns().iter().position(|column| column == name).expect(name)]
 }
 
 /// What is pinned of a run: motion, forces, the gas of both chambers and what feeds it, the inner states of friction.
@@ -227,7 +227,7 @@ fn shown(rig: &Rig, air: Air, run: &Run) -> Vec<f64> {
     };
     let names = names.split(' ').chain(fed);
     let inner = |name: &&String| *name == "piston.bristle_deflection_m";
-    let inner = rig.network.assembly().columns().iter().filter(inner).map(String::as_str);
+    let inner = rig.network.assembly.columns().iter().filter(inner).map(String::as_str);
     let around = vec![AMBIENT; run.columns[0].len()];
     let column = |name: &str| if name.is_empty() { &around } else { column(rig, run, name) };
     names.chain(inner).flat_map(column).copied().collect()

@@ -54,7 +54,8 @@ fn golden_cases() {
                 };
                 let mut session = drive.session(&initial, options(rtol));
                 let names = ["position_m", "velocity_m_s", "pressure_a_pa", "pressure_b_pa"];
-                let column = |name: &str| session.columns().iter().position(|own| own.ends_with(name));
+                let column =
+                    |name: &str| session.assembly.columns().iter().position(|own| own.ends_with(name));
                 let columns = names.map(|name| column(name).expect("a column")).to_vec();
                 let input = session.inputs().iter().position(|own| own.name.ends_with("command"));
                 let input = input.expect("a command");

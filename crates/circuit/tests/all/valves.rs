@@ -234,10 +234,10 @@ fn an_impulse_valve_keeps_its_position_and_ends_the_travel_that_has_begun() {
         at(&columns, ms, x);
     }
     // Its position is one of two.
-    let start: BTreeMap<String, f64> = (network.start_names().into_iter())
+    let start: BTreeMap<String, f64> = (network.assembly.given_names().into_iter())
         .map(|name| (name.to_string(), if name == "valve.position" { 0.5 } else { 3e5 }))
         .collect();
-    let refused = network.session(&start, Options::default()).err().map(|error| error.to_string());
+    let refused = network.assembly.session(&start, Options::default()).err().map(|error| error.to_string());
     assert!(refused.is_some_and(|message| message.contains("valve.position = 0.5 must be 0 or 1")));
 }
 
@@ -303,7 +303,7 @@ fn a_session_saved_within_a_dead_time_and_a_pulse_goes_on_with_its_bits() {
     let network = filling(valve, 1e-3);
     let start: BTreeMap<_, _> =
         [("tank.pressure_pa".to_string(), 1e5), ("tank.temperature_k".to_string(), ROOM)].into();
-    let session = || network.session(&start, Options::default()).expect("a session");
+    let session = || network.assembly.session(&start, Options::default()).expect("a session");
     let input = session().inputs().iter().position(|own| own.name == VALVE).expect("an input");
     let mut whole = session();
     whole.set(input, 0.4).expect("a share");

@@ -27,7 +27,8 @@ impl Braking {
             model.supply.pressure = model.ambient.pressure;
             Box::new(model)
         });
-        let model = if gas.may_lack_supply() { fallen } else { &own.model };
+        // It is not certain that the supply pressure acts if it has fallen, or if a pressure is not measured.
+        let model = if gas.supply_told || gas.lacks_sensor() { fallen } else { &own.model };
         let margin = BRAKE_MARGINS[usize::from(self.acts)];
         let observer = own.observer.as_ref()?;
         let along = if observer.state.velocity >= 0.0 { 1.0 } else { -1.0 };
@@ -71,7 +72,7 @@ fn brakes_before(
     if room(position) > far(gained) {
         return None;
     }
-    let acts = observer.time() + model.valve.delay;
+    let acts = observer.time + model.valve.delay;
     let (state, spool) = observer.predict(model, acts, period);
     let way_to = |mut state: State, mut spool: Spool, brake: f64| {
         spool.command(acts, command);

@@ -73,7 +73,8 @@ const KEPT: usize = 256;
 /// Events in the order of their times.
 #[derive(Clone, Debug)]
 pub struct Log {
-    events: Vec<Event>,
+    /// The first events.
+    pub events: Vec<Event>,
     counts: [u32; EventKind::ALL.len()],
 }
 
@@ -89,11 +90,6 @@ impl Log {
         if self.events.len() < KEPT {
             self.events.push(Event { time, kind, value });
         }
-    }
-
-    /// The first events.
-    pub fn events(&self) -> &[Event] {
-        &self.events
     }
 
     /// Returns the count of events of a kind.

@@ -198,12 +198,7 @@ impl Gas {
     }
 
     /// A pressure is not measured any more.
-    fn lacks_sensor(&self) -> bool {
+    pub fn lacks_sensor(&self) -> bool {
         self.chambers.is_some_and(|own| own.iter().any(|own| own.is_lost))
-    }
-
-    /// It is not certain that the supply pressure acts: it has fallen, or a pressure is not measured.
-    pub fn may_lack_supply(&self) -> bool {
-        self.supply_told || self.lacks_sensor()
     }
 }

@@ -34,11 +34,6 @@ impl Mode {
         matches!(self, Mode::Shut | Mode::Off)
     }
 
-    /// The drive stops, and its valve is shut at rest.
-    pub fn ends_shut(&self) -> bool {
-        matches!(self, Mode::Stops { shuts: true, .. })
-    }
-
     /// The drive follows its reference, or returns to it.
     pub fn moves(&self) -> bool {
         matches!(self, Mode::Follows | Mode::Returns(_))
@@ -75,13 +70,13 @@ impl Mode {
         log: &mut Log,
     ) -> Course<'a> {
         match self {
-            Mode::Returns(fade) if fade.end() > time => Course::back_to(reference, *fade),
+            Mode::Returns(fade) if fade.end() > time => Course { fade: Some(*fade), ..reference.into() },
             Mode::Stops { fade, at, stood, shuts } => {
                 if fade.end() <= time && !*stood {
                     *stood = true;
                     log.tell(time, EventKind::Stopped, state.position);
                 }
-                let course = Course::to_stand(*at, *fade);
+                let course = Course { reference: None, stands_at: *at, fade: Some(*fade) };
                 if *stood && *shuts {
                     *self = Mode::Shut;
                 }

@@ -35,13 +35,11 @@ impl FmuModel {
             match &own.role {
                 VariableRole::Start { of } => start.extend(of.iter().map(|name| (name.clone(), value))),
                 VariableRole::Age => age = value,
-                VariableRole::Input { of, .. } => {
-                    inputs.push((network.assembly().variables.input(of)?, value))
-                }
+                VariableRole::Input { of, .. } => inputs.push((network.assembly.variables.input(of)?, value)),
                 _ => {}
             }
         }
-        let names = network.start_names();
+        let names = network.assembly.given_names();
         let mut other = names.iter().copied().filter(|name| !start.contains_key(*name));
         let mut gone = start.keys().map(String::as_str).filter(|name| !names.contains(name));
         if let Some(name) = other.next().or_else(|| gone.next()) {
@@ -65,8 +63,8 @@ impl FmuModel {
     }
 
     fn places(&self, session: &Session) -> Result<Arc<[usize]>, CallRefusal> {
-        let variables = session.variables();
-        let state = |of: &str| session.state_names().iter().position(|(name, _)| name == of);
+        let variables = &session.assembly.variables;
+        let state = |of: &str| session.circuit().state_names().iter().position(|(name, _)| name == of);
         let each = self.plan.variables.iter().map(|own| {
             let place = match &own.role {
                 VariableRole::Input { of, discrete } => {
@@ -89,10 +87,10 @@ impl FmuModel {
         let motion = if self.plan.actuator.is_some() { 2 } else { 0 };
         let is_rate = |own: &&Variable| matches!(own.role, VariableRole::Rate { .. });
         let told = self.plan.variables.iter().filter(is_rate).count();
-        if told + motion != session.state_names().len() {
+        if told + motion != session.circuit().state_names().len() {
             return refuse(format!(
                 "with these values the circuit has {} states, but the description has {told} rates. Export the drive with these values",
-                session.state_names().len() - motion
+                session.circuit().state_names().len() - motion
             ));
         }
         Ok(places)

@@ -76,7 +76,7 @@ impl<R: Lane, Sys: System<R>> Stepper<R, Sys> {
         inverse_h: R::Plain,
     ) {
         let Stepper { structure, system, t, y, f0, u, stage, rhs, linear, work, .. } = self;
-        let n = structure.n();
+        let n = structure.n;
         let y: &Pair<R> = y.first_chunk().expect("two blocks");
         let u: &mut [Pair<R>; MOST_STAGES] =
             u.as_chunks_mut().0.first_chunk_mut().expect("a row for each stage");
@@ -106,7 +106,7 @@ impl<R: Lane, Sys: System<R>> Stepper<R, Sys> {
     #[inline(always)]
     fn stage<M: Tableau<S>, const S: usize, const I: usize>(&mut self, h: R::Plain, inverse_h: R::Plain) {
         let Stepper { structure, system, t, y, f0, f_t, u, stage, rhs, linear, work, .. } = self;
-        let (n, blocks) = (structure.n(), y.len());
+        let (n, blocks) = (structure.n, y.len());
         let (done, b) = u[..(I + 1) * blocks].split_at_mut(I * blocks);
         if I == 0 {
             b.copy_from_slice(f0);

@@ -53,14 +53,14 @@ impl<Sys: System<f64>> Stepper<f64, Sys> {
 
     /// Returns the number of these words.
     pub fn words(&self) -> usize {
-        self.structure.n() + 19 + SWING * self.lanes[0].swings.len()
+        self.structure.n + 19 + SWING * self.lanes[0].swings.len()
     }
 
     /// Continues, bit for bit, from the call of `save`. Inputs and modes of the system must be those of that
     /// time.
     pub fn restore(&mut self, words: &[u64]) {
         assert_eq!(words.len(), self.words(), "words of a system of this size");
-        let (numbers, rest) = words.split_at(4 + self.structure.n());
+        let (numbers, rest) = words.split_at(4 + self.structure.n);
         let (flags, rest) = rest.split_at(5);
         let (counts, swings) = rest.split_at(10);
         let number = |i: usize| f64::from_bits(numbers[i]);

@@ -36,7 +36,7 @@ impl<R: Lane, Sys: System<R>> Stepper<R, Sys> {
             taken(&mut own.linear.jacobian, &twin.linear.jacobian);
             own.linear.is_plain = true;
             taken(own.f_t.as_flattened_mut(), twin.f_t.as_flattened());
-            let (n, t) = (own.structure.n(), R::from_lanes(|lane| own.t[lane]));
+            let (n, t) = (own.structure.n, R::from_lanes(|lane| own.t[lane]));
             let (y, f0) = (&own.y.as_flattened()[..n], &mut own.f0.as_flattened_mut()[..n]);
             own.system.rhs(t, y, f0, &mut own.work);
         });
@@ -45,7 +45,7 @@ impl<R: Lane, Sys: System<R>> Stepper<R, Sys> {
     fn refresh_as(&mut self, differentiate: impl FnOnce(&mut Self)) {
         self.system.renew(&mut self.work);
         self.system.renew(&mut self.dual_work);
-        let n = self.structure.n();
+        let n = self.structure.n;
         let (y, f0) = (&self.y.as_flattened()[..n], self.f0.as_flattened_mut());
         let linear = &mut self.linear;
         linear.is_arrow = self.system.linearise(y, f0, &mut linear.dense);
@@ -66,7 +66,7 @@ impl<R: Lane, Sys: System<R>> Stepper<R, Sys> {
     /// Computes f and its Jacobian by passes of dual numbers.
     fn differentiate(&mut self) {
         let structure = self.structure.clone();
-        let n = structure.n();
+        let n = structure.n;
         let t = R::from_lanes(|lane| self.t[lane]);
         for pass in &structure.passes {
             if self.seeded {

@@ -17,7 +17,7 @@ impl<R: Lane, Sys: System<R>> Stepper<R, Sys> {
     /// Handles an attempt with a very large error. If the tangent of the solution reaches an obstacle within
     /// its length, the next attempt ends shortly before the obstacle.
     pub(super) fn stop_before_obstacle(&mut self, lane: usize, h: f64) {
-        let n = self.structure.n();
+        let n = self.structure.n;
         let (y, f0) = (self.y.as_flattened(), self.f0.as_flattened());
         for ((end, y), f) in self.stage.as_flattened_mut().iter_mut().zip(y).zip(f0) {
             *end = f.fma(R::c(h), *y);
@@ -67,7 +67,7 @@ impl<R: Lane, Sys: System<R>> Stepper<R, Sys> {
     }
 
     fn worst_state(&self, lane: usize) -> usize {
-        let errors = &self.errors().as_flattened()[..self.structure.n()];
+        let errors = &self.errors().as_flattened()[..self.structure.n];
         let relative = |i: usize| {
             let size = self.y.as_flattened()[i].get(lane).abs();
             let ratio = errors[i].get(lane).abs() / (self.scale.as_flattened()[i].get(lane) + size);

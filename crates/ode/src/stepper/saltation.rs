@@ -22,7 +22,7 @@ impl<R: Lane, Sys: System<R>> Stepper<R, Sys> {
             }
             self.shift_state(self.event_shift);
         }
-        let n = self.structure.n();
+        let n = self.structure.n;
         self.system.switch(lane, event, &mut self.y.as_flattened_mut()[..n], &mut self.work);
         if R::DIRECTIONS > 0 {
             self.shift_state(-self.event_shift);
@@ -32,7 +32,7 @@ impl<R: Lane, Sys: System<R>> Stepper<R, Sys> {
 
     /// Returns the rates at the present state and mode.
     fn rates(&mut self) -> Vec<R> {
-        let n = self.structure.n();
+        let n = self.structure.n;
         let mut rates = vec![R::zero(); n];
         let t = R::c(self.t[0]);
         self.system.rhs(t, &self.y.as_flattened()[..n], &mut rates, &mut self.work);
@@ -41,7 +41,7 @@ impl<R: Lane, Sys: System<R>> Stepper<R, Sys> {
 
     /// Returns dt* of an event at the present state. `None` if the function only touches zero.
     fn shift_of(&mut self, event: usize) -> R {
-        let n = self.structure.n();
+        let n = self.structure.n;
         let y = self.y.as_flattened()[..n].to_vec();
         let rates = self.rates();
         let mut function = |y: &[R]| {

@@ -18,7 +18,7 @@ impl<R: Lane, Sys: System<R>> Stepper<R, Sys> {
         t1: f64,
         output: &mut impl Output<R, Sys>,
     ) -> Option<f64> {
-        let (n, has_modes) = (self.structure.n(), !self.g0.is_empty());
+        let (n, has_modes) = (self.structure.n, !self.g0.is_empty());
         while output.due(lane) <= t0 {
             let y = &mut self.step.copy(&self.y)[..n];
             if has_modes {

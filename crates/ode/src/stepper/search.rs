@@ -8,7 +8,7 @@ use math::{Lane, Real};
 impl<R: Lane, Sys: System<R>> Stepper<R, Sys> {
     /// Computes the event functions of one lane at `t0 + theta h` of the present attempt, into `g_look`.
     fn look(&mut self, lane: usize, t0: f64, h: f64, theta: f64) {
-        let n = self.structure.n();
+        let n = self.structure.n;
         let t = R::from_lanes(|l| if l == lane { t0 + theta * h } else { self.t[l] });
         let y = if theta == 1.0 { self.step.y1.as_flattened() } else { &*self.step.interpolate(theta) };
         self.system.events(t, &y[..n], &mut self.g_look, &mut self.work);
@@ -16,7 +16,7 @@ impl<R: Lane, Sys: System<R>> Stepper<R, Sys> {
 
     /// Computes the event functions of all lanes at the interior points of the present attempt.
     fn look_out(&mut self, h: R::Plain) {
-        let n = self.structure.n();
+        let n = self.structure.n;
         self.step.prepare(&self.u);
         let t0 = R::Plain::from_lanes(|lane| self.t[lane]);
         for (g, theta) in self.looks.iter_mut().zip(LOOKOUTS) {

@@ -1,5 +1,5 @@
 use super::bristles::DEFLECTION;
-use super::{At, Claims, InnerState, Law, Levels, Sense, Shape, dry, sliding, weight};
+use super::{At, Claims, InnerState, Law, Levels, Sense, Shape, dry, levels_of, sliding, weight};
 use crate::parameter::{above, at_least};
 use math::{Over, Real};
 
@@ -80,13 +80,7 @@ impl<P: Real> Law<P> for Armstrong<P> {
     const SENSE: Sense = Sense::Deflection;
     const CLAIMS: Claims = Claims { no_drift: true, always_passive: true, ..Claims::USUAL };
 
-    fn levels(&self) -> Levels<P> {
-        Levels::new(self.coulomb, self.breakaway, self.viscous)
-    }
-
-    fn spring(&self) -> Option<P> {
-        Some(self.bristle_stiffness)
-    }
+    levels_of!(coulomb breakaway viscous, spring bristle_stiffness);
 
     #[inline(always)]
     fn force<S: Over<P>>(&self, at: &At<S>, levels: &Levels<S>, z: &[S], dz: &mut [S], mode: P) -> S {

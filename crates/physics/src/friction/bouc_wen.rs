@@ -1,5 +1,5 @@
 use super::bristles::DEFLECTION;
-use super::{At, Claims, InnerState, Law, Levels};
+use super::{At, Claims, InnerState, Law, Levels, levels_of};
 use crate::parameter::{above, at_least};
 use math::{Over, Real};
 
@@ -41,13 +41,7 @@ impl<P: Real> Law<P> for BoucWen<P> {
     const BRISTLES: bool = true;
     const CLAIMS: Claims = Claims { rate_independent: true, always_passive: true, ..Claims::USUAL };
 
-    fn levels(&self) -> Levels<P> {
-        Levels::new(self.coulomb, self.coulomb, self.viscous)
-    }
-
-    fn spring(&self) -> Option<P> {
-        Some(self.bristle_stiffness)
-    }
+    levels_of!(coulomb coulomb viscous, spring bristle_stiffness);
 
     #[inline(always)]
     fn force<S: Over<P>>(&self, at: &At<S>, levels: &Levels<S>, z: &[S], dz: &mut [S], _mode: P) -> S {

@@ -59,13 +59,7 @@ pub(super) use bristle_parameters;
 /// Inside `impl Law` for a bristle law: its levels and its bristles.
 macro_rules! bristle_law {
     () => {
-        fn levels(&self) -> Levels<P> {
-            self.own_levels()
-        }
-
-        fn spring(&self) -> Option<P> {
-            Some(self.bristle_stiffness)
-        }
+        $crate::friction::levels_of!(coulomb breakaway viscous, spring bristle_stiffness);
 
         fn damping<S: Over<P>>(&self, v: S) -> S {
             self.damping_at(v)

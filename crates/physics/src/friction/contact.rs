@@ -67,8 +67,8 @@ pub struct Contact<P> {
     pub seal_lips: Option<SealLips<P>>,
     /// All other modifiers; boxed, because most contacts have none of them.
     pub composition: Option<Box<Composition<P>>>,
-    /// One of the usual laws without modifiers: evaluated in line, see [`Contact::usual_force`].
-    usual: bool,
+    /// One of the usual laws with at most seal lips: evaluated in line, see [`Contact::usual_force`].
+    pub is_usual: bool,
 }
 
 impl<P: Real> From<AnyLaw<P>> for Contact<P> {
@@ -81,7 +81,7 @@ impl<P: Real> Contact<P> {
     /// Creates the law with `seal_lips` and modifiers.
     pub fn new(law: AnyLaw<P>, seal_lips: Option<SealLips<P>>, composition: Composition<P>) -> Self {
         let composition = (!composition.is_none()).then(|| Box::new(composition));
-        Contact { usual: composition.is_none() && law.is_usual(), law, seal_lips, composition }
+        Contact { is_usual: composition.is_none() && law.is_usual(), law, seal_lips, composition }
     }
 
     /// Returns whether steady friction depends only on the velocity.
@@ -95,15 +95,9 @@ impl<P: Real> Contact<P> {
     pub fn with_law(&self, law: AnyLaw<P>) -> Self {
         Contact { law, seal_lips: self.seal_lips.clone(), composition: self.composition.clone(), ..*self }
     }
-
-    /// Returns whether the law is evaluated inline: a usual law with at most seal lips.
-    #[inline(always)]
-    pub fn is_usual(&self) -> bool {
-        self.usual
-    }
 }
 
-math::gather!(Contact { law, seal_lips, composition } same { usual });
+math::gather!(Contact { law, seal_lips, composition } same { is_usual });
 
 /// Returns the names of the inner states of modifiers, for any law.
 pub const COMPOSITION_STATES: [&str; 4] =
@@ -135,11 +129,6 @@ impl<P: Real> Contact<P> {
             heating.ambient = ambient;
         }
         self
-    }
-
-    /// Returns the mass, kg, that the force adds to the acceleration term.
-    pub fn inertia(&self) -> P {
-        self.law.inertia()
     }
 
     /// Returns the index of the age of the contact among the inner states.

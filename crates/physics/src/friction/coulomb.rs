@@ -1,4 +1,4 @@
-use super::{At, Claims, Law, Levels, dry};
+use super::{At, Claims, Law, Levels, dry, levels_of};
 use crate::parameter::{above, at_least};
 use math::{Over, Real};
 
@@ -26,9 +26,7 @@ impl<P: Real> Law<P> for Coulomb<P> {
     const CLAIMS: Claims =
         Claims { rate_independent: true, no_drift: true, always_passive: true, ..Claims::USUAL };
 
-    fn levels(&self) -> Levels<P> {
-        Levels::new(self.coulomb, self.coulomb, self.viscous)
-    }
+    levels_of!(coulomb coulomb viscous);
 
     #[inline(always)]
     fn force<S: Over<P>>(&self, at: &At<S>, levels: &Levels<S>, _z: &[S], _dz: &mut [S], mode: P) -> S {

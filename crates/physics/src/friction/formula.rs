@@ -52,7 +52,8 @@ pub struct OwnLaw {
 pub struct Formula<P> {
     /// The part common to all sets of parameters.
     pub law: &'static OwnLaw,
-    parameters: Vec<P>,
+    /// Its parameters, in the order of `meta.parameters`, in SI.
+    pub parameters: Vec<P>,
     motion: Vec<P>,
     energy: Vec<P>,
     slip: Vec<P>,
@@ -178,11 +179,6 @@ impl Formula<f64> {
     /// Returns the same law with its parameters as other numbers, in their order.
     pub fn lifted<P: Real>(&self, values: &[P]) -> Formula<P> {
         Formula::new(self.law, values.to_vec())
-    }
-
-    /// Its parameters, in the order of `meta.parameters`, in SI.
-    pub fn values(&self) -> &[f64] {
-        &self.parameters
     }
 }
 

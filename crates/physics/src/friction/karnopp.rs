@@ -1,5 +1,5 @@
 use super::stribeck::stribeck_parameters;
-use super::{At, Choices, Claims, Described, Law, Levels, Shape, dry, sliding};
+use super::{At, Choices, Claims, Described, Law, Levels, Shape, dry, levels_of, sliding};
 use crate::parameter::above;
 use math::{Over, Real};
 
@@ -61,9 +61,7 @@ impl<P: Real> Law<P> for Karnopp<P> {
     const STICKS: bool = true;
     const CLAIMS: Claims = Claims { no_drift: true, always_passive: true, ..Claims::USUAL };
 
-    fn levels(&self) -> Levels<P> {
-        self.own_levels()
-    }
+    levels_of!(coulomb breakaway viscous);
 
     #[inline(always)]
     fn force<S: Over<P>>(&self, at: &At<S>, levels: &Levels<S>, _z: &[S], _dz: &mut [S], mode: P) -> S {

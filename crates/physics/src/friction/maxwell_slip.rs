@@ -182,7 +182,7 @@ impl<P: Real> Law<P> for MaxwellSlip<P> {
     const CLAIMS: Claims = Claims { no_drift: true, always_passive: true, ..Claims::USUAL };
 
     fn levels(&self) -> Levels<P> {
-        self.common.own_levels()
+        Levels::new(self.common.coulomb, self.common.breakaway, self.common.viscous)
     }
 
     fn states(&self) -> &'static [InnerState] {

@@ -1,5 +1,5 @@
 use super::bristles::DEFLECTION;
-use super::{At, Choices, Claims, Described, InnerState, Law, Levels, Sense};
+use super::{At, Choices, Claims, Described, InnerState, Law, Levels, Sense, levels_of};
 use crate::parameter::{above, at_least, between};
 use math::{Over, Real};
 use serde::Deserialize;
@@ -148,13 +148,7 @@ impl<P: Real> Law<P> for RateAndState<P> {
     const EVOLVES: bool = true;
     const CLAIMS: Claims = Claims { always_passive: true, ..Claims::USUAL };
 
-    fn levels(&self) -> Levels<P> {
-        Levels::new(self.coulomb, self.coulomb, self.viscous)
-    }
-
-    fn spring(&self) -> Option<P> {
-        Some(self.bristle_stiffness)
-    }
+    levels_of!(coulomb coulomb viscous, spring bristle_stiffness);
 
     fn force<S: Over<P>>(&self, at: &At<S>, levels: &Levels<S>, z: &[S], dz: &mut [S], _mode: P) -> S {
         let elastic = S::from(self.bristle_stiffness) * z[0];

@@ -1,4 +1,4 @@
-use super::{At, Choices, Claims, Described, Law, Levels, dry};
+use super::{At, Choices, Claims, Described, Law, Levels, dry, levels_of};
 use math::{Over, Real, power};
 
 /// Lower limit of |v/vs| for a general exponent, whose slope at zero would be infinite. It changes the weight by less
@@ -69,11 +69,6 @@ macro_rules! stribeck_parameters {
             fn weight<S: math::Over<P>>(&self, v: S) -> S {
                 $crate::friction::weight(v, self.stribeck_velocity, self.stribeck_exponent, self.shape)
             }
-
-            #[inline(always)]
-            fn own_levels(&self) -> $crate::friction::Levels<P> {
-                $crate::friction::Levels::new(self.coulomb, self.breakaway, self.viscous)
-            }
         }
     };
 }
@@ -103,9 +98,7 @@ impl<P: Real> Law<P> for Stribeck<P> {
     const STICKS: bool = true;
     const CLAIMS: Claims = Claims { no_drift: true, always_passive: true, ..Claims::USUAL };
 
-    fn levels(&self) -> Levels<P> {
-        self.own_levels()
-    }
+    levels_of!(coulomb breakaway viscous);
 
     #[inline(always)]
     fn prepare<S: Over<P>>(&self, v: S) -> S {

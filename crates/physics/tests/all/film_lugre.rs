@@ -139,7 +139,7 @@ fn the_film_keeps_the_level_between_its_bounds_whatever_presses() {
 
 #[test]
 fn viscous_friction_that_leads_moves_along_as_a_mass() {
-    assert!((film(&[("fluid_lead_time", 0.05)]).inertia() - 2.0).abs() < 1e-15);
+    assert!((film(&[("fluid_lead_time", 0.05)]).law.inertia() - 2.0).abs() < 1e-15);
     // A force of 10 N on 1 kg at rest, bristles unloaded: 10 N/(1 kg + 40 N s/m 0.05 s) = 10/3 m/s2.
     let contact = film(&[("fluid_lead_time", 0.05)]);
     let mut p = Point::at_rest(&contact);

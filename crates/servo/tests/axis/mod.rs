@@ -130,8 +130,8 @@ pub fn session(plant: &Circuit, position: f64) -> Session {
         _ if name.ends_with("position_m") => position,
         _ => 0.0,
     };
-    let start = network.start_names().iter().map(|name| (name.to_string(), value(name))).collect();
-    network.session(&start, Options { rtol: 1e-5, ..Options::default() }).expect("a start")
+    let start = network.assembly.given_names().iter().map(|name| (name.to_string(), value(name))).collect();
+    network.assembly.session(&start, Options { rtol: 1e-5, ..Options::default() }).expect("a start")
 }
 
 /// Encoder, pressure sensors and converter of a usual axis, without jitter and faults.

@@ -279,12 +279,12 @@ fn judged(run: &Run) -> Outcome {
             };
         }
     };
-    let log = controller.supervisor.as_ref().expect("a supervisor").log();
+    let log = &controller.supervisor.as_ref().expect("a supervisor").log;
     let first = faults.iter().map(|own| own.begin_s).fold(f64::INFINITY, f64::min);
-    let early = (log.events().iter())
+    let early = (log.events.iter())
         .filter(|own| own.time < first && ![EventKind::EndStop, EventKind::LimitSwitch].contains(&own.kind))
         .count();
-    let told = log.events().iter().map(|own| format!("{:.3} {} {:.3}", own.time, own.kind.key(), own.value));
+    let told = log.events.iter().map(|own| format!("{:.3} {} {:.3}", own.time, own.kind.key(), own.value));
     let told = told.collect::<Vec<_>>().join(", ");
     let loses = |own: &Fault| {
         let position = own.channel == Some(SensorChannel::Position) && own.kind != FaultKind::Jump;

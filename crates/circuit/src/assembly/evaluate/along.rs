@@ -62,7 +62,7 @@ impl Driven<'_> {
     ///
     /// A sample that is impossible for this drive, such as a piston behind a cover, is an error.
     pub fn along(&self, record: &Record<'_>) -> Result<Vec<f64>, Error> {
-        let mut circuit = self.circuit().clone();
+        let mut circuit = Circuit::clone(&self.assembly.circuit);
         let (mut plain, mut net) = (circuit.work::<f64>(), circuit.work::<AlongFlow>());
         let mut t = record.temperature;
         let mut rows = Vec::with_capacity(ALONG.len() * record.times.len());
@@ -70,7 +70,7 @@ impl Driven<'_> {
             let rates = self.temperature_rates(record, i, t, &mut circuit, (&mut plain, &mut net))?;
             let gas = self.chambers.map(|id| net[id]);
             let axis = net[self.axis];
-            let steady = self.circuit().steady_friction(self.axis, &axis).re;
+            let steady = self.assembly.circuit.steady_friction(self.axis, &axis).re;
             rows.extend([t[0], t[1], axis.force.re, steady, -axis.end_stop.re]);
             rows.extend(gas.iter().map(|node| node.p.eps[0]));
             rows.extend(gas.iter().map(|node| node.m_dot.re));

@@ -56,7 +56,7 @@ impl Session {
         }
         for &input in inputs {
             let Settable { name, target, .. } = &self.inputs()[input];
-            if matches!(target, Target::Timed(timing) if self.timings()[*timing].smooth().is_none()) {
+            if matches!(target, Target::Timed(timing) if self.assembly.timings[*timing].smooth().is_none()) {
                 return refuse!(
                     "{name} switches: the circuit has no derivative by it. Linearise by the other inputs"
                 );
@@ -93,7 +93,7 @@ impl Session {
             for (k, &input) in inputs.iter().enumerate() {
                 let id = match self.inputs()[input].target {
                     Target::Input(id) => Some(id),
-                    Target::Timed(timing) => self.timings()[timing].smooth(),
+                    Target::Timed(timing) => self.assembly.timings[timing].smooth(),
                     Target::Edges(_) => None,
                 };
                 if let Some(id) = id {

@@ -70,7 +70,7 @@ impl Session {
         let (entries, left) = entries.as_chunks::<3>();
         let fits = left.is_empty() && entries.len() as u64 == words[1];
         let number = |word: &u64| f64::from_bits(*word);
-        let (n_inputs, n_timings) = (self.inputs().len(), self.timings().len());
+        let (n_inputs, n_timings) = (self.inputs().len(), self.assembly.timings.len());
         let entry = |[t, code, value]: &[u64; 3]| {
             Some((number(t), ScheduledAction::of(*code, n_inputs, n_timings)?, number(value)))
         };

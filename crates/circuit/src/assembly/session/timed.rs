@@ -3,7 +3,7 @@
 
 use super::Session;
 use crate::assembly::schedule::{Due, ScheduledAction, behind_play};
-use crate::component::{Pulses, Timing, average};
+use crate::component::{Timing, average};
 use crate::part::valves::signal;
 use math::Lane;
 
@@ -14,7 +14,7 @@ impl<R: Lane> Session<R> {
     /// Applies a command from now on.
     pub(super) fn command(&mut self, timing: usize, value: f64) {
         let now = self.time();
-        let what = self.timings()[timing];
+        let what = self.assembly.timings[timing];
         self.act(what.commanded(), value);
         match what {
             Timing::Follow { play, delay, .. } => {
@@ -34,7 +34,7 @@ impl<R: Lane> Session<R> {
             // A command shorter than the dead time has no effect.
             Timing::Keep { .. } if value == 0.0 => self.forget(timing, Due::Start),
             Timing::Keep { .. } => self.switch(timing, f64::from(u8::from(value > 0.0))),
-            Timing::Travel { pulses: Some(Pulses { period }), .. } => {
+            Timing::Travel { pulses: Some(period), .. } => {
                 if !self.is_due(timing, Due::Rise) {
                     self.later((now / period).ceil() * period, timing, Due::Rise, 0.0);
                 }
@@ -50,7 +50,7 @@ impl<R: Lane> Session<R> {
             let (mut y, lapse) = (self.state().to_vec(), to - self.time());
             if lapse > 0.0 {
                 let coast = |timing: &Timing| self.circuit().coast(timing.part(), &mut y, lapse, until - to);
-                self.timings().iter().for_each(coast);
+                self.assembly.timings.iter().for_each(coast);
                 self.stepper.skip(to, &y);
             }
             let Some(place) = next else { return };
@@ -61,7 +61,7 @@ impl<R: Lane> Session<R> {
 
     /// Direction of an armature after its last switch: -1, 0 (at rest) or 1.
     fn goal(&self, timing: usize) -> f64 {
-        let what = self.timings()[timing];
+        let what = self.assembly.timings[timing];
         let entry =
             |due: Due| self.schedule.iter().find(|entry| entry.1 == ScheduledAction::Timing(timing, due));
         if let Some(&(_, _, to)) = entry(Due::Start) {
@@ -76,7 +76,7 @@ impl<R: Lane> Session<R> {
     /// repeated switch in the
     /// present direction has no effect.
     fn switch(&mut self, timing: usize, to: f64) {
-        let (Timing::Travel { dead, .. } | Timing::Keep { dead, .. }) = self.timings()[timing] else {
+        let (Timing::Travel { dead, .. } | Timing::Keep { dead, .. }) = self.assembly.timings[timing] else {
             return;
         };
         if self.goal(timing) == to {
@@ -88,7 +88,7 @@ impl<R: Lane> Session<R> {
 
     /// Applies an entry of a timing that is due now.
     pub(super) fn happens(&mut self, timing: usize, due: Due, value: f64) {
-        let (now, what) = (self.time(), self.timings()[timing]);
+        let (now, what) = (self.time(), self.assembly.timings[timing]);
         match (due, what) {
             (Due::Act, _) => self.act(what.input(signal::ACTS), value),
             (Due::Start, Timing::Travel { travel, .. } | Timing::Keep { travel, .. }) => {
@@ -101,7 +101,7 @@ impl<R: Lane> Session<R> {
                     self.later(now + time, timing, Due::Act, 0.0);
                 }
             }
-            (Due::Rise, Timing::Travel { pulses: Some(Pulses { period }), .. }) => {
+            (Due::Rise, Timing::Travel { pulses: Some(period), .. }) => {
                 let share = self.circuit().input(what.commanded()).get(0);
                 self.switch(timing, f64::from(u8::from(share > 0.0)));
                 if share > 0.0 && share < 1.0 {

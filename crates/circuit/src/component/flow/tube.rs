@@ -65,7 +65,7 @@ where
     let Some(wall) = tube_wall(own, build.ambient[1], &build.gas) else {
         return Path::of(build.passage(forward, from, to));
     };
-    let (conductance, path) = (forward.conductance, build.between(from, to));
+    let (conductance, path) = (forward.conductance, build.circuit.between(from, to));
     let part = Series { forward, backward: None, walls: vec![wall], path };
     Path::along(build.flow_part(part, &[conductance]), 0)
 }

@@ -248,7 +248,7 @@ fn unit<P: Lane>([x, y, z]: [P; 3]) -> [P; 3] {
 
 /// Returns the geometry of a platform whose legs move these masses, kg.
 fn geometry<P: Lane>(own: &Instance<P>, kind: MechanismKind, rods: Vec<P>) -> Geometry<P> {
-    let has = |key: &str| own.kind().parameters.iter().any(|row| row.key == key);
+    let has = |key: &str| own.table.parameters.iter().any(|row| row.key == key);
     let n = if kind == MechanismKind::Rail { 0 } else { kind.count() };
     let (third, zero) = (P::c(TAU / 3.0), P::zero());
     let number = |key: &str| if has(key) { own.number(key) } else { zero };
@@ -371,7 +371,7 @@ fn compose<P: Lane>(own: &Instance<P>, kind: MechanismKind, at: &Terminals, buil
         first
     });
     let inertia: Vec<P> =
-        contacts.iter().map(|own| own.as_ref().map_or(P::zero(), Contact::inertia)).collect();
+        contacts.iter().map(|own| own.as_ref().map_or(P::zero(), |own| own.law.inertia())).collect();
     let part = Platform {
         kind,
         geometry: geometry(

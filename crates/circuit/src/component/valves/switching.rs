@@ -65,10 +65,10 @@ pub(in crate::component) fn armature<P: Lane>(
     let (acts, remembered, commanded) = (P::zero(), P::zero(), P::zero());
     let times = ["time_on", "time_off"].map(|key| own.number(key).get(0));
     let frequency = if has_pulses { own.number("pwm_frequency").get(0) } else { 0.0 };
-    let pulses = (frequency > 0.0).then(|| Pulses { period: 1.0 / frequency });
+    let pulses = (frequency > 0.0).then(|| 1.0 / frequency);
     let share = own.number("travel_share").get(0);
     let dead = times.map(|time| time * (1.0 - 0.5 * share));
-    let averaged = own.kind().choices.iter().position(|choice| choice.name == PWM_MODEL.name);
+    let averaged = own.table.choices.iter().position(|choice| choice.name == PWM_MODEL.name);
     let timing = match (pulses, averaged.map(|choice| own.choices[choice])) {
         (Some(pulses), Some(1)) => Timing::Average {
             part: build.circuit.add(Held { acts, remembered, commanded, signal }),

@@ -160,7 +160,7 @@ fn check_table(own: &Instance<f64>) -> Result<(), Error> {
     }
     let sized = ["conductance", "exhaust_conductance"]
         .into_iter()
-        .filter(|key| own.kind().parameters.iter().any(|row| row.key == *key));
+        .filter(|key| own.table.parameters.iter().any(|row| row.key == *key));
     let shaped = ["overlap", "leakage"].into_iter().filter(|key| own.number(key) != 0.0);
     if let Some(key) = sized.filter(|key| own.given(key).is_some()).chain(shaped).next() {
         return refuse!("{name}.{key} and {name}.{FLOW_TABLE} both set this value: keep one of them");

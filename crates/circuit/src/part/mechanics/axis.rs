@@ -109,7 +109,7 @@ pub(crate) fn at<S: Real>(node: &AxisNode<S>) -> At<S> {
 impl<P: Lane> Axis<P> {
     /// Returns whether its friction, if any, is evaluated inline (see [`Contact::is_usual`]), and its mass is constant.
     pub(crate) fn is_usual(&self) -> bool {
-        self.friction.as_ref().is_none_or(Contact::is_usual) && self.moves.is_empty()
+        self.friction.as_ref().is_none_or(|contact| contact.is_usual) && self.moves.is_empty()
     }
 
     /// Position, velocity and the constant forces.

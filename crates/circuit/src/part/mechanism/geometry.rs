@@ -1,7 +1,7 @@
 //! Dimensions and masses of a mechanism, and the equations of each kind.
 
-use crate::part::mechanism::Mechanism;
 use crate::part::mechanism::jet::Smooth;
+use crate::part::mechanism::{Mechanism, Points};
 use math::Real;
 
 /// Dimensions and masses of a mechanism. Places are in m: joints on the frame in the axes of the frame, all others in
@@ -83,7 +83,7 @@ fn body<P: Real, T: Smooth<P>>(
     g: &Geometry<P>,
     p: Vector<T>,
     r: [Vector<T>; 3],
-    point: &mut impl FnMut([P; 2], Vector<T>),
+    point: &mut impl Points<P, T>,
 ) {
     point([g.mass; 2], joint(p, r, g.centre));
     point([g.payload; 2], joint(p, r, g.payload_at));
@@ -99,7 +99,7 @@ fn body<P: Real, T: Smooth<P>>(
 fn legs<P: Real, T: Smooth<P>, const N: usize>(
     g: &Geometry<P>,
     joints: [Vector<T>; N],
-    point: &mut impl FnMut([P; 2], Vector<T>),
+    point: &mut impl Points<P, T>,
 ) -> [T; N] {
     let mut i = 0..N;
     joints.map(|joint| {
@@ -146,11 +146,7 @@ pub struct Rps3;
 
 impl Mechanism<3> for Rps3 {
     #[inline(always)]
-    fn see<P: Real, T: Smooth<P>>(
-        g: &Geometry<P>,
-        q: &[T; 3],
-        point: &mut impl FnMut([P; 2], [T; 3]),
-    ) -> [T; 3] {
+    fn see<P: Real, T: Smooth<P>>(g: &Geometry<P>, q: &[T; 3], point: &mut impl Points<P, T>) -> [T; 3] {
         let h = [0, 1, 2].map(|i| g.directions[i]);
         let cross = |a: [P; 3], b: [P; 3]| a[0] * b[1] - a[1] * b[0];
         let mut l = [cross(h[1], h[2]), cross(h[2], h[0]), cross(h[0], h[1])];
@@ -214,11 +210,7 @@ pub struct Upu3;
 
 impl Mechanism<3> for Upu3 {
     #[inline(always)]
-    fn see<P: Real, T: Smooth<P>>(
-        g: &Geometry<P>,
-        q: &[T; 3],
-        point: &mut impl FnMut([P; 2], [T; 3]),
-    ) -> [T; 3] {
+    fn see<P: Real, T: Smooth<P>>(g: &Geometry<P>, q: &[T; 3], point: &mut impl Points<P, T>) -> [T; 3] {
         point([g.mass + g.payload; 2], *q);
         let at = |i: usize| std::array::from_fn(|k| q[k] + T::of(g.platform[i][k]));
         legs(g, [0, 1, 2].map(at), point)
@@ -235,11 +227,7 @@ pub struct Ups6;
 
 impl Mechanism<6> for Ups6 {
     #[inline(always)]
-    fn see<P: Real, T: Smooth<P>>(
-        g: &Geometry<P>,
-        q: &[T; 6],
-        point: &mut impl FnMut([P; 2], [T; 3]),
-    ) -> [T; 6] {
+    fn see<P: Real, T: Smooth<P>>(g: &Geometry<P>, q: &[T; 6], point: &mut impl Points<P, T>) -> [T; 6] {
         let [x, y, z, e1, e2, e3] = *q;
         let (p, r) = ([x, y, z], rotation([e1, e2, e3]));
         body(g, p, r, point);
@@ -265,11 +253,7 @@ pub struct LinearDelta;
 
 impl Mechanism<3> for LinearDelta {
     #[inline(always)]
-    fn see<P: Real, T: Smooth<P>>(
-        g: &Geometry<P>,
-        q: &[T; 3],
-        point: &mut impl FnMut([P; 2], [T; 3]),
-    ) -> [T; 3] {
+    fn see<P: Real, T: Smooth<P>>(g: &Geometry<P>, q: &[T; 3], point: &mut impl Points<P, T>) -> [T; 3] {
         let sixth = P::c(1.0 / 6.0) * g.barrel;
         point([g.mass + g.payload + P::c(3.0) * sixth; 2], *q);
         [0, 1, 2].map(|i| {
@@ -307,11 +291,7 @@ impl Mechanism<3> for LinearDelta {
 pub struct Rail;
 
 impl Mechanism<1> for Rail {
-    fn see<P: Real, T: Smooth<P>>(
-        g: &Geometry<P>,
-        q: &[T; 1],
-        point: &mut impl FnMut([P; 2], [T; 3]),
-    ) -> [T; 1] {
+    fn see<P: Real, T: Smooth<P>>(g: &Geometry<P>, q: &[T; 1], point: &mut impl Points<P, T>) -> [T; 1] {
         let zero = T::of(P::zero());
         point([g.mass, P::zero()], [q[0], zero, zero]);
         *q

@@ -34,6 +34,6 @@ pub fn run(
     let options = Options { rtol: 1e-9, ..Options::default() };
     let run = network.simulate(&plans, sampling, &start, options, &mut |_| false).expect("runs");
     let balance = run.balance.expect("a ledger");
-    let names = network.assembly().columns().iter().cloned();
+    let names = network.assembly.columns().iter().cloned();
     (names.zip(run.columns).collect(), [balance.mass_error, balance.energy_error, balance.entropy_error])
 }

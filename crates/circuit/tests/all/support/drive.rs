@@ -243,7 +243,7 @@ impl Drive {
     }
 
     pub fn assembly(&self) -> &Assembly {
-        self.0.assembly()
+        &self.0.assembly
     }
 
     pub fn columns(&self) -> &[String] {

@@ -51,11 +51,11 @@ impl Formula<f64> {
     /// Refuses invalid values of the law. Each message names the place.
     pub fn examine(&self) -> Result<(), String> {
         let mut good = self.law.good.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
-        if !good.is_empty() && *good == self.values() {
+        if !good.is_empty() && *good == self.parameters {
             return Ok(());
         }
         self.look()?;
-        *good = self.values().to_vec();
+        *good = self.parameters.clone();
         Ok(())
     }
 

@@ -344,7 +344,7 @@ pub fn implicit(
 /// One step of a mass, kg, that a force, N, moves against friction: like [`implicit`] with `end` = 1, the velocity
 /// an unknown.
 pub fn pushed(contact: &Contact<f64>, p: &mut Point, mass: f64, force: f64, dt: f64) {
-    let mass = mass + contact.inertia();
+    let mass = mass + contact.law.inertia();
     let start: Vec<f64> = [p.v].into_iter().chain(p.inner.iter().copied()).collect();
     let scales: Vec<f64> = [1.0].into_iter().chain(contact.states().iter().map(|s| s.scale)).collect();
     let mut found = start.clone();
@@ -362,8 +362,8 @@ pub fn pushed(contact: &Contact<f64>, p: &mut Point, mass: f64, force: f64, dt: 
     if !converged {
         assert!(dt > 1e-12, "no solution from {start:?} at {p:?}");
         (p.v, p.inner) = (start[0], start[1..].to_vec());
-        pushed(contact, p, mass - contact.inertia(), force, 0.5 * dt);
-        pushed(contact, p, mass - contact.inertia(), force, 0.5 * dt);
+        pushed(contact, p, mass - contact.law.inertia(), force, 0.5 * dt);
+        pushed(contact, p, mass - contact.law.inertia(), force, 0.5 * dt);
         return;
     }
     p.v = found[0];

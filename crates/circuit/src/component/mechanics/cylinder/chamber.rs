@@ -10,7 +10,7 @@ pub(super) fn chamber_law<P: Lane>(own: &Instance<P>) -> ChamberLaw {
 
 /// Returns the dead volume of the chamber at an end, m3.
 pub(super) fn dead_volume<P: Lane>(own: &Instance<P>, end: &str) -> P {
-    let mut each = own.kind().parameters.iter().zip(&own.numbers);
+    let mut each = own.table.parameters.iter().zip(&own.numbers);
     let own = each.find(|(row, _)| row.key.strip_prefix("dead_volume_") == Some(end));
     own.and_then(|(_, number)| *number).expect("a number that was checked")
 }

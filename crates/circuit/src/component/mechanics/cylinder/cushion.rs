@@ -41,7 +41,7 @@ pub(super) fn cushioned<P: Lane>(own: &Instance<P>, end: &str) -> bool {
     let is_length = |key: &str| {
         key.strip_prefix("cushion_").and_then(|key| key.strip_suffix("_length")).is_some_and(|of| of == end)
     };
-    let rows = own.kind().parameters.iter().zip(&own.numbers);
+    let rows = own.table.parameters.iter().zip(&own.numbers);
     rows.into_iter().any(|(row, number)| number.is_some() && is_length(row.key))
 }
 
