@@ -249,7 +249,10 @@ impl Supervisor {
     fn react(&mut self, own: &Follower, sample: &Sample, reaction: Reaction) {
         match (reaction, self.mode) {
             (Reaction::Stop | Reaction::StopAndBlock, Mode::Follows | Mode::Returns(_)) => {
-                self.begin_stop(own, sample);
+                if let Some(state) = own.state() {
+                    let deceleration = self.rules.stop_deceleration;
+                    self.mode = Mode::stop(sample.time, own, &state, self.followed, deceleration);
+                }
             }
             (Reaction::Block, Mode::Follows | Mode::Returns(_) | Mode::Stops { .. }) => {
                 self.mode = Mode::Shut
@@ -264,14 +267,6 @@ impl Supervisor {
     fn stop(&mut self, own: &Follower, sample: &Sample, kind: EventKind, value: f64) {
         self.log.tell(sample.time, kind, value);
         self.react(own, sample, Reaction::Stop);
-    }
-
-    /// Begins a stop ramp.
-    fn begin_stop(&mut self, own: &Follower, sample: &Sample) {
-        if let Some(state) = own.state() {
-            let at = Moment { time: sample.time, period: own.period };
-            self.mode = Mode::stop(at, &own.model, &state, self.followed, self.rules.stop_deceleration);
-        }
     }
 
     fn begin_return(&mut self, own: &mut Follower, sample: &Sample, state: &State, asked: &Wanted) {

@@ -140,7 +140,7 @@ impl<'a, R: Lane> Reducer<'a, R> {
                 .iter()
                 .zip(asked)
                 .any(|(source, asked)| matches!(source, Source::Row) && !is_whole(asked.what)),
-            net: gathered(&assembly.circuit).work(),
+            net: Circuit::<R>::gather(&vec![&*assembly.circuit; R::L]).work(),
             rows: std::array::from_fn(|_| vec![R::zero(); assembly.columns().len()]),
             row: vec![R::zero(); assembly.columns().len()],
             attempt: 0,
@@ -194,19 +194,13 @@ impl<'a, R: Lane> Reducer<'a, R> {
     }
 
     /// Returns a column at a fraction of a step.
-    fn value(
-        &mut self,
-        r: usize,
-        (lane, t, h): (usize, f64, f64),
-        theta: f64,
-        states: &mut Accepted<'_, R>,
-        circuit: &Circuit<R>,
-    ) -> f64 {
+    fn value(&mut self, r: usize, lane: usize, theta: f64, step: &mut AcceptedStep<'_, '_, R>) -> f64 {
         if let Some(course) = self.courses[r] {
             return course.of(lane).value(theta);
         }
-        let y = &states.at(theta)[..circuit.structure().n];
-        self.assembly.row(circuit, R::c(theta.mul_add(h, t)), y, &mut self.net, &mut self.row);
+        let (circuit, time) = (step.circuit, R::c(step.time(theta)));
+        let y = &step.states.at(theta)[..circuit.structure().n];
+        self.assembly.row(circuit, time, y, &mut self.net, &mut self.row);
         self.row[self.asked[r].column].get(lane)
     }
 
@@ -222,8 +216,8 @@ impl<'a, R: Lane> Reducer<'a, R> {
 
     /// Prepares the data of an attempt that all lanes share.
     #[inline(always)]
-    fn look(&mut self, (t, h): (f64, f64), states: &mut Accepted<'_, R>, circuit: &Circuit<R>) {
-        self.attempt = states.attempt();
+    fn look(&mut self, step: &mut AcceptedStep<'_, '_, R>) {
+        self.attempt = step.states.attempt();
         self.busy = !self.begun;
         for (r, asked) in self.asked.iter().enumerate() {
             if is_whole(asked.what) {
@@ -233,7 +227,7 @@ impl<'a, R: Lane> Reducer<'a, R> {
                 self.busy = !0;
                 continue;
             };
-            let course = states.course(i);
+            let course = step.states.course(i);
             self.courses[r] = Some(course);
             if let Statistic::When { value, .. } | Statistic::Rate { value, .. } = asked.what {
                 let way = (course.value(0.0) - R::c(value)).abs();
@@ -246,14 +240,15 @@ impl<'a, R: Lane> Reducer<'a, R> {
         if !self.needs_rows {
             return;
         }
-        let n = circuit.structure().n;
+        let n = step.circuit.structure().n;
         for (k, row) in self.rows.iter_mut().enumerate() {
+            let time = R::c(step.time(theta(k)));
             let y = match k {
-                0 => states.before(),
-                k if k == POINTS - 1 => states.after(),
-                _ => states.at(theta(k)),
+                0 => step.states.before(),
+                k if k == POINTS - 1 => step.states.after(),
+                _ => step.states.at(theta(k)),
             };
-            self.assembly.row(circuit, R::c(theta(k).mul_add(h, t)), &y[..n], &mut self.net, row);
+            self.assembly.row(step.circuit, time, &y[..n], &mut self.net, row);
         }
     }
 
@@ -261,11 +256,9 @@ impl<'a, R: Lane> Reducer<'a, R> {
     /// minus one. If it cannot exceed the previous extreme, the interval between the points is not searched.
     fn extreme(
         &mut self,
-        r: usize,
-        at: (usize, f64, f64),
+        (r, lane): (usize, usize),
         (points, sign, so_far): ([f64; POINTS], f64, f64),
-        states: &mut Accepted<'_, R>,
-        circuit: &Circuit<R>,
+        step: &mut AcceptedStep<'_, '_, R>,
     ) -> f64 {
         let greater = |best: usize, k: usize| if sign * points[k] > sign * points[best] { k } else { best };
         let best = (0..POINTS).fold(0, greater);
@@ -278,7 +271,7 @@ impl<'a, R: Lane> Reducer<'a, R> {
         if best != middle {
             // The extreme may be near an end of the step.
             let between = 0.5 * (theta(best) + theta(middle));
-            let new = (between, self.value(r, at, between, states, circuit));
+            let new = (between, self.value(r, lane, between, step));
             let (first, last) = (best.min(middle), best.max(middle));
             three = [(theta(first), points[first]), new, (theta(last), points[last])];
         }
@@ -292,7 +285,7 @@ impl<'a, R: Lane> Reducer<'a, R> {
             if !(peak > a && peak < c) || peak == b {
                 break;
             }
-            let value = self.value(r, at, peak, states, circuit);
+            let value = self.value(r, lane, peak, step);
             if sign * value > sign * greatest {
                 greatest = value;
             }
@@ -310,52 +303,54 @@ impl<'a, R: Lane> Reducer<'a, R> {
     /// Returns the first time in a step at which a column passes a value.
     fn passing(
         &mut self,
-        r: usize,
-        at: (usize, f64, f64),
-        points: [f64; POINTS],
+        (r, lane): (usize, usize),
         (value, above): (f64, bool),
-        states: &mut Accepted<'_, R>,
-        circuit: &Circuit<R>,
+        step: &mut AcceptedStep<'_, '_, R>,
     ) -> Option<f64> {
+        let points = self.points(r, lane, step.states);
         let sign = if above { 1.0 } else { -1.0 };
         let left = |column: f64| sign * (value - column);
         let k = (0..POINTS).find(|&k| left(points[k]) < 0.0)?;
-        let (_, t, h) = at;
-        let Some(before) = k.checked_sub(1) else { return Some(t) };
+        let Some(before) = k.checked_sub(1) else { return Some(step.t) };
         if left(points[before]) == 0.0 {
-            return Some(theta(before).mul_add(h, t));
+            return Some(step.time(theta(before)));
         }
         let (low, high) = ((theta(before), left(points[before])), (theta(k), left(points[k])));
-        let root =
-            locate(low.0, low.1, high.0, high.1, |theta| left(self.value(r, at, theta, states, circuit)));
-        Some(root.mul_add(h, t))
+        let root = locate(low.0, low.1, high.0, high.1, |theta| left(self.value(r, lane, theta, step)));
+        Some(step.time(root))
     }
 }
 
-/// Data of an attempt that all lanes share.
-struct AttemptWork<'l, 'a, 's, R: Lane> {
-    follower: &'l mut Reducer<'a, R>,
-    at: (f64, f64),
+/// An accepted step from a time t, of a length h, s.
+struct AcceptedStep<'l, 's, R: Lane> {
+    t: f64,
+    h: f64,
     states: &'l mut Accepted<'s, R>,
     circuit: &'l Circuit<R>,
 }
 
-impl<R: Lane> Work for AttemptWork<'_, '_, '_, R> {
+impl<R: Lane> AcceptedStep<'_, '_, R> {
+    /// Returns the time at a fraction of the step, s.
+    #[inline(always)]
+    fn time(&self, theta: f64) -> f64 {
+        theta.mul_add(self.h, self.t)
+    }
+}
+
+/// Prepares the data of an attempt that all lanes share.
+struct AttemptWork<'w, 'a, 'l, 's, R: Lane>(&'w mut Reducer<'a, R>, &'w mut AcceptedStep<'l, 's, R>);
+
+impl<R: Lane> Work for AttemptWork<'_, '_, '_, '_, R> {
     type Out = ();
     #[inline(always)]
     fn work(self) {
-        self.follower.look(self.at, self.states, self.circuit);
+        self.0.look(self.1);
     }
 }
 
 /// Returns whether no step has to be evaluated.
 fn is_whole(what: Statistic) -> bool {
     matches!(what, Statistic::Final | Statistic::Samples { .. })
-}
-
-/// Returns a circuit whose lanes are all equal.
-fn gathered<R: Lane>(circuit: &Circuit<f64>) -> Circuit<R> {
-    Circuit::gather(&vec![circuit; R::L])
 }
 
 impl<R: Lane> Output<R, Circuit<R>> for Reducer<'_, R> {
@@ -383,11 +378,12 @@ impl<R: Lane> Output<R, Circuit<R>> for Reducer<'_, R> {
 
     #[inline(always)]
     fn step(&mut self, lane: usize, t: f64, h: f64, states: &mut Accepted<'_, R>, circuit: &Circuit<R>) {
-        if self.attempt != states.attempt() {
-            R::within(AttemptWork { follower: self, at: (t, h), states, circuit });
+        let mut step = AcceptedStep { t, h, states, circuit };
+        if self.attempt != step.states.attempt() {
+            R::within(AttemptWork(self, &mut step));
         }
         if self.busy >> lane & 1 == 1 {
-            self.attend((lane, t, h), states, circuit);
+            self.attend(lane, &mut step);
         }
     }
 }
@@ -418,12 +414,8 @@ impl<R: Lane> Reducer<'_, R> {
     }
 
     /// Evaluates an accepted step of a lane whose outputs need this step.
-    fn attend(
-        &mut self,
-        at @ (lane, t, h): (usize, f64, f64),
-        states: &mut Accepted<'_, R>,
-        circuit: &Circuit<R>,
-    ) {
+    fn attend(&mut self, lane: usize, step: &mut AcceptedStep<'_, '_, R>) {
+        let (t, h) = (step.t, step.h);
         self.begun |= 1 << lane;
         for r in 0..self.asked.len() {
             let what = self.asked[r].what;
@@ -435,28 +427,24 @@ impl<R: Lane> Reducer<'_, R> {
                 // Far from the threshold, the step is not evaluated.
                 _ if t > 0.0 && self.far[r] >> lane & 1 == 1 => continue,
                 Statistic::When { value, above } => {
-                    let points = self.points(r, lane, states);
-                    let Some(time) = self.passing(r, at, points, (value, above), states, circuit) else {
-                        continue;
-                    };
+                    let Some(time) = self.passing((r, lane), (value, above), step) else { continue };
                     self.found[r] |= 1 << lane;
                     time
                 }
                 Statistic::Rate { value, above } => {
                     let Some(course) = self.courses[r].map(|course| course.of(lane)) else { continue };
-                    let points = self.points(r, lane, states);
-                    let time = self.passing(r, at, points, (value, above), states, circuit);
+                    let time = self.passing((r, lane), (value, above), step);
                     let Some(time) = time.filter(|time| *time > t) else { continue };
                     so_far.max((course.value_and_slope((time - t) / h)[1] / h).abs())
                 }
                 Statistic::Mean | Statistic::Integral => {
-                    let points = self.points(r, lane, states);
+                    let points = self.points(r, lane, step.states);
                     h.mul_add((0..POINTS).fold(0.0, |sum, k| points[k].mul_add(WEIGHTS[k], sum)), so_far)
                 }
                 Statistic::Max | Statistic::Min => {
-                    let points = self.points(r, lane, states);
+                    let points = self.points(r, lane, step.states);
                     let sign = if what == Statistic::Max { 1.0 } else { -1.0 };
-                    let own = self.extreme(r, at, (points, sign, so_far), states, circuit);
+                    let own = self.extreme((r, lane), (points, sign, so_far), step);
                     if sign * own <= sign * so_far { so_far } else { own }
                 }
             };

@@ -40,16 +40,17 @@ fn steps() -> impl Iterator<Item = (usize, f64)> {
 
 type Transitions = [[[f64; 4]; 2]; 2];
 
-/// Parts of the horizon that do not depend on the plan. These are the transitions of the spool, and the wanted state
+/// A sample, and the parts of its horizon that do not depend on the plan. These are the transitions of the spool, and the wanted state
 /// and the growth of the load in each step.
-struct Horizon {
+struct Horizon<'t> {
+    tick: &'t Tick<'t>,
     transitions: Transitions,
     wanted: [Wanted; HORIZON],
     growth: [f64; HORIZON],
 }
 
-impl Horizon {
-    fn of(tick: &Tick) -> Self {
+impl<'t> Horizon<'t> {
+    fn of(tick: &'t Tick<'t>) -> Self {
         let transitions = [1e-3, 2e-3].map(|h| [0.5 * h, h].map(|h| tick.spool.transition(h)));
         let (mut wanted, mut growth, mut t) = ([Wanted::default(); HORIZON], [0.0; HORIZON], 0.0);
         let mut middle = tick.acts;
@@ -59,7 +60,7 @@ impl Horizon {
             let before = std::mem::replace(&mut middle, tick.acts + t - 0.5 * h);
             [*growth, _] = tick.preview.load_growth(before, middle);
         }
-        Horizon { transitions, wanted, growth }
+        Horizon { tick, transitions, wanted, growth }
     }
 }
 
@@ -170,14 +171,8 @@ impl Nmpc {
     }
 
     /// Simulates the horizon under a plan and passes on each residual.
-    fn follow<S: Over<f64>>(
-        &self,
-        tick: &Tick,
-        horizon: &Horizon,
-        plan: &[S; MOVES],
-        mut row: impl FnMut(S),
-    ) {
-        let foreseen = foreseen(tick, horizon, plan);
+    fn follow<S: Over<f64>>(&self, horizon: &Horizon, plan: &[S; MOVES], mut row: impl FnMut(S)) {
+        let foreseen = foreseen(horizon, plan);
         let l = self.bandwidth;
         let penalty = 100.0 * self.move_penalty * (self.travel / NMPC_TRAVEL).max(1.0);
         let mut before = (MOVES, S::c(self.last));
@@ -196,9 +191,9 @@ impl Nmpc {
 }
 
 /// Returns position, m, velocity, m/s, and acceleration, m/s2, after each of the [`steps`], by the model under a plan.
-fn foreseen<S: Over<f64>>(tick: &Tick, horizon: &Horizon, plan: &[S; MOVES]) -> [[S; 3]; HORIZON] {
+fn foreseen<S: Over<f64>>(horizon: &Horizon, plan: &[S; MOVES]) -> [[S; 3]; HORIZON] {
     let mut foreseen = [[S::zero(); 3]; HORIZON];
-    let model = tick.model;
+    let (tick, model) = (horizon.tick, horizon.tick.model);
     let mut state: State<S> = tick.state.map(S::c);
     let [mut spool, mut speed] = tick.spool.share(model.valve.overlap).map(S::c);
     for (step, (block, h)) in steps().enumerate() {
@@ -244,7 +239,7 @@ impl Law for Nmpc {
         let mut cost = 0.0;
         let seeded: [ByMoves; MOVES] = std::array::from_fn(|i| ByMoves::variable(self.plan[i], i));
         let horizon = Horizon::of(tick);
-        self.follow(tick, &horizon, &seeded, |residual| {
+        self.follow(&horizon, &seeded, |residual| {
             cost += residual.re * residual.re;
             for i in 0..MOVES {
                 gradient[i] += residual.eps[i] * residual.re;
@@ -261,7 +256,7 @@ impl Law for Nmpc {
             // each sample.
             let whole: [f64; MOVES] = std::array::from_fn(|i| self.plan[i] + step[i]);
             let mut foreseen = 0.0;
-            self.follow(tick, &horizon, &whole, |residual| foreseen += residual * residual);
+            self.follow(&horizon, &whole, |residual| foreseen += residual * residual);
             let share = if foreseen > cost { NMPC_SHORTER } else { 1.0 };
             for (own, step) in self.plan.iter_mut().zip(step) {
                 *own = (*own + share * step).clamp(-1.0, 1.0);

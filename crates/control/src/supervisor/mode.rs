@@ -2,10 +2,10 @@
 
 use super::event::{EventKind, Log};
 use crate::course::{Course, Fade};
-use crate::model::Model;
+use crate::follower::Follower;
 use crate::reference::{Reference, Wanted};
 use crate::thresholds::{STOP_APART, STOP_NEAR};
-use crate::types::{Moment, State};
+use crate::types::State;
 
 /// Mode of the drive.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -42,13 +42,13 @@ impl Mode {
     /// Returns a stop ramp with a deceleration, m/s2. It begins at the wanted position, or at the actual position if the
     /// two differ, and ends before the end stop.
     pub fn stop(
-        at: Moment,
-        model: &Model,
+        time: f64,
+        own: &Follower,
         state: &State,
         followed: Option<Wanted>,
         deceleration: f64,
     ) -> Self {
-        let Moment { time, period } = at;
+        let (model, period) = (&own.model, own.period);
         let seen = [state.position, state.velocity, model.acceleration(state)];
         let from = followed.map_or(seen, |last| {
             let Wanted { position, velocity, acceleration, jerk } = last;
