@@ -156,12 +156,16 @@ class ControlFault(Described):
         return self
 
     def core(self) -> Plain:
-        """Return the fault in the core's form, in SI."""
+        """Return the fault in the core's form, in SI. Its pressure is absolute or a difference, never gauge."""
         unit = FAULTS[self.kind][1]
         si_unit = CHANNEL_UNITS[self.channel] if self.channel is not None and unit == "channel" else unit
-        given = self.value
-        if given is not None and si_unit == "Pa":
-            given = self._plain_pressure(given.strip())
+        given, is_absolute = self.value, self.kind in ABSOLUTE
+        if given is not None and si_unit == "Pa":  # a pressure without "abs"
+            given, mark = units.split_mark(text := given.strip())
+            if mark == " gauge" or (mark and not is_absolute):
+                what = f'"{text}" is {"gauge" if mark == " gauge" else "an absolute pressure"}'
+                rule, example = ("an absolute pressure", "3 bar abs") if is_absolute else ("a difference", "0.2 bar")
+                raise wrong("value", f"value: {what}", rule=f'a fault of kind {self.kind} has {rule}, e.g. "{example}"')
         value = None if given is None else units.parse(given, si_unit)
         return {
             "kind": self.kind,
@@ -170,16 +174,6 @@ class ControlFault(Described):
             "end_s": self.until_s,
             "value": value,
         }
-
-    def _plain_pressure(self, value: str) -> str:
-        """Return a pressure without "abs". Reject gauge pressures, and absolute pressures if a difference is needed."""
-        is_absolute = self.kind in ABSOLUTE
-        plain, mark = units.split_mark(value)
-        if mark == " gauge" or (mark and not is_absolute):
-            what = f'"{value}" is {"gauge" if mark == " gauge" else "an absolute pressure"}'
-            rule, example = ("an absolute pressure", "3 bar abs") if is_absolute else ("a difference", "0.2 bar")
-            raise wrong("value", f"value: {what}", rule=f'a fault of kind {self.kind} has {rule}, e.g. "{example}"')
-        return plain
 
 
 class Disturbance(Described):
@@ -310,11 +304,7 @@ def read_ready(kind: type[_Kind], given: _Kind | str | Path, ready: dict[str, Pa
     path = ready.get(str(given), Path(given))
     if not path.suffix and not path.exists():
         raise invalid("", "control.not_known", name=name, given=given, known=nearest(str(given), ready))
-    tables, text = toml.read(path, start=start)
-    with toml.locating(path, text):
-        found = kind.model_validate(tables)
-    assert isinstance(found, kind)
-    return found, str(given) if str(given) in ready else path.name
+    return toml.load(kind.model_validate, path, start=start), str(given) if str(given) in ready else path.name
 
 
 # --- Supervisor of a law: limits, the rule for a complete motion, reactions to faults. It is not a safety function.

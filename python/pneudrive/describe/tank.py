@@ -121,9 +121,7 @@ class Tank(Described):
         DescriptionError
             The file is not valid; the message gives file, line, value, rule and remedy.
         """
-        tables, text = toml.read(source)
-        with toml.locating(source, text):
-            return cls.model_validate(tables)
+        return toml.load(cls.model_validate, source)
 
     @classmethod
     def is_file(cls, source: str | Path) -> bool:

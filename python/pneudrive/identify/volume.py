@@ -492,9 +492,7 @@ class Regulator(Described):
     @classmethod
     def load(cls, path: str | Path) -> Regulator:
         """Read a file."""
-        tables, text = toml.read(path, DescriptionError)
-        with toml.locating(str(path), text):
-            return cls.model_validate(tables)
+        return toml.load(cls.model_validate, path)
 
     def start(self, ambient_pa: float) -> Array:
         """Return the start point of the search: gain, offset, and logarithms of both lags."""

@@ -165,9 +165,8 @@ class RigFile(Described):
         RigError
             The file is not valid; the message gives file, line, value, rule and remedy.
         """
-        tables, text = toml.read(path, RigError, "The guides on rigs show examples of rig files.")
-        with toml.locating(path, text, RigError):
-            file = cls.model_validate(tables)
+        start = "The guides on rigs show examples of rig files."
+        file = toml.load(cls.model_validate, path, RigError, start=start)
         file._folder = Path(path).parent
         return file
 

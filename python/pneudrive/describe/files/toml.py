@@ -6,7 +6,7 @@ import re
 from contextlib import contextmanager
 from numbers import Integral, Real
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from pneudrive.errors import DescriptionError, ErrorKind, together, tomllib
 from pneudrive.files.content import check_depth, check_nesting, exists, read_text
@@ -16,6 +16,7 @@ if TYPE_CHECKING:
 
     from pneudrive.arrays import Keyed, Plain
 
+Made = TypeVar("Made")
 
 _HEADER = re.compile(r"\s*+\[\[?([^\]]+)\]\]?\s*+(?:#.*)?$")
 _KEY = r"""[A-Za-z0-9_-]+|"[^"]*"|'[^']*'"""
@@ -166,6 +167,13 @@ def locating(path: str | Path, text: str, kind: ErrorKind = DescriptionError) ->
     except DescriptionError as error:
         found = located(error, path, text)
         raise found if kind is DescriptionError else found.turned(kind) from None
+
+
+def load(of: Callable[[Plain], Made], path: str | Path, kind: ErrorKind = DescriptionError, **start: str) -> Made:
+    """Return ``of(tables)`` for the tables of a TOML file. Errors are those of `read`, and those of `of` with lines."""
+    tables, text = read(path, kind, **start)
+    with locating(path, text, kind):
+        return of(tables)
 
 
 def located(error: DescriptionError, path: str | Path, text: str) -> DescriptionError:

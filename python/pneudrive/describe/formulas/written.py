@@ -167,9 +167,7 @@ def load(of: Callable[[Plain], Made], path: str | Path, guide: str) -> Made:
     DescriptionError
         The file is not valid; the message gives file, line, formula and column.
     """
-    tables, text = toml.read(path, start=f"docs/guide/{guide} shows an example.")
-    with toml.locating(path, text):
-        return of(tables)
+    return toml.load(of, path, start=f"docs/guide/{guide} shows an example.")
 
 
 def written_as(given: object, slot: str, of: Callable[[Plain], Made], guide: str, folder: Path | None) -> Made | None:
