@@ -137,7 +137,9 @@ def check_path(
         cylinder = next(one for one in form["components"] if one["name"] == tuning.plant.cylinder)
         viscous = float(((cylinder["friction"] or {}).get("parameters") or {}).get("viscous", 0.0))
         friction = tuning.plant.coulomb_n * np.sign(v) + viscous * v
-        force, (low, high) = needs.legs.forces_n[:, i] + friction, _forces(platform, i, tuning)
+        force, (area_a, area_b) = needs.legs.forces_n[:, i] + friction, platform.legs[i].areas_m2
+        gauge = supply_of(tuning.belief.core_json())[0] - platform.ambient_pa
+        low, high = -gauge * area_b, gauge * area_a
         remedy = "Make the path slower, or take a larger cylinder or a higher pressure."
         _within(name, "force", "N", force, (low, high), times, remedy)
         most["speed"] = max(most["speed"], float(speed_shares(v, (out, back)).max()))
@@ -153,13 +155,6 @@ def _within(name: str, what: str, unit: str, values: Array, ends: Interval, time
         said = f"the path requires of {name} a {what} of {values[row]:.4g} {unit} at t = {times[row]:.4g} s"
         rule = f"{low:.4g} {unit} to {high:.4g} {unit}"
         raise CommandError(said, value=f"{-margins[row]:.3g} {unit} outside", rule=rule, remedy=remedy)
-
-
-def _forces(platform: Platform, leg: int, tuning: Tuning) -> Interval:
-    """Return the largest force that the supply can produce against +x and in +x, N."""
-    gauge = supply_of(tuning.belief.core_json())[0] - platform.ambient_pa
-    area_a, area_b = platform.legs[leg].areas_m2
-    return -gauge * area_b, gauge * area_a
 
 
 def leg_reference(needs: Demands, leg: int, text: str) -> tuple[Reference, Plain]:
@@ -396,7 +391,7 @@ class _Legs:
             setup = self.setup
             if mismatch is not None:
                 own, _ = read_mismatch(mismatch)
-                drawn = own.drawn(seed, i) if own.is_spread else {key: low for key, (low, _) in own.ranges.items()}
+                drawn = own.drawn(seed, i)
                 if i > 0:  # the supply is one for all legs
                     drawn = {key: value for key, value in drawn.items() if not key.startswith("supply")}
                 truth = mismatched(core_json, tuning.plant, setup, own, drawn)
