@@ -522,7 +522,7 @@ def run_prepared(prepared: Prepared, seed: int, watch: Watch = UNWATCHED) -> Run
     truth = prepared.truth
     setup = truth.setup.core(seed, ambient_pa) | {"step_repeats": prepared.step_repeats}
     watch.look()
-    own = None if tuning.own is None else tuning.own.begin(tuning.model, motion, tuning.period_s, seconds)
+    own = None if tuning.own is None else tuning.own.begin(tuning.model, motion, tuning.period_s)
     axes, start = [(tuning.core(), motion, setup)], prepared.start | truth.start
     (columns,), _, mass_kg = run_axes(truth.core_json, start, axes, [], seconds, watch, own)
     events = told(columns.pop("events", []))

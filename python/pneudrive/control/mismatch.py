@@ -227,10 +227,16 @@ def mismatched(core_json: str, plant: Plant, setup: Setup, mismatch: Mismatch, d
             _scale((cylinder["friction"] or {}).get("parameters", {}), _FRICTION[name], name, value)
         if name in _CYLINDER:
             _scale(cylinder["numbers"], _CYLINDER[name], name, value)
-        if name == "moving_mass":
-            for load in (one for one in form["components"] if one["kind"] == "load"):
-                load["numbers"]["mass"] *= value
-    _valves(valves, drawn)
+        if name in OF_VALVE:
+            if "frequency" not in valves[0]["numbers"]:
+                raise invalid(name, "control.no_spool", name=name, valve=valves[0]["name"])
+            for valve in valves:  # a law assumes equal valves
+                valve["numbers"][OF_VALVE[name]] = value
+    for load in (one for one in form["components"] if one["kind"] == "load"):
+        load["numbers"]["mass"] *= drawn.get("moving_mass", 1.0)
+    for numbers in (valve["numbers"] for valve in valves):
+        for key in _CONDUCTANCES & numbers.keys():
+            numbers[key] *= drawn.get("conductance", 1.0)
     if mismatch.friction_law is not None:
         if mismatch.friction_law == cylinder["friction"]["law"]:
             raise invalid("friction_law", "control.same_law", law=mismatch.friction_law)
@@ -239,18 +245,6 @@ def mismatched(core_json: str, plant: Plant, setup: Setup, mismatch: Mismatch, d
     unseen = set() if setup.sensors.pressure_a is not None else _SENSORS.keys()
     values = {name: value for name, value in drawn.items() if name.removesuffix("_b") not in unseen}
     return Truth(json.dumps(form, sort_keys=True), start, _sensors(setup, mismatch, drawn), values)
-
-
-def _valves(valves: list[Plain], drawn: Mapping[str, float]) -> None:
-    """Change the valves of a drive in place; a law assumes equal valves."""
-    for name, key in OF_VALVE.items():
-        if name in drawn and "frequency" not in valves[0]["numbers"]:
-            raise invalid(name, "control.no_spool", name=name, valve=valves[0]["name"])
-        for numbers in (valve["numbers"] for valve in valves if name in drawn):
-            numbers[key] = drawn[name]
-    for numbers in (valve["numbers"] for valve in valves):
-        for key in _CONDUCTANCES & numbers.keys():
-            numbers[key] *= drawn.get("conductance", 1.0)
 
 
 def _scale(numbers: NamedNumbers, keys: tuple[str, ...], name: str, factor: float) -> None:

@@ -84,7 +84,7 @@ class OwnLaw:
 
     name: str
     digest: str
-    begin: Callable[[object, Mapping[str, Any], float, float], RunningLaw] = field(repr=False, compare=False)
+    begin: Callable[[object, Mapping[str, Any], float], RunningLaw] = field(repr=False, compare=False)
 
 
 def signals() -> dict[str, tuple[str, str]]:
@@ -136,30 +136,20 @@ def own_law(given: object, *, allow_code: str | None = None, found_in: str = "")
 
 
 def _inputs(name: str, law: object) -> list[str]:
-    inputs, step = own_code.guarded(
-        name, CommandError, lambda: (getattr(law, "inputs", None), getattr(law, "step", None))
-    )
-    if inputs is None or not callable(step):
-        lacks, names = "inputs" if inputs is None else "step", ", ".join(signals())
-        raise CommandError.of("control.no_law", name=name, rule=_RULE, lacks=lacks, names=names)
-    found = check_inputs(name, inputs)
-    with suppress(ValueError):  # code without a readable signature
-        try:
-            inspect.signature(step).bind(0.0, None, None)
-        except TypeError as error:
-            raise CommandError(f"{name}: step cannot be called: {error}", rule=_RULE) from None
-    return found
-
-
-def check_inputs(name: str, inputs: object) -> list[str]:
-    """Return the names of the signals that a law, or an environment, asks for.
+    """Return the names of the signals that a law asks for.
 
     Raises
     ------
     CommandError
-        If a name is not the name of a signal, or occurs twice.
+        If the object is not a law, or a name is not the name of a signal, or occurs twice.
     """
     known = list(signals())
+    inputs, step = own_code.guarded(
+        name, CommandError, lambda: (getattr(law, "inputs", None), getattr(law, "step", None))
+    )
+    if inputs is None or not callable(step):
+        lacks = "inputs" if inputs is None else "step"
+        raise CommandError.of("control.no_law", name=name, rule=_RULE, lacks=lacks, names=", ".join(known))
     if not isinstance(inputs, (tuple, list)):
         is_text = isinstance(inputs, str)
         what = f"inputs is {'the text ' if is_text else ''}{inputs!r}"
@@ -170,13 +160,18 @@ def check_inputs(name: str, inputs: object) -> list[str]:
             raise CommandError(f"{name}: there is no input {one!r}", remedy=nearest(str(one), known))
         if inputs.count(one) > 1:
             raise CommandError(f"{name}: the input {one!r} is listed twice", remedy="List each input once.")
+    with suppress(ValueError):  # code without a readable signature
+        try:
+            inspect.signature(step).bind(0.0, None, None)
+        except TypeError as error:
+            raise CommandError(f"{name}: step cannot be called: {error}", rule=_RULE) from None
     return list(inputs)
 
 
 def _python(name: str, given: object) -> Callable[..., RunningLaw]:
     """Return the function that starts a run of a Python law."""
 
-    def begin(model: object, motion: Mapping[str, Any], period_s: float, _duration_s: float) -> RunningLaw:
+    def begin(model: object, motion: Mapping[str, Any], period_s: float) -> RunningLaw:
         law: Any = own_code.guarded(name, CommandError, given) if callable(given) else given
         inputs = _inputs(name, law)
         own_code.guarded(name, CommandError, lambda: law.start(model, period_s) if hasattr(law, "start") else None)

@@ -25,8 +25,8 @@ LONGEST_REMEDY = 200  # characters of a slower reference in a message
 KNOT_S = 0.05  # distance of the knots of the spline through a record (assumed)
 ROUNDING_M = 1e-9  # allowed excess of a path's end over the stroke
 BEYOND_SHARE, BEYOND_M = 0.5, 1e-3  # allowed excess of the curve over a record: fraction of its range, and m (assumed)
-_NUMBER = r"[-+]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][-+]?\d+)?\s*[A-Za-zµ]+"
-_SINE = re.compile(rf"sine\s+({_NUMBER})\s+({_NUMBER})\s+around\s+({_NUMBER})", re.IGNORECASE)
+NUMBER = r"[-+]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][-+]?\d+)?\s*[A-Za-zµ]+"
+_SINE = re.compile(rf"sine\s+({NUMBER})\s+({NUMBER})\s+around\s+({NUMBER})", re.IGNORECASE)
 _STANDARD = re.compile(r"R[1-8]")
 FORMS = (
     '"sine 60 mm 0.5 Hz around 250 mm", "220 mm; 1 s: 280 mm in 0.3 s; 3 s: 220 mm in 0.3 s", a TOML file, or a record '
@@ -146,8 +146,15 @@ def moves_of_text(text: str, si_unit: str) -> motion.Reference:
         The text is not valid, or a move begins before the previous one ends.
     """
     first, *rest = (entry.strip() for entry in text.split(";"))
-    start = _quantity(first, si_unit, text)
-    return _checked(text, start, [_move_of(entry, text, si_unit) for entry in rest if entry])
+    start, moves = _quantity(first, si_unit, text), []
+    for entry in filter(None, rest):
+        begin, colon, way = entry.partition(":")
+        to, within, duration = way.rpartition(" in ")  # the last one: "12 in in 0.3 s"
+        if not colon or not within:
+            raise CommandError.of("control.move", entry=entry)
+        begin_s, duration_s = (_quantity(one.strip(), "s", text) for one in (begin, duration))
+        moves.append(motion.ReferenceMove(begin_s, duration_s, _quantity(to.strip(), si_unit, text)))
+    return _checked(text, start, moves)
 
 
 def _sine_of(text: str) -> motion.Reference:
@@ -163,16 +170,6 @@ def _sine_of(text: str) -> motion.Reference:
     return motion.Reference(text, centre, amplitude_m=amplitude, frequency_hz=frequency)
 
 
-def _move_of(entry: str, text: str, si_unit: str) -> motion.ReferenceMove:
-    begin, colon, rest = entry.partition(":")
-    to, within, duration = rest.rpartition(" in ")  # the last one: "12 in in 0.3 s"
-    if not colon or not within:
-        raise CommandError.of("control.move", entry=entry)
-    times = (_quantity(one.strip(), "s", text) for one in (begin, duration))
-    begin_s, duration_s = times
-    return motion.ReferenceMove(begin_s, duration_s, _quantity(to.strip(), si_unit, text))
-
-
 def _quantity(given: str, si_unit: str, text: str) -> float:
     try:
         return units.parse(given, si_unit)
@@ -182,9 +179,8 @@ def _quantity(given: str, si_unit: str, text: str) -> float:
 
 
 def _from_file(path: Path) -> motion.Reference:
-    tables, text = toml.read(path, start='For instance: start = "220 mm", then [[moves]] with at, to and duration.')
-    with toml.locating(path, text):
-        read: Any = ReferenceFile.model_validate(tables)
+    start = 'For instance: start = "220 mm", then [[moves]] with at, to and duration.'
+    read: Any = toml.load(ReferenceFile.model_validate, path, start=start)
     if read.points:
         times, points = [one.at_s for one in read.points], [one.to_m for one in read.points]
         pieces = tuple(motion.through(times, points))
@@ -241,17 +237,12 @@ def _of_record(path: Path) -> motion.Reference:
     sparse = float(np.diff(time).max())
     pieces = motion.near(time, position, max(KNOT_S, 2.0 * sparse))
     made = motion.Reference(str(path), float(position[0]), pieces=tuple(pieces))
-    _check_span(made, time, position)
-    return _missing(made, time, position)
-
-
-def _check_span(made: motion.Reference, time: Any, position: Any) -> None:  # noqa: ANN401 - arrays
-    """Reject a record if its fitted curve leaves the range of the samples, for example in a long gap."""
     low, high = float(position.min()), float(position.max())
     within = max(BEYOND_SHARE * (high - low), BEYOND_M)
     reach = made.reach() if np.isfinite(made.pieces).all() else motion.Reach(-np.inf, *[np.inf] * 4)
     if low - within <= reach.lowest_m and reach.highest_m <= high + within:
-        return
+        return _missing(made, time, position)
+    # The fitted curve leaves the range of the samples, for example in a long gap.
     gap = int(np.argmax(np.diff(time)))
     end = reach.lowest_m if low - reach.lowest_m > reach.highest_m - high else reach.highest_m
     to = f"leads to {1e3 * end:.4g} mm" if np.isfinite(end) else "is not determined"

@@ -198,11 +198,11 @@ def score(run: xr.Dataset) -> Score:
     CommandError
         The dataset is not a complete run under control.
     """
-    said, names = attributes(run) if hasattr(run, "attrs") else {}, tuple(SCORED)
+    said = attributes(run) if hasattr(run, "attrs") else {}
     motion = said.get("motion")
-    if not isinstance(motion, dict) or not all(name in run for name in names):
+    if not isinstance(motion, dict) or not all(name in run for name in SCORED):
         raise CommandError.of("control.no_run")
-    named, time = {name: run[name].to_numpy() for name in names}, run["time"].to_numpy()
+    named, time = {name: run[name].to_numpy() for name in SCORED}, run["time"].to_numpy()
     samples = said.get("samples", len(time))
     if len(time) != samples:
         raise CommandError.of("control.part_of_run", count=len(time), samples=samples)
@@ -232,14 +232,18 @@ def score_of(time: Array, of: Mapping[str, Array], motion: Keyed, air: Mapping[s
     span = max(float(time[-1]), step)
     took = of["step_time"]
     jumps = [np.abs(np.diff(of[name])).max(initial=0.0) for name in ("pressure_a", "pressure_b")]
-    start, each = motion.get("start_m", 0.0), moves_of(motion)
+    start, each, overshoots = motion.get("start_m", 0.0), moves_of(motion), []
+    for move, from_m, until in _spans((start, ways_of(motion)), float(time[-1])):  # beyond the end of each move
+        beyond = math.copysign(1.0, move.to_m - from_m) * (x[(time >= move.begin_s) & (time <= until)] - move.to_m)
+        if beyond.size:
+            overshoots.append(max(0.0, float(beyond.max())))
     return Score(
         rmse_m=rms(scored),
         max_error_m=float(np.abs(scored).max()),
         first_rmse_m=rms(first),
         first_max_error_m=float(np.abs(first).max()),
         **_of_moves(time, x, of["velocity"], error, (start, each)),
-        overshoot_m=_overshoot(time, x, (start, ways_of(motion))),
+        overshoot_m=max(overshoots, default=None),
         iae_m_s=float(np.sum(np.abs(error))) * step,
         itae_m_s2=float(np.sum(time * np.abs(error))) * step,
         valve_travel_per_s=float(np.abs(np.diff(command)).sum()) / span if span else 0.0,
@@ -305,16 +309,6 @@ def _spans(of: _Moves, end_s: float) -> Iterator[tuple[ReferenceMove, float, flo
     for move, next_s in zip(moves, begins, strict=True) if moves else ():
         yield move, start, min(next_s, end_s)
         start = move.to_m
-
-
-def _overshoot(time: Array, x: Array, of: _Moves) -> float | None:
-    """Return the largest overshoot beyond the end of a move before the next one begins."""
-    found = []
-    for move, start, until in _spans(of, float(time[-1])):
-        beyond = math.copysign(1.0, move.to_m - start) * (x[(time >= move.begin_s) & (time <= until)] - move.to_m)
-        if beyond.size:
-            found.append(max(0.0, float(beyond.max())))
-    return max(found, default=None)
 
 
 def _of_moves(time: Array, x: Array, v: Array, error: Array, of: _Moves) -> Plain:

@@ -380,7 +380,10 @@ class Tuning(Viewed):
             given = ", ".join(f"{key} = {value!r}" for key, value in controller.factors.to_dict().items())
             lines.append(f"factors = {{ {given} }}  # of {_factored(self.law)}")
         for name, numbers in (("gains", self.gains), ("valves", self.valves)):
-            lines += ["", f"[{name}]", *_lines(numbers)] if numbers or name == "gains" else []
+            lines += ["", f"[{name}]"] if numbers or name == "gains" else []
+            for one in numbers:
+                rule = "given" if one.given else one.rule
+                lines.append(f"{one.key} = {toml.value_text(one.quantity)}  # {one.meaning}: {rule}")
         if not controller.adaptation:
             lines.insert(3, "adaptation = false")
         if controller.hold is None:
@@ -423,14 +426,6 @@ class Tuning(Viewed):
         factors = " ".join(f"{factor:g}" for factor in self.controller.factors.values)
         given = (f"given factors {factors} of {_factored(self.law)}",) if self.controller.factors.changed else ()
         return View(title, tuple(rows), notes=(*given, *self.limits))
-
-
-def _lines(numbers: tuple[TunedGain, ...]) -> list[str]:
-    """Return numbers as lines of a controller file, each with its meaning and rule."""
-    return [
-        f"{one.key} = {toml.value_text(one.quantity)}  # {one.meaning}: {'given' if one.given else one.rule}"
-        for one in numbers
-    ]
 
 
 def _entries(table: Plain) -> list[str]:

@@ -15,7 +15,7 @@ from pydantic import TypeAdapter
 
 from pneudrive.arrays import Array, Keyed, Plain
 from pneudrive.control.motion import REST_S, SINE_PERIODS, SINE_S, Reference, ReferenceMove
-from pneudrive.control.references import moves_of_text
+from pneudrive.control.references import NUMBER, moves_of_text
 from pneudrive.control.scores import event_table, run_title
 from pneudrive.describe.files import toml
 from pneudrive.errors import DescriptionError, PneudriveError, invalid, nearest, wrong
@@ -27,12 +27,11 @@ FORMS = (
     '"sine 30 mm 0.5 Hz around 470 mm", "circle 5 deg 0.5 Hz", "square 20 mm 0.5 Hz in 0.2 s", or moves, '
     '"450 mm; 1 s: 470 mm in 0.3 s; 2 s: 450 mm in 0.3 s; every 3 s"'
 )
-_NUMBER = r"[-+]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][-+]?\d+)?\s*[A-Za-zµ]+"
 _WAVE = re.compile(
-    rf"(sine|circle|square)\s+({_NUMBER})\s+({_NUMBER})(?:\s+in\s+({_NUMBER}))?(?:\s+around\s+({_NUMBER}))?",
+    rf"(sine|circle|square)\s+({NUMBER})\s+({NUMBER})(?:\s+in\s+({NUMBER}))?(?:\s+around\s+({NUMBER}))?",
     re.IGNORECASE,
 )
-_EVERY = re.compile(rf";\s*every\s+({_NUMBER})\s*$", re.IGNORECASE)
+_EVERY = re.compile(rf";\s*every\s+({NUMBER})\s*$", re.IGNORECASE)
 
 
 class CoordinatePath(NamedTuple):
@@ -64,9 +63,8 @@ class CoordinatePath(NamedTuple):
     def at(self, times_s: Array) -> Array:
         """Return the coordinate and two derivatives, shape (3, n). A sine reaches full amplitude within a period."""
         if self.kind in ("square", "moves"):
-            start = self.centre
             moves = self._until(float(times_s.max(initial=0.0)))
-            return Reference("", start, tuple(moves)).at(times_s).T[:3]
+            return Reference("", self.centre, tuple(moves)).at(times_s).T[:3]
         b, b1, b2, _ = Reference("", 0.0, (ReferenceMove(0.0, self.period_s, 1.0),)).at(times_s).T
         w = 2.0 * math.pi / self.period_s
         angle = w * times_s + (0.5 * math.pi if self.leads else 0.0)
@@ -77,11 +75,10 @@ class CoordinatePath(NamedTuple):
     def _until(self, end_s: float) -> list[ReferenceMove]:
         """Return the moves that begin up to a given time."""
         if self.kind == "moves":
-            rounds = 1 if math.isinf(self.period_s) else int(end_s / self.period_s) + 1
-            own = [
-                move._replace(begin_s=move.begin_s + k * self.period_s) for k in range(rounds) for move in self.moves
-            ]
-            return own if rounds > 1 else list(self.moves)
+            if math.isinf(self.period_s):
+                return list(self.moves)
+            begins = [k * self.period_s for k in range(int(end_s / self.period_s) + 1)]
+            return [move._replace(begin_s=move.begin_s + begin_s) for begin_s in begins for move in self.moves]
         # Corners at (1, -1), (1, 1), (-1, 1), (-1, -1): each coordinate turns at every second one.
         quarters = range(int(4.0 * end_s / self.period_s) + 1)
         signs = [1, 1, -1, -1] if self.leads else [-1, 1, 1, -1]
@@ -213,8 +210,7 @@ def _line(given: object, unit: str, home: float) -> CoordinatePath:
         last = moves.moves[-1] if moves.moves else None
         if last is None or last.end_s > period or abs(last.to_m - moves.start_m) > 0.0:
             raise DescriptionError(f'"{given}" cannot be repeated', rule="it must end at the start, in the period")
-        return CoordinatePath("moves", moves.start_m, period_s=period, moves=moves.moves)
-    return CoordinatePath("moves", moves.start_m, moves=moves.moves)
+    return CoordinatePath("moves", moves.start_m, period_s=period, moves=moves.moves)
 
 
 # --- Score of a platform along a path of its pose.
