@@ -18,7 +18,7 @@ from pneudrive.campaign.storage.folder import ABOUT, Campaign, create, plan_of
 from pneudrive.errors import CampaignError
 from pneudrive.files.inputs import INPUTS, stored_beside, stored_input
 from pneudrive.repr_tables import Shown
-from pneudrive.rig.interface import Identity, Rig, as_json, closed_after
+from pneudrive.rig.interface import Rig, as_json, closed_after
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
@@ -157,8 +157,26 @@ def resume_campaign(
     folder = Path(folder)
     campaign = Campaign.open(folder)
     plan = plan_of(campaign)
-    with FolderLock(folder) as lock, _rig_again(campaign, rig, plan, pace, allow_code) as (bench, source):
-        _check_rig(campaign, bench.identity(), source)
+    with FolderLock(folder) as lock, contextlib.ExitStack() as opened:
+        found: dict[str, str | None] = {}
+        if rig is None:  # the rig named in the folder, if this is allowed
+            rig, made_with, where = campaign.about.get("rig"), campaign.about.get("rig_sha256"), str(folder / ABOUT)
+            if not rig or not isinstance(rig, str):
+                raise CampaignError("the folder does not name its rig", where=where, remedy="Add --rig RIG.")
+            if allow_code is not None and made_with != allow_code.strip().lower():
+                names = {"made_with": made_with or "not stated", "allowed": allow_code, "rig": rig}
+                raise CampaignError.of("campaign.other-code", where=where, **names)
+            found = {"found_in": where, "allow_code": allow_code}
+        bench, source = opened.enter_context(_bench(rig, plan.protocol.seed, pace, **found))
+        identity, before = bench.identity(), str(campaign.about.get("rig_sha256", ""))
+        here, there = (as_json(one.to_dict()) for one in (identity, campaign.identity))
+        # The text on errors of a simulated rig depends on the version; the hash of its file identifies it.
+        free = {"calibration"} if identity.synthetic else set()
+        other = [name for name in here if name not in free and here[name] != there[name]]
+        if not other and identity.synthetic and before and _digest(source) not in ("", before):
+            other = [f"the file {source}"]
+        if other:  # cycles of another rig are not comparable
+            raise CampaignError.of("campaign.other-rig", where=str(campaign.path), names=", ".join(other))
         if (limits := bench.limits()) != plan.envelope:
             lay_out(plan.protocol, campaign.identity, limits)  # check again: the rig may allow less than before
         audience = {"display": display, "prompt": prompt, "subscribers": subscribers, "cancel": cancel}
@@ -179,22 +197,6 @@ def _run(
     run = CampaignRun(campaign, plan, bench, replace(options, operator=operator), lock, **audience)
     ended = run.run()
     return Result(campaign, len(run.finished), run.total, ended)
-
-
-def _rig_again(
-    campaign: Campaign, rig: Rig | str | Path | None, plan: Plan, pace: float | None, allow_code: str | None
-) -> contextlib.AbstractContextManager[tuple[Rig, str]]:
-    """Return the rig named by the user, otherwise the rig named in the folder, if this is allowed."""
-    seed, where = plan.protocol.seed, str(campaign.path / ABOUT)
-    if rig is not None:
-        return _bench(rig, seed, pace)
-    given, made_with = campaign.about.get("rig"), campaign.about.get("rig_sha256")
-    if not given or not isinstance(given, str):
-        raise CampaignError("the folder does not name its rig", where=where, remedy="Add --rig RIG.")
-    if allow_code is not None and made_with != allow_code.strip().lower():
-        names = {"made_with": made_with or "not stated", "allowed": allow_code, "rig": given}
-        raise CampaignError.of("campaign.other-code", where=where, **names)
-    return _bench(given, seed, pace, found_in=where, allow_code=allow_code)
 
 
 @contextlib.contextmanager
@@ -241,20 +243,6 @@ def _digest(source: str) -> str:
     path = Path(source)
     is_file = bool(source) and path.is_file()
     return hashlib.sha256(path.read_bytes()).hexdigest() if is_file else own_code.sha256(source)
-
-
-def _check_rig(campaign: Campaign, identity: Identity, source: str) -> None:
-    """Reject a resumed campaign on a different rig, because its cycles would not be comparable."""
-    here = as_json(identity.to_dict())
-    there = as_json(campaign.identity.to_dict())
-    # The text on errors of a simulated rig depends on the version; the hash of its file identifies it.
-    free = {"calibration"} if identity.synthetic else set()
-    other = [name for name in here if name not in free and here[name] != there[name]]
-    before = str(campaign.about.get("rig_sha256", ""))
-    if not other and identity.synthetic and before and _digest(source) not in ("", before):
-        other = [f"the file {source}"]
-    if other:
-        raise CampaignError.of("campaign.other-rig", where=str(campaign.path), names=", ".join(other))
 
 
 __all__ = ["DONE", "ENDED", "Options", "Result", "can_be_resumed", "resume_campaign", "run_campaign"]

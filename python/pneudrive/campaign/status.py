@@ -18,10 +18,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
     from pathlib import Path
 
-    from pneudrive.arrays import Ints
-    from pneudrive.campaign.cycle import Cycle
     from pneudrive.campaign.storage.folder import CycleFile
-    from pneudrive.signals.recording import Recording
 
 
 @dataclass(frozen=True, repr=False)
@@ -122,18 +119,15 @@ def preliminary_friction(file: CycleFile, samples: Samples, identity: Identity) 
     try:
         recording, _ = recording_of(file, identity, samples)
         if cycle.kind == "stop":
-            return _after_stop(recording, steps_of(recording, samples), cycle)
+            # The largest force against the motion in the move after the longest hold.
+            holds = [(step.duration_s, number) for number, step in enumerate(cycle.steps) if isinstance(step, Hold)]
+            after = max(holds)[1] + 1 if holds else len(cycle.steps) - 2
+            part = np.flatnonzero(steps_of(recording, samples) == after)
+            if part.size < 2:
+                return np.nan
+            way = recording.position_m[part[-1]] - recording.position_m[part[0]]
+            return float(np.max(np.sign(way) * recording.balance_n()[part]))
         levels = extract(recording, Settled()).levels
     except RecordingError:
         return np.nan
     return min(levels, key=lambda level: abs(level.speed_m_s - (cycle.speed_m_s or 0.0))).friction_n
-
-
-def _after_stop(recording: Recording, steps: Ints, cycle: Cycle) -> float:
-    """Return the largest force against the motion in the move after the longest hold."""
-    holds = [(step.duration_s, number) for number, step in enumerate(cycle.steps) if isinstance(step, Hold)]
-    part = np.flatnonzero(steps == (max(holds)[1] + 1 if holds else len(cycle.steps) - 2))
-    if part.size < 2:
-        return np.nan
-    way = recording.position_m[part[-1]] - recording.position_m[part[0]]
-    return float(np.max(np.sign(way) * recording.balance_n()[part]))

@@ -267,7 +267,7 @@ def _friction(given: Plain, path: Path) -> Friction:
     return Friction.model_validate(given | {"law": law_of(law, path.parent) or law})
 
 
-def open_file(path: str | Path) -> Plain:
+def open_file(path: str | Path, above: tuple[Path, ...] = ()) -> Plain:
     """Read the tables of a rig file, merged over those of the file that it extends.
 
     Raises
@@ -275,11 +275,7 @@ def open_file(path: str | Path) -> Plain:
     DescriptionError
         A file cannot be read, has another schema, or extends itself.
     """
-    return _open(Path(path), ())
-
-
-def _open(path: Path, above: tuple[Path, ...]) -> Plain:
-    where = str(path)
+    path, where = Path(path), str(path)
     if path in above:
         raise DescriptionError("the rig file extends itself", where=where)
     content, _ = toml.read(path, start="The guides on rigs show examples of rig files.")
@@ -288,7 +284,7 @@ def _open(path: Path, above: tuple[Path, ...]) -> Plain:
     base = content.pop("extends", None)
     if base is None:
         return content
-    below = _open(shipped_rigs().get(str(base), path.parent / str(base)), (*above, path))
+    below = open_file(shipped_rigs().get(str(base), path.parent / str(base)), (*above, path))
     law, old = (_table(one, "friction").get("law") for one in (content, below))
     if law is not None and law != old:  # another friction law drops the values of the old one
         kept = {key: table for key, table in _table(below, "friction").items() if toml.is_table(table)}

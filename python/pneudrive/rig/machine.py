@@ -214,20 +214,10 @@ class Past:
             pass
         raise RigError.of("rig.no-memory", value=data)
 
-    def pass_time(self, d: RigDescription, duration_s: float, power_w: float) -> None:
-        """Advance the time, while friction heats the seal with the given power."""
-        rise, time_s = d.tables.thermal.seal_rise, d.tables.thermal.seal_time
-        self.seal_rise_k = _core.seal_warming(rise, time_s, self.seal_rise_k, power_w, duration_s)
-        self.clock_s += duration_s
-
     def room_k(self, d: RigDescription, after_s: Numbers = 0.0) -> Numbers:
         """Return the temperature of the room, K, now or a number of seconds later."""
         turn = 2.0 * np.pi * (self.clock_s + after_s) / d.tables.thermal.room_period
         return d.tables.ambient.temperature + d.tables.thermal.room_amplitude * np.sin(turn)
-
-    def barrel_k(self, d: RigDescription, after_s: Numbers) -> Numbers:
-        """Return the temperature of the barrel, K, at the thermometer."""
-        return self.room_k(d, after_s) + d.tables.temperature_sensor.share * self.seal_rise_k
 
     def force_drift_n(self, d: RigDescription, after_s: Numbers = 0.0) -> Numbers:
         """Return the drift of the force sensor's zero, N, with temperature and time."""
@@ -260,27 +250,6 @@ def friction_scale(d: RigDescription, past: Past, seed: int) -> float:
     for factor, words in drawn.items():
         exponent += getattr(d.tables.repeatability, factor) * float(stream(seed, factor, words).standard_normal())
     return math.exp(exponent)
-
-
-def friction_in_force(d: RigDescription, past: Past, seed: int) -> Plain:
-    """Return the friction of the present step in the core's form.
-
-    As in a drive, run-in and temperature change Coulomb and breakaway force, while only temperature changes viscous
-    friction. Both effects are evaluated at the beginning of the step, which is assumed to be short compared with the
-    warming.
-    """
-    table, thermal = core_friction(d, past.levels.get("mounting", RIGID)), d.tables.thermal
-    excess, distance = d.tables.run_in.excess, d.tables.run_in.distance
-    warmer = float(past.room_k(d)) - d.tables.ambient.temperature + past.seal_rise_k
-    levels, viscous = _core.seal_factors(thermal.coulomb, -thermal.viscous, warmer, excess, distance, past.travel_m)
-    scale = friction_scale(d, past, seed)
-    factor = {"coulomb": scale * levels, "breakaway": scale * levels, "viscous": scale * viscous}
-    table["parameters"] = {name: value * factor.get(name, 1.0) for name, value in table["parameters"].items()}
-    if table["pressure"] is not None:
-        table["pressure"] = {name: value * scale * levels for name, value in table["pressure"].items()}
-    if table.get("dwell") is not None:
-        table["dwell"] = table["dwell"] | {"increment_n": table["dwell"]["increment_n"] * scale}
-    return table
 
 
 #: Tolerance of the core: force errors are far below the noise of any force sensor.
@@ -335,8 +304,25 @@ class Machine:
         return move(step.to_m - at, step.speed_m_s, self.d.limits, at)
 
     def friction(self) -> Plain:
-        """Return the present friction in the core's form."""
-        return friction_in_force(self.d, self.past, self.seed)
+        """Return the friction of the present step in the core's form.
+
+        As in a drive, run-in and temperature change Coulomb and breakaway force, while only temperature changes viscous
+        friction. Both effects are evaluated at the beginning of the step, which is assumed to be short compared with
+        the warming.
+        """
+        d, past, thermal = self.d, self.past, self.d.tables.thermal
+        table = core_friction(d, past.levels.get("mounting", RIGID))
+        excess, distance = d.tables.run_in.excess, d.tables.run_in.distance
+        warmer = float(past.room_k(d)) - d.tables.ambient.temperature + past.seal_rise_k
+        levels, viscous = _core.seal_factors(thermal.coulomb, -thermal.viscous, warmer, excess, distance, past.travel_m)
+        scale = friction_scale(d, past, self.seed)
+        factor = {"coulomb": scale * levels, "breakaway": scale * levels, "viscous": scale * viscous}
+        table["parameters"] = {name: value * factor.get(name, 1.0) for name, value in table["parameters"].items()}
+        if table["pressure"] is not None:
+            table["pressure"] = {name: value * scale * levels for name, value in table["pressure"].items()}
+        if table.get("dwell") is not None:
+            table["dwell"] = table["dwell"] | {"increment_n": table["dwell"]["increment_n"] * scale}
+        return table
 
     def steady_n(self, friction: Plain, velocity_m_s: float) -> float:
         """Return the steady friction at a velocity, the set pressures and the present position, N; positive."""
@@ -370,7 +356,9 @@ class Machine:
             past.travel_m += way
             speed = float(np.copysign(step.speed_m_s, step.to_m - motion.start_m))
             power = self.steady_n(friction, speed) * way / motion.duration_s
-        past.pass_time(d, motion.duration_s, power)
+        heat, lasts_s = d.tables.thermal, motion.duration_s  # of friction, in the seal
+        past.seal_rise_k = _core.seal_warming(heat.seal_rise, heat.seal_time, past.seal_rise_k, power, lasts_s)
+        past.clock_s += lasts_s
         return columns
 
     def cut(self, before: Past, step: Step, motion: Motion, time_s: float) -> None:

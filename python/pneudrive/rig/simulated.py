@@ -323,12 +323,13 @@ class Instruments:
         d, t = self.d, true["time_s"]
         where = "supply_pressure" if d.tables.pressure_sensor.at == "regulator" else "pressure"
         force = true["sensor_force_n"] if weight_n == 0.0 else np.full(t.shape, -weight_n)
+        barrel_k = past.room_k(d, t) + d.tables.temperature_sensor.share * past.seal_rise_k  # at the thermometer
         return {
             "position_m": d.encoder.read(true["carriage_position_m"]),
             "force_n": self.force.read(force, rng, past.force_drift_n(d, t)),
             "pressure_a_pa": self.pressure_a.read(true[f"{where}_a_pa"], rng),
             "pressure_b_pa": self.pressure_b.read(true[f"{where}_b_pa"], rng),
-            "temperature_k": self.thermometer.read(np.asarray(past.barrel_k(d, t)), rng),
+            "temperature_k": self.thermometer.read(np.asarray(barrel_k), rng),
         }
 
 
@@ -569,10 +570,12 @@ class RigSession:
                 seen = self._instruments.read(true, before, rng, getattr(step, "weight_n", 0.0))
                 count = times.size if i == last else times.size - 1
                 for part in self._parts(times[:count], motion.duration_s):
-                    self._wait(began, done_s + float(times[part.stop - 1]))
+                    end = part.stop - 1
+                    reached_s = float(times[end])
+                    self._wait(began, done_s + reached_s)
                     self._alive(run)
-                    run.reached_s = float(times[part.stop - 1])
-                    run.seen = {name: float(values[part.stop - 1]) for name, values in seen.items()}
+                    run.reached_s = reached_s
+                    run.seen = {name: float(values[end]) for name, values in seen.items()}
                     named = {name: seen[name][part] for name in CHANNELS if name != "time_s"}
                     index = np.full(part.stop - part.start, i, dtype=np.int64)
                     yield Samples(time_s=done_s + times[part], **named, step=index)

@@ -49,19 +49,6 @@ def _stop_levels(protocol: Protocol) -> tuple[Sequence[Any], ...]:
     return stop.position, stop.released, stop.restart_speed_m_s, directions, stop.durations_s
 
 
-def cells_of(protocol: Protocol) -> tuple[list[Cell], list[Cell]]:
-    """Return the design points of the sweep and of the stops. The pressure varies slowest."""
-    pairs, levels = protocol.pressure.levels, list(product(*_stop_levels(protocol)))
-    turns = _sweep_levels(protocol)
-    sweep = [Cell("sweep", pair, speed, protocol.directions, turn) for pair in pairs for turn, speed in turns]
-    stops = [
-        Cell("stop", pair, speed, direction, stop_s=stop_s, released=released, position=position)
-        for pair in pairs
-        for position, released, speed, direction, stop_s in levels
-    ]
-    return sweep, stops
-
-
 def cycle_count(protocol: Protocol) -> int:
     """Return the number of points in all blocks, without building the blocks."""
     points = len(_sweep_levels(protocol)) + math.prod(map(len, _stop_levels(protocol)))
@@ -110,10 +97,17 @@ def ordered_blocks(protocol: Protocol) -> list[dict[str, str]]:
 
 def ordered_cells(protocol: Protocol, block: int) -> list[tuple[Cell, int]]:
     """Return the design points of a block in running order, each with its repeat number from 1."""
-    repeats = range(1, protocol.repeats + 1)
-    families, kind = cells_of(protocol), protocol.order.kind
+    repeats, kind, levels = range(1, protocol.repeats + 1), protocol.order.kind, protocol.pressure.levels
+    turns, stops = _sweep_levels(protocol), list(product(*_stop_levels(protocol)))
+    families = (
+        [Cell("sweep", pair, speed, protocol.directions, turn) for pair in levels for turn, speed in turns],
+        [
+            Cell("stop", pair, speed, direction, stop_s=stop_s, released=released, position=position)
+            for pair in levels
+            for position, released, speed, direction, stop_s in stops
+        ],
+    )
     if kind == "as-given":  # a change of pressure is slow: the list is repeated at each pressure
-        levels = protocol.pressure.levels
         listed = ([(cell, repeat) for repeat in repeats for cell in cells] for cells in families)
         return [
             entry for entries in listed for entry in sorted(entries, key=lambda entry: levels.index(entry[0].pressures))
@@ -192,10 +186,9 @@ def lay_out(protocol: Protocol, identity: Identity, envelope: Envelope) -> Plan:
     return replace(plan, notes=check(plan))
 
 
-def check_range(protocol: Protocol, envelope: Envelope) -> None:
-    """Reject a range of positions that is empty or exceeds the rig's range."""
-    way = Way.on(protocol, envelope)
-    low, high = envelope.position_m
+def draft(protocol: Protocol, identity: Identity, envelope: Envelope) -> Plan:
+    """Lay out a protocol without a check against the rig's limits; `lay_out` does both."""
+    way, (low, high) = Way.on(protocol, envelope), envelope.position_m
     if way.length_m <= 0.0 or way.low_m < low - ROUNDING or way.high_m > high + ROUNDING:
         raise protocol.fail(
             "position",
@@ -203,11 +196,6 @@ def check_range(protocol: Protocol, envelope: Envelope) -> None:
             rule=f"the axis may move from {millimetres(low)} to {millimetres(high)}",
             remedy="Change [position] range or margin.",
         )
-
-
-def draft(protocol: Protocol, identity: Identity, envelope: Envelope) -> Plan:
-    """Lay out a protocol without a check against the rig's limits; `lay_out` does both."""
-    check_range(protocol, envelope)
     count = cycle_count(protocol)
     within("cycles", count, f"the protocol asks for {count:,} cycles or more", ProtocolError, protocol.origin)
     with many_objects():

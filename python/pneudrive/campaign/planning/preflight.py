@@ -56,9 +56,25 @@ def check(plan: Plan) -> tuple[str, ...]:
         )
     allowed = Allowed(plan)
     broken = [(cycles, found) for cycles in _alike(plan) if (found := list(violations(cycles[0], allowed)))]
-    if broken:
-        raise _refusal(plan, broken)
-    return cautions(plan)
+    if not broken:
+        return cautions(plan)
+    first: dict[str, tuple[str, str, str]] = {}  # of each limit: the first cycle that violates it
+    counts: Counter[str] = Counter()
+    for cycles, found in broken:
+        for item, text, remedy in found:
+            first.setdefault(item, (cycles[0].key, text, remedy))
+        counts.update({item: len(cycles) for item, _, _ in found})
+    shown = list(first.items())[:SHOWN]
+    lines = [f"{item}: cycle {key}: {text} ({_cycles(counts[item])})" for item, (key, text, _) in shown]
+    count = sum(len(cycles) for cycles, _ in broken)
+    raise ProtocolError(
+        f'the rig "{plan.identity.name}" cannot run this protocol:  '
+        f"{count} of {_cycles(len(plan.cycles))} {'breaks' if count == 1 else 'break'} its limits",
+        where=plan.protocol.origin,
+        value="\n    ".join(lines),
+        rule="the rig's envelope, tightened by [limits]",
+        remedy=" ".join(dict.fromkeys(remedy for _, (_, _, remedy) in shown)),
+    )
 
 
 def _alike(plan: Plan) -> list[list[Cycle]]:
@@ -221,27 +237,6 @@ def _force(cycle: Cycle, allowed: Allowed) -> Iterator[Violation]:
         less = LESS_FORCE | {"difference of the pressure forces": f"{allowed.balance}."}
         remedy = less.get(largest, "Use a rig whose force sensor has a greater range.")
         yield "force", f"{total:.4g} N ({shown}); at most {allowed.envelope.force_n:.4g} N", remedy
-
-
-def _refusal(plan: Plan, broken: list[tuple[list[Cycle], list[Violation]]]) -> ProtocolError:
-    """Return an error that gives, for each limit, the first violating cycle and the number of violations."""
-    first: dict[str, tuple[str, str, str]] = {}
-    counts: Counter[str] = Counter()
-    for cycles, found in broken:
-        for item, text, remedy in found:
-            first.setdefault(item, (cycles[0].key, text, remedy))
-        counts.update({item: len(cycles) for item, _, _ in found})
-    shown = list(first.items())[:SHOWN]
-    lines = [f"{item}: cycle {key}: {text} ({_cycles(counts[item])})" for item, (key, text, _) in shown]
-    count = sum(len(cycles) for cycles, _ in broken)
-    return ProtocolError(
-        f'the rig "{plan.identity.name}" cannot run this protocol:  '
-        f"{count} of {_cycles(len(plan.cycles))} {'breaks' if count == 1 else 'break'} its limits",
-        where=plan.protocol.origin,
-        value="\n    ".join(lines),
-        rule="the rig's envelope, tightened by [limits]",
-        remedy=" ".join(dict.fromkeys(remedy for _, (_, _, remedy) in shown)),
-    )
 
 
 def _moves(cycle: Cycle) -> Iterator[tuple[float, Move, bool]]:

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
     from pneudrive.arrays import Array, Bools, Interval, Ints, Pair, Plain
     from pneudrive.campaign.planning.protocol import Protocol
-    from pneudrive.rig.interface import Envelope, Identity, Rig, RigState, Sampling
+    from pneudrive.rig.interface import Envelope, Identity, Rig, RigState
 
 
 #: Longest time for a rig to come to rest before the campaign ends without it, s.
@@ -139,7 +139,16 @@ class Attempts:
         """
         self._whole, started = False, now()
         self._begun[cycle.key] = self._begun.get(cycle.key, 0) + 1
-        self._go_to_start(rig, cycle)
+        if not self.homed:
+            rig.home()
+            self.homed = True
+        if has_verbs(rig, Reproducible):
+            self._memory = self._memory or as_plain(rig.memory())
+            rig.restore(as_plain(self._memory))
+            self._pressures = self._pressures_after
+            rig.begin_cycle(cycle.key)
+        if cycle.start_m is not None and abs(rig.state().position_m - cycle.start_m) > AT_START_M:
+            rig.move(cycle.start_m, min(TO_START_M_S, rig.limits().speed_m_s))
         if cycle.steps:
             wanted = (cycle.pressure_a_pa, cycle.pressure_b_pa)
             rig.set_pressure(*wanted)
@@ -156,18 +165,6 @@ class Attempts:
         memory = as_plain(rig.memory()) if has_verbs(rig, Reproducible) else {}
         self._whole = True
         return Head(0, cycle, began_s, started, memory=memory, attempts=self._begun[cycle.key]), samples
-
-    def _go_to_start(self, rig: Rig, cycle: Cycle) -> None:
-        if not self.homed:
-            rig.home()
-            self.homed = True
-        if has_verbs(rig, Reproducible):
-            self._memory = self._memory or as_plain(rig.memory())
-            rig.restore(as_plain(self._memory))
-            self._pressures = self._pressures_after
-            rig.begin_cycle(cycle.key)
-        if cycle.start_m is not None and abs(rig.state().position_m - cycle.start_m) > AT_START_M:
-            rig.move(cycle.start_m, min(TO_START_M_S, rig.limits().speed_m_s))
 
     def _acquire(self, rig: Rig, cycle: Cycle) -> Samples:
         parts: list[Samples] = []
@@ -376,7 +373,18 @@ def _dropped(time: Array, step: Ints, cycle: Cycle) -> int:
         return 0
     usual = _usual_interval(intervals)
     deviation = float(np.median(np.abs(intervals - usual)))
-    expected = np.maximum(usual, _planned_interval(time, step, cycle))
+    planned, sampling = np.zeros(time.size - 1), cycle.sampling  # 0 inside bursts and without a plan
+    for number, one in enumerate(cycle.steps):
+        members = np.flatnonzero(step == number)
+        if members.size < 2:
+            continue
+        begin, end, inside = time[members[0]], time[members[-1]], members[:-1]
+        moving = isinstance(one, Move)
+        planned_s = (end - begin) / sampling.samples_per_stroke if moving else 1.0 / sampling.hold_rate_hz
+        early = time[inside + 1] - begin <= sampling.burst_after_s
+        late = end - time[inside] <= sampling.burst_before_s
+        planned[inside[~((early | late) & (sampling.burst_rate_hz > 0.0))]] = planned_s
+    expected = np.maximum(usual, planned)
     late = (intervals > LATE * expected + JITTER * deviation) & (step[1:] == step[:-1]) & (expected > 0.0)
     return int(np.sum(np.maximum(np.rint(intervals[late] / expected[late]) - 1.0, 1.0)))
 
@@ -390,25 +398,6 @@ def _usual_interval(intervals: Array) -> Array:
     windows = np.lib.stride_tricks.sliding_window_view(padded, NEIGHBOURS)
     medians = np.median(windows, axis=1)
     return np.maximum(medians[: intervals.size], medians[NEIGHBOURS + 1 : NEIGHBOURS + 1 + intervals.size])
-
-
-def _planned_interval(time: Array, step: Ints, cycle: Cycle) -> Array:
-    """Return the largest planned interval between samples; 0 inside bursts and without a plan."""
-    planned = np.zeros(time.size - 1)
-    sampling: Sampling = cycle.sampling
-    for number, one in enumerate(cycle.steps):
-        members = np.flatnonzero(step == number)
-        if members.size < 2:
-            continue
-        begin, end = time[members[0]], time[members[-1]]
-        moving = isinstance(one, Move)
-        planned_s = (end - begin) / sampling.samples_per_stroke if moving else 1.0 / sampling.hold_rate_hz
-        inside = members[:-1]
-        early = time[inside + 1] - begin <= sampling.burst_after_s
-        late = end - time[inside] <= sampling.burst_before_s
-        burst = (early | late) & (sampling.burst_rate_hz > 0.0)
-        planned[inside[~burst]] = planned_s
-    return planned
 
 
 def _sensors(samples: Samples, cycle: Cycle, identity: Identity) -> tuple[int, int]:

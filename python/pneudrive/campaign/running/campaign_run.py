@@ -24,7 +24,6 @@ from pneudrive.errors import CampaignError, ConnectionLostError, RigError
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
     from concurrent.futures import Future
-    from pathlib import Path
 
     from pneudrive.arrays import Plain
     from pneudrive.campaign.planning.planned import Plan
@@ -205,7 +204,8 @@ class CampaignRun:
         self._bounds = MeasuringBounds.of(plan.protocol, plan.envelope, plan.identity.ambient_pressure_pa)
         self._attempts = Attempts(rig, self._bounds.during, self._display.part)
         self.finished = {file.head.cycle.key: file.head.flags for file in files}
-        self._index = max((_number(path) for path in (campaign.path / CYCLES).glob("[0-9]*")), default=0)
+        numbers = (path.name.partition("-")[0] for path in (campaign.path / CYCLES).glob("[0-9]*"))
+        self._index = max((int(number) for number in numbers if number.isdigit()), default=0)
         if files:
             self._attempts.finished(files[-1].head)
         self._samples = {p.cycle.key: p.samples for p in plan.planned}
@@ -271,7 +271,11 @@ class CampaignRun:
             for cycle in (cycle for cycle in self.plan.cycles if cycle.key not in self.finished):
                 documents.event(self._cycle(cycle))
                 self._checkpoint()
-                self._stop_where_all_is_bad()
+                flags = self.finished[cycle.key]
+                self._bad = self._bad + 1 if SERIOUS & flags.keys() else 0
+                if self._bad >= self.options.bad_in_a_row:
+                    bad = {"value": _counted(flags), "count": self._bad}
+                    raise CampaignError.of("campaign.bad-cycles", where=str(self._path), **bad)
         except EndedError as ended:
             documents.stop("abort", str(ended))
             return ENDED
@@ -404,24 +408,24 @@ class CampaignRun:
         """Run a cycle, store it, and return the data of its event."""
         self._lock.tell(state="running", text="", cycle=cycle.key)
         self._display.cycle(cycle)
-        confirmed = self._confirm(cycle) if cycle.text else {}
+        confirmed: dict[str, str] = {}
+        if cycle.text:  # a step of the operator
+            confirmed = {"name": self.options.operator or control.user(), "time": control.now(), "how": "--yes"}
+            if not self.options.yes:
+                confirmed = self._pause(cycle.text)  # at rest: somebody will reach into the rig
+            by = "assumed done: --yes" if self.options.yes else f"confirmed by {confirmed['name']}"
+            self._journal.write(f"{cycle.key}: {cycle.text} ({by})")
         return self._write(*self._measured(cycle), confirmed)
 
-    def _confirm(self, cycle: Cycle) -> dict[str, str]:
-        """Ask the operator for a step and return who confirmed it."""
-        if self.options.yes:
-            self._journal.write(f"{cycle.key}: {cycle.text} (assumed done: --yes)")
-            return {"name": self.options.operator or control.user(), "time": control.now(), "how": "--yes"}
-        answer = self._pause(cycle.text)  # at rest: somebody will reach into the rig
-        self._journal.write(f"{cycle.key}: {cycle.text} (confirmed by {answer['name']})")
-        return answer
-
     def _measured(self, cycle: Cycle) -> tuple[Head, Samples]:
-        """Run a cycle until it is complete; wait while conditions are not met."""
+        """Run a cycle until it is complete; wait while conditions are not met. Its data must have space on the disk."""
         settling_s = self.plan.protocol.pressure.settling_s
         while True:
             self._await_conditions(cycle)
-            self._check_space(cycle)
+            needed = self._samples[cycle.key] * SAMPLE_BYTES + CYCLE_BYTES
+            if (free := shutil.disk_usage(self.campaign.path).free) < needed:
+                sizes = {"free": free / 1e6, "needed": needed / 1e6, "remedy": control.REMEDIES[errno.ENOSPC]}
+                raise CampaignError.of("campaign.disk-full", where=str(self.campaign.path), **sizes)
             self._checkpoint()
             attempt = self._on_rig(lambda rig: self._attempts.run(rig, cycle, settling_s))
             error = attempt.exception()
@@ -490,14 +494,6 @@ class CampaignRun:
             self._tell(f"continued after {waited:.3g} s: conditions are met again")
             self._lock.tell(state="running", text="")
 
-    def _check_space(self, cycle: Cycle) -> None:
-        """Refuse to begin a cycle if the disk has too little space for its data."""
-        needed = self._samples[cycle.key] * SAMPLE_BYTES + CYCLE_BYTES
-        free = shutil.disk_usage(self.campaign.path).free
-        if free < needed:
-            sizes = {"free": free / 1e6, "needed": needed / 1e6, "remedy": control.REMEDIES[errno.ENOSPC]}
-            raise CampaignError.of("campaign.disk-full", where=str(self.campaign.path), **sizes)
-
     # -- finished cycles ----------------------------------------------------------------------------------------
 
     def _write(self, head: Head, samples: Samples, confirmed: dict[str, str]) -> Plain:
@@ -524,12 +520,6 @@ class CampaignRun:
             "file": self._path.name,
         }
 
-    def _stop_where_all_is_bad(self) -> None:
-        flags = next(reversed(self.finished.values()))
-        self._bad = self._bad + 1 if SERIOUS & flags.keys() else 0
-        if self._bad >= self.options.bad_in_a_row:
-            raise CampaignError.of("campaign.bad-cycles", where=str(self._path), value=_counted(flags), count=self._bad)
-
 
 def mark(error: BaseException) -> None:
     """Mark an error that ended a campaign after its start, see `pneudrive.campaign.run.can_be_resumed`."""
@@ -552,8 +542,3 @@ def _lost(error: BaseException | None) -> bool:
             return True
         error = error.__cause__ or error.__context__
     return False
-
-
-def _number(path: Path) -> int:
-    digits = path.name.partition("-")[0]
-    return int(digits) if digits.isdigit() else 0
