@@ -10,6 +10,7 @@ budget.
 
 from __future__ import annotations
 
+from collections import Counter
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -360,8 +361,25 @@ def extract_long(file: LongFile, choice: SampleChoice, watch: Watch) -> Recordin
     """
     with ThreadPoolExecutor(1) as hashing:  # the samples are hashed on a thread while they are read
         sha256 = hashing.submit(file.sha256)
-        motion, strokes, tables, window = _all_parts(file, choice, watch)
-        motion = replace(motion, recording=replace(motion.recording, sha256=sha256.result()))
+        kept: RecordedMotion | None = None  # the part with the largest force
+        window: Interval | None = None
+        strokes: list[Stroke] = []
+        tables: list[Strokes] = []
+        flags, largest_n = Counter[str](), -np.inf
+        for motion, counted in _parts(file, choice, watch):
+            window = window or window_of(motion, choice)
+            strokes += counted
+            for members in speed_levels(list(counted)):
+                bins = tables[0].grid.in_window if tables else None
+                table = Strokes.of(motion, members, window, stroke_grid(motion.position_m, members, window, bins))
+                tables += [table] if table.directions else []
+            flags.update(motion.recording.flags)
+            if (most := float(np.abs(motion.recording.force_n).max())) > largest_n:
+                kept, largest_n = motion, most
+        if kept is None or window is None:
+            raise RecordingError.of("friction.motionless", where=file.name)
+        whole = replace(kept.recording, flags=dict(flags), sha256=sha256.result())
+        motion = replace(kept, recording=whole)
     if not tables:
         return _result(motion, strokes, [], window, choice)
     # The parts number their strokes separately: classes of the whole recording are found by place.
@@ -370,32 +388,6 @@ def extract_long(file: LongFile, choice: SampleChoice, watch: Watch) -> Recordin
     numbers = [level_of_stroke[id(row.stroke)] for row in whole.rows]
     rows = ([row for row, at in enumerate(numbers) if at == number] for number in range(len(classes)))
     return _result(motion, strokes, [whole.at(some) for some in rows if some], window, choice)
-
-
-def _all_parts(
-    file: LongFile, choice: SampleChoice, watch: Watch
-) -> tuple[RecordedMotion, list[Stroke], list[Strokes], Interval]:
-    """Read all parts. Return the part with the largest force, all counted strokes, their tables, and the window."""
-    kept: RecordedMotion | None = None
-    window: Interval | None = None
-    strokes: list[Stroke] = []
-    tables: list[Strokes] = []
-    flags: dict[str, int] = {}
-    largest_n = -np.inf
-    for motion, counted in _parts(file, choice, watch):
-        window = window or window_of(motion, choice)
-        strokes += counted
-        for members in speed_levels(list(counted)):
-            bins = tables[0].grid.in_window if tables else None
-            table = Strokes.of(motion, members, window, stroke_grid(motion.position_m, members, window, bins))
-            tables += [table] if table.directions else []
-        for kind, count in motion.recording.flags.items():
-            flags[kind] = flags.get(kind, 0) + count
-        if (most := float(np.abs(motion.recording.force_n).max())) > largest_n:
-            kept, largest_n = motion, most
-    if kept is None or window is None:
-        raise RecordingError.of("friction.motionless", where=file.name)
-    return replace(kept, recording=replace(kept.recording, flags=flags)), strokes, tables, window
 
 
 def _result(

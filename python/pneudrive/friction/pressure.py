@@ -167,6 +167,14 @@ def _closure(points: list[LevelPoint]) -> ClosureFit | None:
     estimates = zip(sizes.items(), solution, errors, strict=False)
     areas = {side: _estimate(k * area, error * area, freedom, "m2") for (side, area), k, error in estimates}
     zero = _estimate(solution[-1], errors[-1], freedom, "N")
+    parts = []
+    for side, area in areas.items():
+        off, low, high = (100 * (value / sizes[side] - 1) for value in (area.value, area.low, area.high))
+        shown = sentence("closure.area", side=side, area_cm2=area.value * 1e4, off=off)
+        parts.append(sentence("closure.area_interval", area=shown, low=low, high=high) if not doubt else shown)
+    far = any(abs(area.value / sizes[side] - 1) > IMPLAUSIBLE_AREA for side, area in areas.items())
+    why = "implausible" if far else "together" if NET in areas else "one_side" if len(areas) == 1 else None
+    end = sentence(f"closure.zero_{doubt or 'interval'}", zero=zero) + (sentence(f"closure.{why}") if why else "")
     return ClosureFit(
         group=seal,
         recordings=tuple(p.recording for p in points),
@@ -177,7 +185,7 @@ def _closure(points: list[LevelPoint]) -> ClosureFit | None:
         half_sum_force_n=total,
         residual_n=residual,
         degrees_of_freedom=dof,
-        statement=_closure_statement(seal, areas, sizes, zero, doubt),
+        statement=f"{seal}: {', '.join(parts)}; {end}.",
     )
 
 
@@ -216,24 +224,6 @@ def _estimate(value: float, stderr: float, dof: int, unit: str) -> Estimate:
     if dof <= 0:
         return Estimate(float(value), -np.inf, np.inf, np.nan, unit)
     return Estimate.of(float(value), float(stderr), dof, unit)
-
-
-def _closure_statement(
-    seal: str,
-    areas: dict[str, Estimate],
-    nominal: NamedNumbers,
-    zero: Estimate,
-    doubt: str,
-) -> str:
-    parts = []
-    for side, area in areas.items():
-        off, low, high = (100 * (value / nominal[side] - 1) for value in (area.value, area.low, area.high))
-        shown = sentence("closure.area", side=side, area_cm2=area.value * 1e4, off=off)
-        parts.append(sentence("closure.area_interval", area=shown, low=low, high=high) if not doubt else shown)
-    far = any(abs(area.value / nominal[side] - 1) > IMPLAUSIBLE_AREA for side, area in areas.items())
-    why = "implausible" if far else "together" if NET in areas else "one_side" if len(areas) == 1 else None
-    end = sentence(f"closure.zero_{doubt or 'interval'}", zero=zero)
-    return f"{seal}: {', '.join(parts)}; {end}{sentence(f'closure.{why}') if why else ''}."
 
 
 @dataclass(frozen=True)

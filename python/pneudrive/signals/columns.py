@@ -99,7 +99,8 @@ def split_name(name: str) -> tuple[str, HeaderUnit | None]:
         if joined is not None and before is not None:
             return name[: before.start()].strip(" [({<"), joined
         unit = header_unit(group.group(1))
-        if unit is not None and not (unit.si == "A" and _is_side(name, group)):
+        before_it = name[: group.start()].lower()  # "Pressure (A)" has the letter of a chamber, not the unit ampere
+        if unit is not None and not (unit.si == "A" and re.search(r"press|druck|\bp\b", before_it)):
             return (name[: group.start()] + name[group.end() :]).strip(), unit
     for word in (r"[^\s_]+", r"[^\s_/,:]+"):
         words = list(re.finditer(word, name))
@@ -112,11 +113,6 @@ def split_name(name: str) -> tuple[str, HeaderUnit | None]:
             if unit is not None and not is_letter:
                 return re.sub(r"\s+in$", "", name[: words[-count].start()].strip(" /,:_")), unit
     return name, None
-
-
-def _is_side(name: str, group: re.Match[str]) -> bool:
-    """Return whether a letter in brackets is a chamber, as in "Pressure (A)", rather than the unit ampere."""
-    return re.search(r"press|druck|\bp\b", name[: group.start()].lower()) is not None
 
 
 def column_unit(text: str, si_unit: str) -> ColumnUnit:

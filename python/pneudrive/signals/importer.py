@@ -25,7 +25,7 @@ from pneudrive.signals.text_table import FileForm, ForeignTable, read_bytes, rea
 from pneudrive.units import converter, suffix
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping
+    from collections.abc import Mapping
     from pathlib import Path
 
     from numpy.typing import NDArray
@@ -265,7 +265,15 @@ def import_file(path: Path, layout: FileLayout) -> tuple[Plain, dict[str, int], 
     table, channels = read_channels(path, layout, data)
     for doubt in unit_doubts(layout, table):
         warn(f"{path.name}: {doubt}")
-    if unread := unread_pressures(layout, table.unread):
+    stated = layout.chamber_pressures().items()
+    sides = {channel[-1] for channel, pressure in stated if pressure == layout.ambient_pa}
+    names = {name: split_name(name)[0] for name in table.unread if sides}
+    unread = [
+        name
+        for name, bare in names.items()
+        if role_of(bare) == "pressure" and not SECONDARY.search(words_of(bare)) and chamber_of(bare) in {*sides, ""}
+    ]
+    if unread:
         shown = ", ".join(f"'{name}'" for name in unread)
         warn(
             f"{path.name}: by the layout a chamber is open to ambient, so {shown} is not used: "
@@ -303,18 +311,6 @@ def unit_doubts(layout: FileLayout, table: text_table.ForeignTable) -> list[str]
             sort = "" if named.gauge is None else " gauge" if named.gauge else " abs"
             doubts.append(f"{where} is in {named.unit}{sort} in the file, but in {unit.text} by the layout")
     return doubts
-
-
-def unread_pressures(layout: FileLayout, unread: Iterable[str]) -> list[str]:
-    """Return unread columns named like the pressure of a chamber that the layout declares open to ambient air."""
-    stated = layout.chamber_pressures().items()
-    sides = {channel[-1] for channel, pressure in stated if pressure == layout.ambient_pa}
-    names = {name: split_name(name)[0] for name in unread if sides}
-    return [
-        name
-        for name, bare in names.items()
-        if role_of(bare) == "pressure" and not SECONDARY.search(words_of(bare)) and chamber_of(bare) in {*sides, ""}
-    ]
 
 
 def si_columns(layout: FileLayout, raw: Columns) -> Plain:

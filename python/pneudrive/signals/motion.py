@@ -75,20 +75,15 @@ def local_slope(time_s: Array, values: Array, half_width: int = 4) -> Array:
     usual = steps.mean()
     if half_width <= KERNEL_HALF_WIDTH and n > 4 * half_width and usual > 0:
         longest, shortest = steps.max(), steps.min()
-        if longest - shortest <= UNIFORM_TOLERANCE * usual:
-            return _uniform_slope(values, half_width, usual)
+        if longest - shortest <= UNIFORM_TOLERANCE * usual:  # one convolution
+            offsets = np.arange(-half_width, half_width + 1)
+            kernel = offsets[::-1] / (usual * (offsets @ offsets))
+            slope = np.empty_like(values)
+            slope[half_width:-half_width] = np.convolve(values, kernel, "valid")
+            slope[:half_width] = slope[half_width]
+            slope[-half_width:] = slope[-half_width - 1]
+            return slope
     return _general_slope(time_s, values, half_width)
-
-
-def _uniform_slope(values: Array, half_width: int, step_s: float) -> Array:
-    """Return the slope by one convolution, for equal time steps. The ends have the slope of the nearest full window."""
-    offsets = np.arange(-half_width, half_width + 1)
-    kernel = offsets[::-1] / (step_s * (offsets @ offsets))
-    slope = np.empty_like(values)
-    slope[half_width:-half_width] = np.convolve(values, kernel, "valid")
-    slope[:half_width] = slope[half_width]
-    slope[-half_width:] = slope[-half_width - 1]
-    return slope
 
 
 def _general_slope(time_s: Array, values: Array, half_width: int) -> Array:
@@ -189,16 +184,27 @@ def find_strokes(name: str, time_s: Array, position_m: Array) -> list[Stroke]:
     RecordingError
         There are fewer than 20 samples, or no motion beyond the position noise.
     """
-    travel, noise = _travel(name, time_s, position_m)
+    if time_s.size < MINIMUM_SAMPLES:
+        raise RecordingError.of("signals.too-few-samples", where=name, value=time_s.size, fewest=MINIMUM_SAMPLES)
+    noise = noise_level(position_m)
+    low, high = quantiles(thinned(position_m), 0.001, 0.999)
+    travel = high - low
+    if travel <= NOISE_FACTOR * noise or travel <= 0 or time_s[-1] <= time_s[0]:
+        seen = {"travel_mm": 1e3 * travel, "noise_mm": 1e3 * noise}
+        raise RecordingError.of("signals.no-motion", where=name, factor=NOISE_FACTOR, **seen)
     points = turning_points(position_m, REVERSAL_SHARE * travel)
     departure = max(DEPARTURE_SHARE * travel, 4 * noise)
     strokes: list[Stroke] = []
     last_moving = int(points[0]) if points.size else 0
-    for first, last in pairwise(points):
-        part = _moving_part(position_m, int(first), int(last), departure)
-        if part is None:
+    for first, last in pairwise(points.tolist()):
+        part = position_m[first : last + 1]
+        direction = 1 if part[-1] > part[0] else -1
+        left = np.flatnonzero(direction * (part - part[0]) < departure)
+        reached = np.flatnonzero(direction * (part[-1] - part) < departure)
+        start = first + (int(left[-1]) if left.size else 0)
+        stop = first + (int(reached[0]) if reached.size else part.size - 1) + 1
+        if stop - start < 5:  # without the dwell at both ends
             continue
-        start, stop, direction = part
         dwell = max(float(time_s[start] - time_s[last_moving]), 0.0)
         strokes.append(
             Stroke(
@@ -216,32 +222,6 @@ def find_strokes(name: str, time_s: Array, position_m: Array) -> list[Stroke]:
     if not strokes:
         raise RecordingError("no stroke was found", where=name, rule="the position must move back and forth")
     return strokes
-
-
-def _travel(name: str, time_s: Array, position_m: Array) -> Pair:
-    """Return travel and position noise, m. Reject too few samples, or a recording without motion."""
-    if time_s.size < MINIMUM_SAMPLES:
-        raise RecordingError.of("signals.too-few-samples", where=name, value=time_s.size, fewest=MINIMUM_SAMPLES)
-    noise = noise_level(position_m)
-    low, high = quantiles(thinned(position_m), 0.001, 0.999)
-    travel = high - low
-    if travel <= NOISE_FACTOR * noise or travel <= 0 or time_s[-1] <= time_s[0]:
-        seen = {"travel_mm": 1e3 * travel, "noise_mm": 1e3 * noise}
-        raise RecordingError.of("signals.no-motion", where=name, factor=NOISE_FACTOR, **seen)
-    return travel, noise
-
-
-def _moving_part(position_m: Array, first: int, last: int, departure: float) -> tuple[int, int, int] | None:
-    """Return (start, stop, direction) of a stroke without the dwell at both ends; None if too short."""
-    part = position_m[first : last + 1]
-    direction = 1 if part[-1] > part[0] else -1
-    away = direction * (part - part[0])
-    ahead = direction * (part[-1] - part)
-    left = np.flatnonzero(away < departure)
-    reached = np.flatnonzero(ahead < departure)
-    start = first + (int(left[-1]) if left.size else 0)
-    stop = first + (int(reached[0]) if reached.size else part.size - 1) + 1
-    return (start, stop, direction) if stop - start >= 5 else None
 
 
 def _middle_speed(time_s: Array, position_m: Array) -> float:

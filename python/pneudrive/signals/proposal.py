@@ -94,8 +94,11 @@ def propose_layout(path: str | Path, watch: Watch = UNWATCHED) -> Proposal:
     watch.tell(1, STAGES, "examining the columns")
     roles = RoleSearch.of(reading, columns)
     kind = _kind(path, roles)
-    if kind == "fixed-volume":
-        roles.guesses = _one_pressure(roles.guesses)
+    if kind == "fixed-volume":  # time, command and one pressure, which does not belong to a chamber
+        pressures = [g for g in roles.guesses if g.role.startswith("pressure")][:1]
+        kept = [g for g in roles.guesses if g.role in ("time", "command")]
+        named = (replace(g, role="pressure", reason=g.reason.partition(";")[0]) for g in pressures)
+        roles.guesses = [*kept, *named]
     elif kind == "rig":
         roles.ask_chambers()
     else:
@@ -158,13 +161,6 @@ def _kind(path: Path, roles: RoleSearch) -> str:
         remedy += f"; {', '.join(raw[:MOST_NAMED])} need a role, a unit and a scale, as in {example}"
     known = "; ".join(text for text in (shown, named) if text)[:300]
     raise RecordingError.of("signals.not-a-recording", where=str(path), value=known, remedy=remedy)
-
-
-def _one_pressure(guesses: list[Guess]) -> list[Guess]:
-    """Keep time, command and one pressure. The pressure of a fixed volume does not belong to a chamber."""
-    first = next((g for g in guesses if g.role.startswith("pressure")), None)
-    kept = [g for g in guesses if g.role in ("time", "command")]
-    return kept if first is None else [*kept, replace(first, role="pressure", reason=first.reason.partition(";")[0])]
 
 
 def layout_text(path: Path, roles: RoleSearch, kind: str) -> str:

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
     import polars as pl
 
-    from pneudrive.arrays import Array, Bools, Columns
+    from pneudrive.arrays import Array
 
     Lines = list[str]  # of a file
     Fields = list[str]  # of a line
@@ -90,18 +90,13 @@ def read_bytes(path: Path) -> bytes:
     data = b"".join(pieces(path, RecordingError, folder="name the files, as in folder/*.csv"))
     if not data.strip():
         raise RecordingError("the file is empty", where=str(path))
-    _check_lines(data, path)
-    return data
-
-
-def _check_lines(data: bytes, path: Path) -> None:
-    """Reject text with a line that is longer than the bound."""
     most, begin = int(bound("line_bytes")), 0
     while len(data) - begin > most and b"\0" not in data[:4096]:  # binary data are refused elsewhere
         end = max(data.rfind(sign, begin, begin + most) for sign in (b"\n", b"\r"))
         if end < 0:
             within("line_bytes", most + 1, f"a line is longer than {most:,} bytes", RecordingError, str(path))
         begin = end + 1
+    return data
 
 
 def decode(data: bytes, path: Path) -> str:
@@ -204,6 +199,8 @@ def read_text(
     RecordingError
         If a column is missing, or more than 1 % of the rows are not numbers.
     """
+    import polars as pl
+
     lines = decode(data, path).splitlines()
     start, names, units = _header(lines, form, path)
     first = next((line for line in lines[start:] if line.strip() and not line.startswith(form.comment)), None)
@@ -217,8 +214,15 @@ def read_text(
     places = {known[at]: at for at in (*use.values(), *(range(width) if others else ()))}
     needed = [known[at] for at in dict.fromkeys(use.values())]
     forms = {known[use[column]]: written for column, written in (dates or {}).items()}
-    columns, good = _parse(_fields([lines[at] for at in rows], form, places), form, needed, forms, path)
-    bad = np.flatnonzero(~good)
+    fields = _fields([lines[at] for at in rows], form, places)
+    fields = fields.with_columns(_number(pl.col(n), form).alias(n) for n in fields.columns if n not in forms)
+    good = fields.select(pl.all_horizontal(pl.col(needed).is_not_null())).to_series()
+    numbers = fields if good.all() else fields.filter(good)
+    columns = {
+        name: seconds(column.to_list(), forms[name], path) if name in forms else measurable(column.to_numpy())
+        for name, column in numbers.to_dict().items()
+    }
+    bad = np.flatnonzero(~good.to_numpy())
     if bad.size > max(UNREADABLE_SHARE * len(rows), 1):
         where, line = f"{path}, line {rows[bad[0]] + 1}", lines[rows[bad[0]]].strip()[:120]
         raise RecordingError.of("signals.no-number-rows", where=where, value=line, count=bad.size, every=len(rows))
@@ -305,25 +309,6 @@ def column_number(column: int | str, names: Fields, width: int, path: Path, *, i
     if not 0 <= column < width:
         raise RecordingError.of("signals.no-column-number", where=str(path), column=column, width=width)
     return column
-
-
-def _parse(
-    fields: pl.DataFrame, form: TextForm, needed: list[str], dates: dict[str, str], path: Path
-) -> tuple[Columns, Bools]:
-    """Return the numbers of readable rows by column, and whether each row is readable: it has all needed numbers.
-
-    `dates` gives the format of columns of dates and times.
-    """
-    import polars as pl
-
-    fields = fields.with_columns(_number(pl.col(n), form).alias(n) for n in fields.columns if n not in dates)
-    good = fields.select(pl.all_horizontal(pl.col(needed).is_not_null())).to_series()
-    numbers = fields if good.all() else fields.filter(good)
-    columns = {
-        name: seconds(column.to_list(), dates[name], path) if name in dates else measurable(column.to_numpy())
-        for name, column in numbers.to_dict().items()
-    }
-    return columns, good.to_numpy()
 
 
 def _fields(rows: Lines, form: TextForm, places: dict[str, int]) -> pl.DataFrame:
@@ -563,7 +548,12 @@ def _with_header(lines: Lines, reading: _Reading) -> FileForm:
     preamble = read_preamble(lines[:first], form, width)
     names, units, skip, form = _names_above(lines[:first], form, width)
     form = replace(form, skip_lines=skip if form.header else first)
-    dates = _dates([lines[first], *lines[-SAMPLED_LINES:]], form, width)
+    some = [split_row(line, form.delimiter) for line in (lines[first], *lines[-SAMPLED_LINES:])]
+    dates, rows = {}, [row for row in some if len(row) == width]
+    for column in range(width):
+        texts = [row[column] for row in rows if looks_like_date_time(row[column])]
+        if 2 * len(texts) > len(rows) and (written := guess_form(texts)) is not None:
+            dates[column] = written
     rows = [row for line in lines[first:][:SAMPLED_LINES] if len(row := split_row(line, form.delimiter)) == width]
     words = {at: len({row[at] for row in rows}) for at in reading.words}
     return FileForm("csv", form, names, units or preamble.units, width, dates, words, preamble)
@@ -640,17 +630,6 @@ def _are_units(fields: Fields) -> bool:
     filled = [text for text in fields if text.strip("- ")]
     known = [unit for text in filled if (unit := header_unit(text)) is not None]
     return any(unit.si for unit in known) and 2 * len(known) > len(filled)
-
-
-def _dates(lines: Lines, form: TextForm, width: int) -> dict[int, str]:
-    """Find the columns of dates and times, and their formats."""
-    rows = [row for line in lines if len(row := split_row(line, form.delimiter)) == width]
-    found = {}
-    for column in range(width):
-        texts = [row[column] for row in rows if looks_like_date_time(row[column])]
-        if 2 * len(texts) > len(rows) and (written := guess_form(texts)) is not None:
-            found[column] = written
-    return found
 
 
 def read_preamble(lines: Lines, form: TextForm, width: int) -> Preamble:

@@ -34,7 +34,6 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
     from pneudrive.friction.characterisation import Characterisation
-    from pneudrive.friction.level import Level, RecordingResult
 
     Read = tuple[float, Row | Skipped | None]
     """Path length of a cycle's moves, and its row or the reason why it has none."""
@@ -355,23 +354,9 @@ def reading_of(found: Characterisation) -> CampaignData:
         Recordings whose samples are kept.
     """
     edges = common_edges([r.recording.position_m for r in found.results])
-    rows = _level_rows([(result, level) for result in found.results for level in result.levels], edges)
-    return CampaignData(
-        name="recordings",
-        source=next((r.source.parent for r in found.recordings if r.source is not None), Path()),
-        identity=Identity(name="recordings", **{field: getattr(found.recordings[0], field) for field in SHARED}),
-        sliding=cycles.CycleTable.of([row for row in rows if row["sides"]], BINS),
-        tares=cycles.CycleTable.of([], BINS),
-        skipped=tuple(Skipped(key, "", why) for key, why in found.skipped),
-        edges_m=edges,
-        several=len({row["block"] for row in rows}) > 1,
-    )
-
-
-def _level_rows(members: list[tuple[RecordingResult, Level]], edges_m: Array) -> list[Row]:
-    """Return the row of each level, with its strokes in position bins common to all levels."""
+    members = [(result, level) for result in found.results for level in result.levels]
     pressures = {side: _joined(np.array([level.gauge_pa[side] for _, level in members])) for side in "ab"}
-    runs, grid, rows = list(dict.fromkeys(level.run for _, level in members)), grid_of(edges_m), []
+    runs, grid, rows = list(dict.fromkeys(level.run for _, level in members)), grid_of(edges), []
     for i, (result, level) in enumerate(members):
         recording, kept = result.recording, set(map(id, level.strokes))
         used = {way: tuple(s for s in side.used if id(s) in kept) for way, side in level.sides.items()}
@@ -387,7 +372,16 @@ def _level_rows(members: list[tuple[RecordingResult, Level]], edges_m: Array) ->
             "flags": dict(recording.flags),
         }
         rows.append(plan | (cycles.cycle_row(result, grid, sides, balance) if sides else {"sides": {}}))
-    return rows
+    return CampaignData(
+        name="recordings",
+        source=next((r.source.parent for r in found.recordings if r.source is not None), Path()),
+        identity=Identity(name="recordings", **{field: getattr(found.recordings[0], field) for field in SHARED}),
+        sliding=cycles.CycleTable.of([row for row in rows if row["sides"]], BINS),
+        tares=cycles.CycleTable.of([], BINS),
+        skipped=tuple(Skipped(key, "", why) for key, why in found.skipped),
+        edges_m=edges,
+        several=len({row["block"] for row in rows}) > 1,
+    )
 
 
 def _joined(gauge_pa: np.ndarray) -> np.ndarray:

@@ -251,7 +251,17 @@ def fit_contact_age(
     seen = np.isfinite(back)
 
     def lengths(time: float) -> Array:
-        return _lengths(lambda age: form.psi(age, time, exponent), dwell[seen], speed[seen], back[seen])
+        """Return the distance L of each stop from its return to sliding, by bisection on its logarithm."""
+        fell, rested, v = back[seen], dwell[seen], speed[seen]
+        low, high = np.log(fell) - 12.0, np.log(np.minimum(fell, 0.9 * rested * v))
+        for _ in range(HALVINGS):
+            length = np.exp(middle := 0.5 * (low + high))
+            steady = length / v
+            ages = (steady + (rested - steady) * np.exp(-fell / length), steady, rested)
+            now, sliding, before = (form.psi(age, time, exponent) for age in ages)
+            too_long = now - sliding > BACK * (before - sliding)
+            low, high = np.where(too_long, low, middle), np.where(too_long, middle, high)
+        return np.exp(0.5 * (low + high))
 
     def at(times: Array) -> Scan:
         distance = np.full(times.size, ASSUMED_DISTANCE_M)
@@ -284,18 +294,6 @@ def fit_contact_age(
         share_b_pa=each[1],
         together=together,
     )
-
-
-def _lengths(psi: Callable[[Array], Array], dwell: Array, speed: Array, back: Array) -> Array:
-    """Return the distance L of each stop from its return to sliding, by bisection on its logarithm."""
-    low, high = np.log(back) - 12.0, np.log(np.minimum(back, 0.9 * dwell * speed))
-    for _ in range(HALVINGS):
-        length = np.exp(middle := 0.5 * (low + high))
-        steady = length / speed
-        left = psi(steady + (dwell - steady) * np.exp(-back / length)) - psi(steady)
-        too_long = left > BACK * (psi(dwell) - psi(steady))
-        low, high = np.where(too_long, low, middle), np.where(too_long, middle, high)
-    return np.exp(0.5 * (low + high))
 
 
 FEWEST_PAIRS = 4  # share of durations and conditions with restarts in both directions

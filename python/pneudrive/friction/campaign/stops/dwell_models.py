@@ -374,7 +374,25 @@ def fit_curve(data: DwellData) -> DwellCurve | None:
         return None
     extra, hidden, inflation = _places_and_drift(data, x)
     x = np.c_[x, extra]
-    components = _components(data, x, hidden)
+    # Sources of scatter; the scatter from stop to stop comes first.
+    line = np.abs(projection(data["increment_n"], x))
+    size = np.clip(line / max(line.mean(), 1e-300), *GROWTH_RANGE)
+    tau = _first_scatter(data, x)
+    swing = max(np.ptp(line), tau)
+    components = [mixed.RandomEffect("scatter", size / size.mean(), tau)]
+    if data.durations > 2:
+        share = np.where(data.condition[:, None] == data.condition, 1.0, COMMON_BEND)
+        bends = ((name, gaussian(u, u, length) * share, swing * part) for name, (length, part) in BENDS.items())
+        components += [mixed.RandomEffect(*bend) for bend in bends]
+    block = data["block"]
+    if (names := np.unique(block)).size > 1:
+        same = (block[:, None] == block).astype(float)
+        components.append(mixed.RandomEffect("block", same, tau))
+        if names.size >= BLOCKS_FOR_SLOPES:
+            away = (u - u.mean()) / max(u.std(), 1e-9)
+            components.append(mixed.RandomEffect("block slope", same * np.outer(away, away), tau))
+    if hidden.shape[1]:
+        components.append(mixed.RandomEffect("drift", hidden @ hidden.T, 1.0))
     weight = np.ones(n)
     curve = None
     for _ in range(ROUNDS):
@@ -425,32 +443,6 @@ def _inflation(x: Array, conditions: int, drift: Array) -> float:
     before = wanted @ np.linalg.pinv(x.T @ x) @ wanted
     wider = np.r_[wanted, 0.0]
     return wider @ np.linalg.inv(both.T @ both) @ wider / max(before, 1e-300)
-
-
-def _components(data: DwellData, x: Array, hidden: Array) -> tuple[mixed.RandomEffect, ...]:
-    """Return the sources of scatter; the scatter from stop to stop comes first."""
-    y, u = data["increment_n"], data.log_s
-    line = np.abs(projection(y, x))
-    size = np.clip(line / max(line.mean(), 1e-300), *GROWTH_RANGE)
-    tau = _first_scatter(data, x)
-    swing = max(np.ptp(line), tau)
-    out = [mixed.RandomEffect("scatter", size / size.mean(), tau)]
-    if data.durations > 2:
-        share = np.where(data.condition[:, None] == data.condition, 1.0, COMMON_BEND)
-        out += [
-            mixed.RandomEffect(name, gaussian(u, u, length) * share, swing * size)
-            for name, (length, size) in BENDS.items()
-        ]
-    block = data["block"]
-    if (names := np.unique(block)).size > 1:
-        same = (block[:, None] == block).astype(float)
-        out.append(mixed.RandomEffect("block", same, tau))
-        if names.size >= BLOCKS_FOR_SLOPES:
-            away = (u - u.mean()) / max(u.std(), 1e-9)
-            out.append(mixed.RandomEffect("block slope", same * np.outer(away, away), tau))
-    if hidden.shape[1]:
-        out.append(mixed.RandomEffect("drift", hidden @ hidden.T, 1.0))
-    return tuple(out)
 
 
 def _first_scatter(data: DwellData, x: Array) -> float:

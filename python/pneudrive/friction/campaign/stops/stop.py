@@ -316,10 +316,12 @@ def corner_height(friction_n: Array, top: int, excess_n: float, one_n: float, ma
     if excess_n < LEAST_DEPTH * one_n:
         return None  # hardly a peak: the start of a plateau is not a falling corner
     for depth in DEPTHS:
-        part = _window(friction_n, top, max(depth * excess_n, LEAST_DEPTH * one_n))
-        if part is None:
+        first, below = max(top - BEFORE, 0), friction_n[top] - max(depth * excess_n, LEAST_DEPTH * one_n)
+        run = _run(friction_n[first : top + BEHIND] >= below, top - first)
+        begin, end = min(first + run.start, top - FEWEST_BEFORE), first + run.stop
+        if begin < 0 or end - top < FEWEST_BEHIND:
             continue
-        found = _fit(friction_n[part], top - part.start, one_n, many_n)
+        found = _fit(friction_n[begin:end], top - begin, one_n, many_n)
         if found is not None:
             return found
     return None
@@ -349,13 +351,6 @@ def lag_loss(time_s: Array, friction_n: Array, at_s: float, bandwidth_hz: float)
 
     rise, fall = slope(-RISE_LAGS[1], -RISE_LAGS[0]), -slope(*FALL_LAGS)
     return float(fall * lag * np.log1p(rise / fall)) if rise > 0.0 and fall > 0.0 else 0.0
-
-
-def _window(friction: Array, top: int, depth: float) -> slice | None:
-    first = max(top - BEFORE, 0)
-    run = _run(friction[first : top + BEHIND] >= friction[top] - depth, top - first)
-    begin, end = min(first + run.start, top - FEWEST_BEFORE), first + run.stop
-    return slice(begin, end) if begin >= 0 and end - top >= FEWEST_BEHIND else None
 
 
 def _fit(friction: Array, top: int, one_n: float, many_n: float) -> Pair | None:
@@ -640,7 +635,13 @@ def _even(time: Array, friction: Array) -> ArrayPair:
 
 def _height(time: Array, friction: Array, noise: Noise) -> tuple[float, float, float, float]:
     """Return the height of the highest point with its standard error, its time, and the width of the parabola, s."""
-    chosen = [_single(time, friction, noise)]
+    # First the largest sample minus its bias from noise; its uncertainty is from noise and the step to the next sample.
+    top = np.argmax(_quick(friction))
+    first = max(top - SINGLE, 0)
+    near = friction[first : top + SINGLE + 1]
+    lower = np.sort(near)[-2] if near.size > 1 else near[0]
+    spread = SINGLE_DOUBT * np.hypot(noise.total, (near.max() - lower) / 2.0)
+    chosen = [(near.max() - SINGLE_EXCESS * noise.white, spread, time[first + np.argmax(near)], 0.0)]
     halves = [slice(k, None, 2) for k in (0, 1)]
     most = min(friction[half].size for half in halves)
     step = np.median(np.diff(time)) if time.size > 1 else 0.0
@@ -658,19 +659,6 @@ def _height(time: Array, friction: Array, noise: Noise) -> tuple[float, float, f
     value, stderr, at, width = chosen[-1]
     bias = max((abs(value - v) for v, _, _, _ in chosen[-3:-1] if len(chosen) > 3), default=0.0)
     return value, np.hypot(stderr, bias), at, width
-
-
-def _single(time: Array, friction: Array, noise: Noise) -> tuple[float, float, float, float]:
-    """Return the largest sample minus its bias from noise.
-
-    The uncertainty comes from noise and the step to the next sample.
-    """
-    top = np.argmax(_quick(friction))
-    near = friction[max(top - SINGLE, 0) : top + SINGLE + 1]
-    at = max(top - SINGLE, 0) + np.argmax(near)
-    lower = np.sort(near)[-2] if near.size > 1 else near[0]
-    spread = SINGLE_DOUBT * np.hypot(noise.total, (near.max() - lower) / 2.0)
-    return near.max() - SINGLE_EXCESS * noise.white, spread, time[at], 0.0
 
 
 def _parabola(half: int) -> Array:
