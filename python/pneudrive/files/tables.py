@@ -269,7 +269,11 @@ class _Reader:
         seconds = int(bound("reader_seconds") + check_file(path, kind) / BYTES_PER_SECOND)
         with self._lock:
             try:
-                answer = self._exchange({**request, "path": str(Path.cwd() / path), "seconds": seconds})
+                if self._connection is None or self._owner != os.getpid():
+                    self._start()
+                assert self._connection is not None
+                self._connection.send({**request, "path": str(Path.cwd() / path), "seconds": seconds})
+                answer = self._connection.recv()
             except (EOFError, OSError):
                 raise _crashed(path, request["form"], seconds, self._ended(), kind) from None
             except BaseException:  # Ctrl-C too: a late answer would be taken for that of the next request
@@ -278,13 +282,6 @@ class _Reader:
         if isinstance(answer, PneudriveError):
             raise _of_kind(answer, path, kind)
         return answer
-
-    def _exchange(self, request: dict[str, Any]) -> Any:  # noqa: ANN401 - of each request its own
-        if self._connection is None or self._owner != os.getpid():
-            self._start()
-        assert self._connection is not None
-        self._connection.send(request)
-        return self._connection.recv()
 
     def _start(self) -> None:
         ours, theirs = Pipe()

@@ -324,33 +324,6 @@ _CHECK = "conformance.txt"
 _OPTIONS = ("-std=c99", "-O2", "-ffp-contract=off", "-fPIC", "-shared")
 
 
-def source_entries(plan: FmuPlan, version: str, place: str) -> list[tuple[str, bytes]]:
-    """Return names and contents of the files of a controller in C.
-
-    Parameters
-    ----------
-    plan : FmuPlan
-        Plan that contains source code.
-    version : str
-        ``"2.0"`` or ``"3.0"``.
-    place : str
-        Name of the library in the archive. Without a C compiler no library is written, and the other tool compiles the
-        code.
-    """
-    code = plan.code
-    assert code is not None, "a plan with source code"
-    files = {name: text.encode() for name, text in code.files}
-    check = files.pop(_CHECK)
-    files["variables.h"] = _variables(plan).encode()
-    files |= {name: (_HERE / name).read_bytes() for name in ("instance.h", f"fmi{version[0]}.c")}
-    library = _compiled(files, compiled_files(code, version))
-    if version != "2.0":
-        files["buildDescription.xml"] = build_description(code)
-    entries = [(f"sources/{name}", content) for name, content in files.items()]
-    entries.append((f"resources/{_CHECK}", check))
-    return entries + ([] if library is None else [(place, library)])
-
-
 def _variables(plan: FmuPlan) -> str:
     """Return the C header with the names of the model's variables for the interface."""
     assert plan.code is not None
@@ -490,8 +463,17 @@ def write_fmu(plan: FmuPlan, target: Path, version: str) -> FmuFile:
     place = f"binaries/{folders[version != '2.0']}/{plan.code.identifier if plan.code else IDENTIFIER}{suffix}"
     if plan.code is None:
         entries = [("resources/drive.json", plan.json().encode()), (place, binary_path().read_bytes())]
-    else:
-        entries = source_entries(plan, version, place)
+    else:  # without a C compiler no library is written, and the other tool compiles the code
+        files = {name: text.encode() for name, text in plan.code.files}
+        check = files.pop(_CHECK)
+        files["variables.h"] = _variables(plan).encode()
+        files |= {name: (_HERE / name).read_bytes() for name in ("instance.h", f"fmi{version[0]}.c")}
+        library = _compiled(files, compiled_files(plan.code, version))
+        if version != "2.0":
+            files["buildDescription.xml"] = build_description(plan.code)
+        entries = [(f"sources/{name}", content) for name, content in files.items()]
+        entries.append((f"resources/{_CHECK}", check))
+        entries += [] if library is None else [(place, library)]
     with whole(target) as temporary, zipfile.ZipFile(temporary, "w", zipfile.ZIP_DEFLATED) as archive:
         for name, content in (("modelDescription.xml", description(plan, version)), *entries):
             entry = zipfile.ZipInfo(name, _DATE)

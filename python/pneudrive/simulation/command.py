@@ -122,8 +122,16 @@ def plans(
     else:
         named = [_named(cast("Command", given))]
     out: dict[str, Steps] = {}
+    known = list(commandable)
     for name, command in named:
-        own = _one_of(name, commandable)
+        if not known:
+            raise CommandError("no component of the circuit takes a command", remedy="Leave the command out.")
+        if not name and len(known) > 1:
+            remedy = f'Name one: "{known[0]}: 0 s: 1".'
+            raise CommandError(f"the command names no component of: {', '.join(known)}", remedy=remedy)
+        if name and name not in commandable:
+            raise CommandError(f'no component "{name}" takes a command', remedy=nearest(name, known))
+        own = name or known[0]
         if own in out:
             raise CommandError(f"two commands are given for {own}", remedy="Keep one of them.")
         with naming(own, CommandError):
@@ -167,18 +175,6 @@ def _named(given: Command) -> tuple[str, Command]:
     """Split the name of a component from a command; the name is empty if the command has none."""
     found = _NAMED.fullmatch(given) if isinstance(given, str) else None
     return (found[1], found[2].strip()) if found else ("", given)
-
-
-def _one_of(name: str, commandable: Mapping[str, CommandInput]) -> str:
-    known = list(commandable)
-    if not known:
-        raise CommandError("no component of the circuit takes a command", remedy="Leave the command out.")
-    if not name and len(known) > 1:
-        remedy = f'Name one: "{known[0]}: 0 s: 1".'
-        raise CommandError(f"the command names no component of: {', '.join(known)}", remedy=remedy)
-    if name and name not in commandable:
-        raise CommandError(f'no component "{name}" takes a command', remedy=nearest(name, known))
-    return name or known[0]
 
 
 @lru_cache(maxsize=64)

@@ -114,11 +114,12 @@ def _gas(described: DriveOrCircuit, places: list[GasVolume], time_s: Any) -> Ite
     if coefficients is None:
         return
     most = IDEAL_OFF if gas.model == "ideal" else VIRIAL_OFF
-    worst, off = None, 0.0
+    (a, b, c), worst, off = coefficients, None, 0.0
     for place in places:
         for row in {int(place.pressure_pa.argmax()), int(place.temperature_k.argmin())}:
             pressure, temperature = float(place.pressure_pa[row]), float(place.temperature_k[row])
-            share = _second_share(coefficients, pressure, temperature)
+            second = 1e-6 * (a - b * math.exp(c / max(temperature, 60.0)))  # coefficient B [libretexts-virial]
+            share = second * pressure / (MOLAR_GAS_CONSTANT_J_MOL_K * temperature)
             if abs(share) > max(abs(off), most):
                 worst, off = (place.name, pressure, temperature, row), share
     if worst is not None:
@@ -132,13 +133,6 @@ def _gas(described: DriveOrCircuit, places: list[GasVolume], time_s: Any) -> Ite
             f"{_celsius(temperature)} the second virial coefficient is {100.0 * abs(off):.2g} % of the pressure, and "
             f"{law} is valid up to {100.0 * most:g} % (assumed){remedy}"
         )
-
-
-def _second_share(coefficients: list[float], pressure_pa: float, temperature_k: float) -> float:
-    """Return B p/(R T), the relative contribution of the second virial coefficient [libretexts-virial]."""
-    a, b, c = coefficients
-    second = 1e-6 * (a - b * math.exp(c / max(temperature_k, 60.0)))
-    return second * pressure_pa / (MOLAR_GAS_CONSTANT_J_MOL_K * temperature_k)
 
 
 def _pistons(described: DriveOrCircuit, columns: Keyed) -> Iterator[str]:

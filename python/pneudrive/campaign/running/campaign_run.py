@@ -274,8 +274,12 @@ class CampaignRun:
                 flags = self.finished[cycle.key]
                 self._bad = self._bad + 1 if SERIOUS & flags.keys() else 0
                 if self._bad >= self.options.bad_in_a_row:
-                    bad = {"value": _counted(flags), "count": self._bad}
-                    raise CampaignError.of("campaign.bad-cycles", where=str(self._path), **bad)
+                    raise CampaignError.of(
+                        "campaign.bad-cycles",
+                        where=str(self._path),
+                        value=_counted(flags),
+                        count=self._bad,
+                    )
         except EndedError as ended:
             documents.stop("abort", str(ended))
             return ENDED

@@ -28,15 +28,7 @@ from pneudrive.estimate.mixed import Scan, refined, scan
 from pneudrive.friction.campaign.stops import dwell_models
 from pneudrive.friction.campaign.stops.course import BACK
 from pneudrive.friction.campaign.stops.stop import SPOILING
-from pneudrive.friction.friction_map import (
-    CHAMBERS,
-    LEVELS,
-    PA_PER_BAR,
-    TOLD,
-    Condition,
-    classify_pressures,
-    conditions_of,
-)
+from pneudrive.friction.friction_map import CHAMBERS, LEVELS, PA_PER_BAR, TOLD, classify_pressures, conditions_of
 from pneudrive.friction.sentences import Statement, say
 from pneudrive.repr_tables import Shown
 
@@ -44,6 +36,8 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
     import polars as pl
+
+    from pneudrive.friction.friction_map import Condition
 
 
 def inertia_of(stops: pl.DataFrame) -> float:
