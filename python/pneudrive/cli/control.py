@@ -155,6 +155,8 @@ def run(
             (PICTURE, draw),
         )
         write_outputs((plot, draw), *((out and out / name, write) for name, write in of_folder))
+        if score.lost:
+            raise typer.Exit(1)  # the view says which leg is lost
         return
     if payload is not None:
         raise CommandError(f"--payload {payload} is only for platforms", remedy="Use --mismatch, such as mass+30.")

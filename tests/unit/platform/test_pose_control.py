@@ -12,6 +12,7 @@ import pytest
 import pneudrive as pn
 from oracle import platforms
 from pneudrive import _core
+from pneudrive.cli.main import run as command
 from pneudrive.control import loop, motion
 from pneudrive.control.pose.legs import check_path, demands, leg_circuit, leg_reference, leg_tunings
 from pneudrive.control.setup import read_setup
@@ -165,3 +166,18 @@ def test_strongly_coupled_legs_are_told_and_follow_by_inversion():
     with pytest.warns(UserWarning, match=r"6\d % of the force of a leg of tripod acts on another leg"):
         run = pn.control.run_pose(pn.Circuit.load(text), "inversion", reference=circle, duration="4 s")
     assert max(run.attrs["score"]["coordinates"][key]["rmse"] for key in "xy") < 0.02 * 0.02
+
+
+def test_a_platform_that_loses_its_pose_is_a_failure(tmp_path, capsys):
+    """A heavy hexapod, which the controllers of single legs do not hold."""
+    rows = [f'"mains -> valve_{i}.1", "valve_{i}.4 -> leg_{i}.a", "valve_{i}.2 -> leg_{i}.b"' for i in (4, 5, 6)]
+    rows += [f'"leg_{i}.rod -> tripod.{i}"' for i in (4, 5, 6)]
+    text = TRIPOD.read_text("utf-8").replace("connections = [", f"connections = [{', '.join(rows)},")
+    for name in ("valve", "leg"):
+        text = text.replace(f'"{name}_3"]', f'"{name}_3", "{name}_4", "{name}_5", "{name}_6"]')
+    angles = 'mass = "20 kg"\nbase_angle = "20 deg"\nplatform_angle = "20 deg"'
+    (tmp_path / "hexapod.toml").write_text(text.replace("3-rps", "6-ups").replace('mass = "6 kg"', angles))
+    (tmp_path / "path.toml").write_text('z = "sine 20 mm 0.5 Hz"')
+    words = ["control", "run", str(tmp_path / "hexapod.toml"), "--reference", str(tmp_path / "path.toml")]
+    assert command([*words, "--duration", "2 s"]) == 1
+    assert "Lost: " in capsys.readouterr().out

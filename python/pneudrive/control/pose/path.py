@@ -16,7 +16,7 @@ from pydantic import TypeAdapter
 from pneudrive.arrays import Array, Keyed, Plain
 from pneudrive.control.motion import REST_S, SINE_PERIODS, SINE_S, Reference, ReferenceMove
 from pneudrive.control.references import NUMBER, moves_of_text
-from pneudrive.control.scores import event_table, run_title
+from pneudrive.control.scores import LOST_M, event_table, run_title
 from pneudrive.describe.files import toml
 from pneudrive.errors import DescriptionError, PneudriveError, invalid, nearest, wrong
 from pneudrive.platforms import Platform
@@ -287,6 +287,13 @@ class PoseScore(Viewed):
     speed_share: float
     payload_spread: dict[str, dict[str, Tracked]]
 
+    @property
+    def lost(self) -> str:
+        """Coordinate or leg with the largest error, in words, if that exceeds 20 mm; empty otherwise."""
+        errors = {name: one.max_error for name, one in {**self.coordinates, **self.legs}.items() if one.unit == "m"}
+        name = max(errors, key=lambda key: errors[key])
+        return f"{name} is up to {1e3 * errors[name]:.3g} mm from its reference" if errors[name] > LOST_M else ""
+
     def to_dict(self) -> Plain:
         """Return all measures by name."""
         return asdict(self)
@@ -320,14 +327,15 @@ class PoseScore(Viewed):
             "largest speed": f"{100.0 * self.speed_share:.0f} % of a leg's",
             "saturated": f"{100.0 * self.saturated_share:.2g} %",
         }
-        hit = (Finding(f"Stops hit: {self.stops_hit}.", "bad" if self.stops_hit else "good"),)
+        findings = [Finding(f"Lost: {self.lost}.", "bad")] if self.lost else []
+        findings.append(Finding(f"Stops hit: {self.stops_hit}.", "bad" if self.stops_hit else "good"))
         rows = [value for of in (self.coordinates, self.legs) for name, one in of.items() for value in one.shown(name)]
         return View(
             "Score of a pose, simulated" if about is None else run_title(about),
             rows,
-            state="bad" if self.stops_hit else "good",
+            state="bad" if self.stops_hit or self.lost else "good",
             leading=tuple(LeadingValue(ShownValue(key, "run", key, text)) for key, text in effort.items()),
-            findings=hit,
+            findings=findings,
             tables=(*self._spread(), *event_table(() if about is None else about["events"])),
         )
 
