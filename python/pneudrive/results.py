@@ -56,6 +56,7 @@ _MARKS = {"law": "comparison of controllers", "friction_n": "friction map", "tim
 MOST_PANELS, POINTS = 4, 61  # curves in a figure; places of a fitted curve
 COMPARED = (Look("black"), Look("orange", "--", "s"))  # looks of both results
 ONE_SIDED = " The differences contain the zero of the force sensor. Their intervals contain what the maps show of it."
+APART = " The laws are not compared: the maps share no speed and pressures. Measure both at the same ones."
 SHOWN_PLACES = 5  # of a curve in a table
 JOINT = 1.5  # factor from a band of 95 % at one place to that of about 17 places together (Bonferroni)
 SAME_PA = 1.0  # rounding of a pressure
@@ -519,14 +520,14 @@ def compare_results(first: Any, second: Any, names: tuple[str, str] = ("before",
     old, new = (_sides(each) for each in results)
     pairs = [_pair(key, old.get(key, ComparedValue()), new.get(key, ComparedValue())) for key in {**old, **new}]
     different = tuple(p for p in pairs if (p.before, p.interval_before) != (p.after, p.interval_after))
-    note = ""
-    if all(isinstance(each, FrictionFit) for each in results):
+    are_fits = all(isinstance(each, FrictionFit) for each in results)
+    if are_fits:
         curves = list(_fit_pairs(*results))
-        note = ONE_SIDED * any(map(_is_one_sided, results))
     else:
         by_label = {curve.key: curve for curve in _curves(results[1])}
         curves = [_curve_pair(each, by_label[each.key]) for each in _curves(results[0]) if each.key in by_label]
     shown = tuple(pair for pair in curves if len(pair.x))
+    note = ONE_SIDED * any(map(_is_one_sided, results)) + APART * (not shown) if are_fits else ""
     return ResultComparison(kinds[0], names, different, len(pairs) - len(different), shown, note)
 
 

@@ -375,6 +375,14 @@ class Prior(Shown):
         values = int(fit.statistics["values"])
         return cls(fit.model, points, np.broadcast_to(known, (DRAWS, *known.shape)).copy(), values)
 
+    def with_separate_slopes(self) -> Prior:
+        """Return the prior in which chambers that share a slope have a slope each, of which only the mean is known."""
+        separate, shared = replace(self.model, chambers=("a", "b")), self.model.names
+        source = [shared.index(name if name in shared else f"{name[:-1]}ab") for name in separate.names]
+        mean = np.eye(len(shared))[:, source]
+        mean /= mean.sum(axis=1, keepdims=True)
+        return Prior(separate, self.draws[:, source], mean.T @ self.known @ mean, self.values)
+
 
 @dataclass(frozen=True)
 class Limits:
@@ -517,6 +525,10 @@ def next_measurements(
     Design
     """
     prior = Prior.of_fit(source) if isinstance(source, FrictionFit) else source
+    now = _half_widths(prior, prior.known, prior.values)
+    if prior.model.chambers == ("ab",) and any(a != b for a, b in limits.gauges_pa):
+        prior = prior.with_separate_slopes()
+        now = dict.fromkeys(prior.model.names, np.inf) | now
     noise = _noise(source) if noise_n is None else noise_n
     low, high = limits.speed_m_s
     if not 0.0 < low < high:
@@ -551,7 +563,7 @@ def next_measurements(
     return Design(
         tuple(sorted(proposed, key=lambda p: (p.speed_m_s, p.gauge_a_pa, p.gauge_b_pa))),
         criterion,
-        _half_widths(prior, prior.known, prior.values),
+        now,
         _half_widths(prior, information(candidates, counts), prior.values + chosen.size),
         float(cost @ counts),
         limits,

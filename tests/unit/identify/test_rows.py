@@ -75,6 +75,15 @@ def test_directions_share_the_offset_between_them(make_map, friction_of):
         assert fit.expanded_uncertainty("coulomb") == pytest.approx(4.0, rel=1e-3)
 
 
+@pytest.mark.parametrize("speeds", [(0.01, 0.1), (0.0125, 0.125)])
+def test_laws_without_a_common_speed_are_not_compared_in_silence(noisy_fit, speeds):
+    """Neither fit determines the Stribeck velocity: between measured speeds their laws may differ without meaning."""
+    first, second = (noisy_fit(np.geomspace(*ends, 6), 0.3, 5) for ends in ((0.01, 0.1), speeds))
+    compared = compare_results(first, second)
+    assert len(compared.curves) == (speeds[0] == 0.01)
+    assert ("The laws are not compared" in compared.sentence) == (not compared.curves)
+
+
 def test_u_contains_the_shape_of_the_curve(make_map, friction_of):
     """The values have an exponential curve and the law a Gaussian one: the interval covers both."""
     speed = np.geomspace(1e-3, 0.4, 12)

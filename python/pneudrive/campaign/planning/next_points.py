@@ -45,9 +45,9 @@ def _gauges(fit: FrictionFit, identity: Identity, envelope: Envelope) -> tuple[t
         return ((0.0, 0.0),)
     levels = [top * k / (LEVELS - 1) for k in range(LEVELS)]
     pairs = [(a, a) for a in levels]
-    if envelope.separate_pressures and fit.model.chambers != ("ab",):
-        both = len(fit.model.chambers) > 1
-        pairs = [(a, b) for a in levels for b in levels if both or (b if "a" in fit.model.chambers else a) == 0.0]
+    if envelope.separate_pressures:
+        chambers = "".join(fit.model.chambers)
+        pairs = [(a if "a" in chambers else 0.0, b if "b" in chambers else 0.0) for a in levels for b in levels]
     areas = (identity.area_a_m2, identity.area_b_m2)
     kept = [(a, b) for a, b in pairs if abs(a * areas[0] - b * areas[1]) <= FORCE_SHARE * envelope.force_n]
-    return tuple(kept) or ((0.0, 0.0),)
+    return tuple(dict.fromkeys(kept)) or ((0.0, 0.0),)

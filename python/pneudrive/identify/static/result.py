@@ -186,8 +186,21 @@ class FrictionFit(SlidingFit, kind="friction map"):
             variance = variance + self.statistics["variance"] * new
         stderr = np.sqrt(np.maximum(variance, 0.0))
         reach = student(int(self.statistics["degrees_of_freedom"]), probability) * stderr
+        if self.model.chambers == ("ab",):
+            reach = reach + self._apart_n(at, value)
         value, stderr, reach = (x.reshape(shape) for x in (value, stderr, reach))
         return Prediction(value, value - reach, value + reach, stderr)
+
+    def _apart_n(self, at: sliding.Observations, value: Array) -> Array:
+        """Return the largest error by equal slopes at pressures that did not occur together, N, shape (n,).
+
+        Either slope is between zero and the one with which it explains the joint effect alone.
+        """
+        (low_a, high_a), (low_b, high_b) = (self.provenance.get(f"gauge_{side}_pa", (0.0, 1.0)) for side in "ab")
+        a, b = high_a - low_a, high_b - low_b
+        off = np.abs((at.gauge_a_pa - low_a) * b - (at.gauge_b_pa - low_b) * a) / min(a, b)
+        beyond = sliding.at_conditions(at.speed_m_s, at.gauge_a_pa + off, at.gauge_b_pa + off)
+        return np.abs(self.model.force_and_slopes(self.estimates, beyond)[0] - value) / 2.0
 
     # -- into a drive -----------------------------------------------------------------------------------------
 
@@ -233,6 +246,8 @@ class FrictionFit(SlidingFit, kind="friction map"):
             warn(sentence("notes", "breakaway", kept=kept, coulomb=self.values["coulomb"]))
         for note in self.dependences.notes:
             warn(note)
+        if self.model.chambers == ("ab",):
+            warn(sentence("notes", "equal_slopes"))
         law = str(changes.get("friction.law", drive.friction.law))
         after = apply_identified(found, drive, changes, self.dependences.for_law(law))
         self._warn_of_kept(after)
