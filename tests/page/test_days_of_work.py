@@ -9,7 +9,7 @@ from playwright.sync_api import expect
 
 from page.conftest import Server, Tab
 from page.test_journeys import Open
-from page.test_nothing_lost import EDITOR, go
+from page.test_nothing_lost import EDITOR, go, held_answers
 from pneudrive.sizing.result import SizingFolder
 from pneudrive.sizing.task import SizingTask
 from web.test_lineage import PROTOCOL
@@ -18,12 +18,7 @@ from web.test_sizing import TASK
 
 def test_the_sliders_are_those_of_the_law_that_is_chosen(tab: Tab) -> None:
     page = tab.page
-    held: list = []
-
-    def through(own: object) -> None:
-        there = own.connect_to_server()
-        own.on_message(there.send)
-        there.on_message(lambda message: held.append((own, message)))
+    held = held_answers(page)
 
     def answer(number: int) -> None:
         for _ in range(300):
@@ -33,7 +28,6 @@ def test_the_sliders_are_those_of_the_law_that_is_chosen(tab: Tab) -> None:
             page.wait_for_timeout(50)
         raise AssertionError(len(held))
 
-    page.route_web_socket("**/api/live", through)
     go(page, "control")
     answer(0)
     page.wait_for_selector("label:text-is('move_penalty: r')")

@@ -26,6 +26,19 @@ def go(page: object, view: str, path: str = "") -> None:
     page.evaluate("([view, path]) => void (location.hash = `#/${view}/${encodeURIComponent(path)}`)", [view, path])
 
 
+def held_answers(page: object) -> list:
+    """Hold back what the server says to live views: pairs of socket and message, in their order."""
+    held: list = []
+
+    def through(own: object) -> None:
+        there = own.connect_to_server()
+        own.on_message(there.send)
+        there.on_message(lambda message: held.append((own, message)))
+
+    page.route_web_socket("**/api/live", through)
+    return held
+
+
 def test_a_comma_is_refused_in_words_and_no_digit_is_taken(tab: Tab) -> None:
     page = tab.page
     go(page, "simulate", "axis.toml")
@@ -237,14 +250,7 @@ def test_an_answer_of_another_drive_is_not_drawn(server: Server, open_tab: Open)
     (server.folder / "other.toml").write_text(DRIVE.replace("my axis", "the other"))
     tab = open_tab(server.address)
     page = tab.page
-    held: list = []
-
-    def through(own: object) -> None:
-        there = own.connect_to_server()
-        own.on_message(there.send)
-        there.on_message(lambda message: held.append((own, message)))
-
-    page.route_web_socket("**/api/live", through)
+    held = held_answers(page)
     go(page, "control")
     until(lambda: len(held) >= 1, lambda pause_s: page.wait_for_timeout(1e3 * pause_s))
     with page.expect_response("**/api/control?path=other.toml"):

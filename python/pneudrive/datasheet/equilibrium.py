@@ -239,11 +239,13 @@ class _SteadySearch:
         The flow changes sharply near equal pressures, and full steps would jump over this region.
         """
         tried: dict[float, Array] = {}
+        sizes: dict[float, float] = {}
         for share in SHORTER:
             tried[share] = self._rates(np.r_[z[:own] + share * step, z[own:]])
-            if share == 1.0 and np.max(np.abs(tried[share][:own])) < DAMPED * np.max(np.abs(found[:own])):
+            sizes[share] = float(np.max(np.abs(tried[share][:own])))
+            if share == 1.0 and sizes[share] < DAMPED * np.max(np.abs(found[:own])):
                 break
-        best = min(tried, key=lambda share: float(np.max(np.abs(tried[share][:own]))))
+        best = min(sizes, key=lambda share: sizes[share])
         return best, tried[best]
 
     def _step(self, z: Array, found: Array, own: int, lasting: float) -> tuple[Array, bool]:

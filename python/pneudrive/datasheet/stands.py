@@ -232,7 +232,8 @@ def parts_of(drive: Drive) -> Iterator[Entry]:
             continue
         if part.kind.partition("/")[2] != getattr(drive, table).kind:
             continue
-        if all(own.get(_key(table, one.key)) in (one.value, str(one.value).partition("/")[2]) for one in sourced):
+        pairs = ((own.get(_key(table, one.key)), one.value) for one in sourced)
+        if all(value in (printed, str(printed).partition("/")[2]) for value, printed in pairs):
             yield part
 
 

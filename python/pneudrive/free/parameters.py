@@ -451,8 +451,9 @@ class DriveFamily:
                 if path not in self.paths:
                     continue
                 step = _STEP * max(abs(at[k]), 1e-300)
-                ends = [one.value(*at[:k], at[k] + sign * step, *at[k + 1 :]) for sign in (1.0, -1.0)]
-                out[row] += (ends[0] - ends[1]) / (2.0 * step) * out[self.paths.index(path)]
+                after, before = (one.value(*at[:k], at[k] + change, *at[k + 1 :]) for change in (step, -step))
+                slope = (after - before) / (2.0 * step)
+                out[row] += slope * out[self.paths.index(path)]
         return out
 
 

@@ -215,7 +215,8 @@ def _crossing(one: Reduction, times: Array, x: Array, by: Array) -> ArrayPair:
     k = _passes(x, one)
     share = (one.level - x[k]) / (x[k + 1] - x[k])
     near = slice(max(k - 1, 0), k + 3)
-    slopes = np.interp([share], [0.0, 1.0], np.gradient(x[near], times[near])[k - near.start :][:2])
+    rates = np.gradient(x[near], times[near])[k - near.start :][:2]
+    slopes = np.interp([share], [0.0, 1.0], rates)
     moved: Array = (1.0 - share) * by[k] + share * by[k + 1]
     return np.array([times[k] + share * (times[k + 1] - times[k])]), (-moved / slopes)[None]
 
@@ -230,7 +231,8 @@ def _extreme(one: Reduction, times: Array, x: Array, by: Array) -> ArrayPair:
     if slopes[0] == slopes[1]:
         return x[k : k + 1], by[k : k + 1]
     # at the vertex of the parabola, where a shift in time changes nothing
-    at = 0.5 * (times[k - 1] + times[k]) - slopes[0] * 0.5 * (before + after) / (slopes[1] - slopes[0])
+    middle = 0.5 * (times[k - 1] + times[k])
+    at = middle - slopes[0] * 0.5 * (before + after) / (slopes[1] - slopes[0])
     t = times[k - 1 : k + 2]
     others = [np.delete(t, i) for i in range(3)]
     weights = np.array([np.prod((at - rest) / (own - rest)) for own, rest in zip(t, others, strict=True)])

@@ -163,7 +163,10 @@ class Identified:
     def lowered(self, forces: Mapping[str, float]) -> Identified:
         """Subtract forces from values and intervals, by name."""
         values = {name: value - forces.get(name, 0.0) for name, value in self.values.items()}
-        ends = {n: (low - forces.get(n, 0.0), high - forces.get(n, 0.0)) for n, (low, high) in self.intervals.items()}
+        ends = {}
+        for name, (low, high) in self.intervals.items():
+            force = forces.get(name, 0.0)
+            ends[name] = low - force, high - force
         return replace(self, values=values, intervals=ends)
 
     def origins(self, marks: Mapping[str, Written | None]) -> dict[str, dict[str, object]]:

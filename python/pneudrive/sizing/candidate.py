@@ -106,7 +106,8 @@ class TubedCylinder:
         assumed = frozenset().union(*(one.assumed for one in self.valves))
         widest = replace(first, numbers=numbers | early, assumed=assumed)
         strokes = DriveStrokes(DriveChoice(self.cylinder, widest, self.tube, NO_FLOW_CONTROL), task)
-        return [StrokeRuns(strokes, way, cases(task, way)[[0, 2]], np.ones((2, 4))) for way in (True, False)]
+        ones = np.ones((2, 4))
+        return [StrokeRuns(strokes, way, cases(task, way)[[0, 2]], ones) for way in (True, False)]
 
     def take(self, task: SizingTask, found: Sequence[StrokeResults]) -> None:
         """Store the results of the probe."""

@@ -460,10 +460,11 @@ class SizedDrive:
     @property
     def missed(self) -> str:
         """Missed limits, and the amounts, in words."""
-        names = self.missed_limits
-        limits = ((name, *(read(one, self.worst[name][2]) for one in self.worst[name][:2])) for name in names)
-        said = "; ".join(f"{name} {value}, limit {limit}" for name, value, limit in limits)
-        return said or f"{self.met} of {self.draws} samples keep all limits together"
+        limits = []
+        for name in self.missed_limits:
+            value, limit, unit = self.worst[name]
+            limits.append(f"{name} {read(value, unit)}, limit {read(limit, unit)}")
+        return "; ".join(limits) or f"{self.met} of {self.draws} samples keep all limits together"
 
     @property
     def is_feasible(self) -> bool:

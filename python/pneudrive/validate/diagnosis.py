@@ -267,7 +267,8 @@ class _Regression:
         """Return the root mean square of each balance; NaN for a balance without usable samples."""
         sums = np.bincount(self.places, weights=e * e, minlength=len(BALANCES))
         counts = np.bincount(self.places, minlength=len(BALANCES))
-        means = [float(np.sqrt(total / n)) if n else np.nan for total, n in zip(sums.tolist(), counts, strict=True)]
+        counted = zip(sums.tolist(), counts, strict=True)
+        means = [float(np.sqrt(total / n)) if n else np.nan for total, n in counted]
         return by_name(BALANCES, means)
 
     def is_dirty(self, e: Array) -> bool:

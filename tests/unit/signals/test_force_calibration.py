@@ -18,6 +18,7 @@ from pneudrive.signals.force_calibration import ForceCalibration
 from pneudrive.signals.importer import convert
 from pneudrive.signals.layout import Layout
 from pneudrive.signals.recording import Recording
+from unit.signals.test_bad_recordings import TEXT
 
 REFERENCE = (-200.0, -60.0, -20.0, 0.0, 20.0, 60.0, 200.0)
 SHOWN = (-204.0, -61.0, -20.5, 0.4, 21.1, 61.2, 202.0)
@@ -102,19 +103,7 @@ def test_what_the_certificate_leaves_open_is_named_in_the_budget():
     assert {e.note for e in lines.values()} == {"K 7"}
 
 
-LAYOUT = """
-[columns]
-time = { column = 0, unit = "s" }
-position = { column = 1, unit = "mm" }
-force = { column = 2, unit = "kN", positive = "-x" }
-[geometry]
-bore = "25 mm"
-[chamber_a]
-open_to_ambient = true
-[chamber_b]
-open_to_ambient = true
-[force_calibration]
-"""
+LAYOUT = TEXT.replace('"N"', '"kN", positive = "-x"') + "[force_calibration]\n"
 
 
 def test_a_layout_corrects_what_the_sensor_shows_before_it_turns_the_sign():

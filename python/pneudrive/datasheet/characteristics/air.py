@@ -11,7 +11,7 @@ import numpy as np
 
 from pneudrive.constants import AIR_GAS_CONSTANT_J_KG_K
 from pneudrive.datasheet.characteristic import Found, characteristic
-from pneudrive.datasheet.characteristics.response import cycle
+from pneudrive.datasheet.characteristics.response import cycle, simulate_plant, square, start_of
 from pneudrive.datasheet.strokes import litres_anr
 from pneudrive.describe.system import compiled
 from pneudrive.errors import PneudriveWarning, warn
@@ -49,15 +49,15 @@ def full_half_s(plant: HeldDrive) -> float:
 
 
 @lru_cache(maxsize=64)  # characteristics of one drive share runs
-def drawn_mass(plant: HeldDrive, half_s: float, repeats: int = REPEATS) -> float:
+def drawn_mass(plant: HeldDrive, half_s: float) -> float:
     """Return the mass that one cycle draws from the supply, integrated over the solver's steps, kg."""
-    plans = plant.plans([(k * half_s, 1.0 if k % 2 == 0 else -1.0) for k in range(2 * repeats + 2)])
+    plans = plant.plans(square(half_s, REPEATS + 1))
     start = {f"{plant.piston}.position": "0 mm"}
     if f"{plant.piston}.b" in plant.nodes:
         start[f"{plant.piston}.b"] = f"{plant.before(1.0)[1]!r} Pa abs"
     reservoir = plant.supply.removesuffix(".pressure_pa")
     as_it_is = {f"{plant.piston}.stroke": [f"{plant.stroke_m!r} m"] * 2}
-    ends_s = [2 * repeats * half_s, (2 * repeats + 2) * half_s]
+    ends_s = [2 * REPEATS * half_s, (2 * REPEATS + 2) * half_s]
     (found,) = _supplied(plant.circuit, plans, ends_s, as_it_is, [reservoir], initial=start, rtol=RTOL)
     return np.diff(np.abs(found)).item()
 
@@ -103,6 +103,13 @@ def _entering(plant: HeldDrive, pressure: float, temperature: float) -> tuple[fl
     accounts = (found or {})["accounts"]
     mass, enthalpy, entropy = (_sum(accounts, ending) for ending in _BOUNDARY)
     return enthalpy / mass, entropy / mass
+
+
+def _accounts(plant: HeldDrive, half_s: float, repeats: int) -> NamedNumbers:
+    """Return the accounts of energy and entropy of some cycles. They are integrated along the solver's steps."""
+    plans, start = plant.plans(square(half_s, repeats)), start_of(plant, 0.0, plant.before(1.0))
+    options = {"initial": start, "ledger": True, "rtol": RTOL}
+    return simulate_plant(plant, plans, 2 * repeats * half_s, 1.0 / half_s, **options).attrs["ledger"]["accounts"]
 
 
 def _sum(accounts: NamedNumbers, ending: str) -> float:
@@ -197,10 +204,7 @@ def _exergy(plant: HeldDrive) -> Found:
         half of the period of the cycle
     """
     half_period = full_half_s(plant)
-    many, few = (  # one cycle is the difference between REPEATS + 1 and REPEATS cycles
-        cycle(plant, half_period, repeats=count, ledger=True, rtol=RTOL).attrs["ledger"]["accounts"]
-        for count in (REPEATS + 1, REPEATS)
-    )
+    many, few = (_accounts(plant, half_period, count) for count in (REPEATS + 1, REPEATS))  # less: the last cycle
     found = {name: value - few[name] for name, value in many.items()}
     t_0 = plant.ambient[1]
     supply_k = plant.session(1.0, plant.middle_m).read(plant.supply.replace("pressure_pa", "temperature_k"))

@@ -99,23 +99,22 @@ def start_of(plant: HeldDrive, position: float, pressures: Pair) -> dict[str, st
     return start | {f"{own}.{side}": f"{p!r} Pa abs" for side, p in sides}
 
 
+def square(half_s: float, repeats: int) -> list[Pair]:
+    """Return time, s, and signal at each change of a square command."""
+    return [(k * half_s, 1.0 if k % 2 == 0 else -1.0) for k in range(2 * repeats)]
+
+
 @lru_cache(maxsize=16)  # characteristics of one drive share runs
-def cycle(
-    plant: HeldDrive,
-    half_s: float | None = None,
-    repeats: int = REPEATS,
-    **more: Any,  # noqa: ANN401
-) -> StrokeRun:
+def cycle(plant: HeldDrive) -> StrokeRun:
     """Run out and back until the cycle is periodic; columns and strokes are those of the last cycle."""
-    expected = expected_time(plant, 1.0)
-    times, half = 1.0, half_s or expected
-    start = start_of(plant, 0.0, plant.before(1.0))
+    expected, start = expected_time(plant, 1.0), start_of(plant, 0.0, plant.before(1.0))
+    times, half = 1.0, expected
     while True:
-        plans = plant.plans([(k * half, 1.0 if k % 2 == 0 else -1.0) for k in range(2 * repeats)])
-        run = simulate_plant(plant, plans, 2 * repeats * half, SAMPLES / min(expected, half), initial=start, **more)
-        begin = 2 * (repeats - 1) * half
+        plans = plant.plans(square(half, REPEATS))
+        run = simulate_plant(plant, plans, 2 * REPEATS * half, SAMPLES / expected, initial=start)
+        begin = 2 * (REPEATS - 1) * half
         found = _motion(plant, run, half, (begin, begin + half, begin + 2 * half), 1.0)
-        if found.arrived() or half_s is not None or times >= LONGEST or half * SLOWER > LONGEST:
+        if found.arrived() or times >= LONGEST or half * SLOWER > LONGEST:
             return found
         times, half = times * SLOWER, half * SLOWER
 

@@ -236,7 +236,8 @@ def dynamic_stiffness(plant: HeldDrive, linear: Linear, s: complex) -> complex:
     """
     x, v = ([linear.states.index(f"{name}.{key}") for name in plant.moved] for key in ("position_m", "velocity_m_s"))
     rest = [k for k in range(len(linear.states)) if k not in (*x, *v)]
-    a, masses = linear.A, [1.0 / linear.B[v[0], 1], *(plant.masses[name] for name in plant.moved[1:])]
+    a, own = linear.A, 1.0 / linear.B[v[0], 1]
+    masses = [own, *(plant.masses[name] for name in plant.moved[1:])]
     moved = a[:, x].sum(axis=1) + s * a[:, v].sum(axis=1)
     follows = np.linalg.solve(s * np.eye(len(rest)) - a[np.ix_(rest, rest)], moved[rest])
     return complex(-(masses @ (moved[v] + a[np.ix_(v, rest)] @ follows)))

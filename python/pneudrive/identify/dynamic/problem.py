@@ -187,8 +187,11 @@ class FittedRecording:
             steps[values.size] = COMMAND_STEPS["delay"]
         for k, step in steps.items():
             change = step * (np.arange(at.size) == k)
-            ends = (self._shoot(self.family.core(x[:-1]), initial, x[-1]) for x in (at + change, at - change))
-            after, before = ([run["values"], run["ends"]] for run in ends)
+            ends = []
+            for x in (at + change, at - change):
+                run = self._shoot(self.family.core(x[:-1]), initial, x[-1])
+                ends.append([run["values"], run["ends"]])
+            after, before = ends
             by_values, by_ends = ((b - a) / (2.0 * step) for a, b in zip(before, after, strict=True))
             out.append((k if k < values.size else len(self.family.paths), by_values, by_ends))
         return out
@@ -592,7 +595,8 @@ def _parabolas(
     design = np.stack([used, t, t * t], axis=2)
     across = design.transpose(0, 2, 1)
     c = np.linalg.solve(across @ design, across @ y[:, :, None])
-    off = np.sqrt(np.sum((y - (design @ c)[:, :, 0]) ** 2, axis=1) / np.maximum(count - 3, 1))
+    rest = y - (design @ c)[:, :, 0]
+    off = np.sqrt(np.sum(rest**2, axis=1) / np.maximum(count - 3, 1))
     level[fits], slope[fits] = c[:, 0, 0] + mean, c[:, 1, 0] / scale
     done = ~fits
     done[fits] = off <= most

@@ -272,7 +272,8 @@ def lagged(time_s: Array, values: Array, lag_s: float) -> Array:
         from scipy.signal import lfilter
 
         e = float(decay.mean())
-        out[1:] = lfilter([1.0], [1.0, -e], forced, axis=0, zi=(e * out[0])[None])[0]
+        begin = (e * out[0])[None]
+        out[1:] = lfilter([1.0], [1.0, -e], forced, axis=0, zi=begin)[0]
         return out
     for i in range(len(step)):
         out[i + 1] = decay[i] * out[i] + forced[i]

@@ -592,7 +592,8 @@ def _usable(
     if not finite.all():
         notes.append(f"{np.sum(~finite)} rows left out: a value is not finite or the speed is zero")
     unwanted = set(exclude_flags)
-    flagged = np.array([bool(unwanted & {f.strip() for f in str(text).split(",")}) for text in column["flags"]], bool)
+    flags = ({flag.strip() for flag in str(text).split(",")} for text in column["flags"])
+    flagged = np.array([bool(unwanted & own) for own in flags], bool)
     if (flagged & finite).any():
         notes.append(f"{np.sum(flagged & finite)} rows left out for their flags ({', '.join(sorted(unwanted))})")
     keep = finite & ~flagged

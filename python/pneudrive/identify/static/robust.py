@@ -424,7 +424,8 @@ def _forces(
         merged = columns[below]
         merged[..., c] += merged[..., s]
         cost[below], value, spread = _least_squares(np.delete(merged, s, axis=2), y)
-        lowest, highest = (np.insert(e, s, e[:, c], axis=1) for e in _ends(cost[below], value, spread, most))
+        ends = _ends(cost[below], value, spread, most)
+        lowest, highest = (np.insert(end, s, end[:, c], axis=1) for end in ends)
         of_excess = np.char.startswith(linear, "breakaway")
         high[below] = np.where(of_excess, np.maximum(high[below], highest), highest)
         low[below] = np.where(of_excess, np.minimum(low[below], lowest), lowest)

@@ -318,7 +318,8 @@ def _least_squares(one: Surveyed, kernel: Array, roughness: float) -> tuple[Arra
     """Return inverse covariance of values, covariance and change of parameters, for all scatters, (9, 20, ...)."""
     same_run = np.array([[r == s for s in one.runs] for r in one.runs], dtype=float)
     between = (BETWEEN_RUNS**2)[:, None, None, None] * same_run
-    weight = np.linalg.inv((SCATTER**2)[:, None, None] * np.eye(len(one.data)) + between + roughness**2 * kernel)
+    scatter = (SCATTER**2)[:, None, None] * np.eye(len(one.data))
+    weight = np.linalg.inv(scatter + between + roughness**2 * kernel)
     inverse = np.linalg.pinv(one.columns.T @ weight @ one.columns, rcond=1e-12, hermitian=True)
     change = (inverse @ (one.columns.T @ (weight @ one.rest)[..., None]))[..., 0]
     return np.asarray(weight, float), np.asarray(inverse, float), np.asarray(change, float)
