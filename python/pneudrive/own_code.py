@@ -34,7 +34,7 @@ def sha256(source: str) -> str:
         return ""
 
 
-def load(source: str, kind: ErrorKind) -> Callable[..., Any]:
+def load(source: str, kind: ErrorKind, expected: str | None = None) -> Callable[..., Any]:
     """Import code that the user of this run has named.
 
     Parameters
@@ -43,6 +43,8 @@ def load(source: str, kind: ErrorKind) -> Callable[..., Any]:
         ``own.py:make`` or ``package.module:Class``.
     kind : type
         Class of the errors.
+    expected : str, optional
+        SHA-256 of the file, from `check_allowed`.
 
     Raises
     ------
@@ -51,8 +53,12 @@ def load(source: str, kind: ErrorKind) -> Callable[..., Any]:
     """
     module, name = split(source) or (source, "")
     is_file = module.endswith(".py")
-    found = guarded(source, kind, lambda: _from_file(module, None, kind) if is_file else import_module(module))
-    return _named(found, source, name, kind)
+    found = guarded(source, kind, lambda: _from_file(module, expected, kind) if is_file else import_module(module))
+    made = getattr(found, name, None)
+    if not callable(made):
+        known = [key for key, value in vars(found).items() if callable(value) and not key.startswith("_")]
+        raise kind(f"{source}: the module has no function or class of this name", remedy=nearest(name, known))
+    return made
 
 
 def load_allowed(source: str, allowed: str | None, found_in: str, option: str, kind: ErrorKind) -> Callable[..., Any]:
@@ -77,10 +83,7 @@ def load_allowed(source: str, allowed: str | None, found_in: str, option: str, k
         As for `load`, or if the code is not allowed, has changed, or is not a file. Modules next to the file are not
         imported, because their hash is not checked.
     """
-    module, name = split(source) or (source, "")
-    there = check_allowed(source, allowed, found_in, option, kind)
-    found = guarded(source, kind, lambda: _from_file(module, there, kind))
-    return _named(found, source, name, kind)
+    return load(source, kind, check_allowed(source, allowed, found_in, option, kind))
 
 
 def check_allowed(source: str, allowed: str | None, found_in: str, option: str, kind: ErrorKind) -> str:
@@ -118,14 +121,6 @@ def guarded(source: str, kind: ErrorKind, work: Callable[[], Any]) -> Any:  # no
         raise
     except (Exception, SystemExit) as error:
         raise kind(f"{source} fails: {type(error).__name__}: {error}", where=place_of(error)) from error
-
-
-def _named(found: ModuleType, source: str, name: str, kind: ErrorKind) -> Callable[..., Any]:
-    made = getattr(found, name, None)
-    if not callable(made):
-        known = [key for key, value in vars(found).items() if callable(value) and not key.startswith("_")]
-        raise kind(f"{source}: the module has no function or class of this name", remedy=nearest(name, known))
-    return made
 
 
 def _from_file(file: str, expected: str | None, kind: ErrorKind) -> ModuleType:

@@ -293,7 +293,7 @@ def component(table: Keyed) -> Component:
         taken = next((key for key in formula.parameters if hasattr(Component, key)), None)
         if taken:
             raise invalid(f"formula.parameters.{taken}", "describe.name-in-use", taken=taken, name=formula.name)
-        return cast("Component", _class_with(formula).model_validate({**table, "formula": formula}))
+        return cast("Component", component_class(kind, formula).model_validate({**table, "formula": formula}))
     return cast("Component", component_class(kind).model_validate(dict(table)))
 
 
@@ -374,20 +374,11 @@ def _last(key: str) -> str:
     return key.rpartition("_")[2]
 
 
-@lru_cache(maxsize=256)
-def component_class(kind: str) -> type[Component]:
-    """Return the class of a kind of component."""
-    return _class_of(component_kinds()[kind])
-
-
-@lru_cache(maxsize=256)
-def _class_with(formula: ComponentFormula) -> type[Component]:
-    """Return the class of a component with a formula."""
-    return _class_of(formula.entry)
-
-
-def _class_of(entry: Keyed) -> type[Component]:
-    kind, points = entry["kind"], entry["points"]
+@lru_cache(maxsize=512)
+def component_class(kind: str, formula: ComponentFormula | None = None) -> type[Component]:
+    """Return the class of a kind of component; with a formula, its parameters are further fields."""
+    entry = component_kinds()[kind] if formula is None else formula.entry
+    points = entry["points"]
     fields: Plain = {"kind": (Literal[kind], ...)}  # type: ignore[valid-type]
     names: dict[str, str] = {}
     for parameter in entry["parameters"]:

@@ -240,7 +240,7 @@ class Wiring:
     def _join(self, one: Port, other: Port, chain: str, key: str) -> None:
         ports = (one, other)
         if (one.kind == "axis") != (other.kind == "axis"):
-            said = ", ".join(f"{port.id} is {_a(port.kind)}" for port in ports)
+            said = ", ".join(f"{port.id} is {'an axis' if port.kind == 'axis' else port.kind}" for port in ports)
             raise wrong(key, said, rule="a gas port joins a gas port, an axis joins an axis")
         is_line = any(port.is_pilot for port in ports)
         for port in ports:
@@ -367,10 +367,6 @@ class Wiring:
                 group += [other for other in dict.fromkeys(self.across(joint)) if other not in group]
             left = [joint for joint in left if joint not in group]
             yield group
-
-
-def _a(kind: str) -> str:
-    return "an axis" if kind == "axis" else kind
 
 
 def is_platform(entry: Mapping[str, Any] | None) -> bool:

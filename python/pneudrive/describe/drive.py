@@ -21,7 +21,7 @@ from pneudrive.describe.system import PISTON, DescribedSystem, System, drive_nam
 from pneudrive.describe.tables.dependences import DEPENDENCES
 from pneudrive.describe.tables.friction import Friction, friction_laws
 from pneudrive.describe.tables.parts import Cylinder, EndStop, Initial, Load, Supply, Valve, assumed_stops
-from pneudrive.describe.tables.starts import read_initial, start_state
+from pneudrive.describe.tables.starts import StartState, read_initial, start_state
 from pneudrive.describe.tables.valve_flow import FLOW_KEYS
 from pneudrive.errors import Problems, invalid, wrong
 from pneudrive.repr_tables import Card
@@ -31,7 +31,6 @@ if TYPE_CHECKING:
 
     from pneudrive.arrays import Keyed, NamedNumbers, Plain
     from pneudrive.describe.circuit import Circuit
-    from pneudrive.describe.tables.starts import StartState
 
 _FLOW_SHAPE = ("critical_pressure_ratio", "subsonic_index", "linear_above")
 #: Defaults without a source: results that use them say so.

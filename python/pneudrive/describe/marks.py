@@ -111,12 +111,12 @@ class Mark:
         """Return the JSON schema of the form that users write."""
         return {}
 
-    def read_at(self, key: str, given: object) -> Any:  # noqa: ANN401
-        """Convert and check the value of a dotted key; errors name the key."""
+    def read_at(self, key: str, given: object, above: str = "") -> Any:  # noqa: ANN401
+        """Convert and check the value of a dotted key; errors name the key. Messages leave out the prefix `above`."""
         try:
             return self.read(given)
         except DescriptionError as error:
-            raise wrong(key, f"{key}: {error.what}", rule=error.rule, remedy=error.remedy) from None
+            raise wrong(f"{above}{key}", f"{key}: {error.what}", rule=error.rule, remedy=error.remedy) from None
 
     def __get_pydantic_core_schema__(self, source: object, handler: object) -> core_schema.CoreSchema:
         """Validate only by `read`."""

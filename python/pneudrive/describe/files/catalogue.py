@@ -147,15 +147,15 @@ def entry(name: str) -> Entry:
     return known[name]
 
 
-def all_values(drive: Entry) -> list[Value]:
-    """Return the values of a drive and of its parts, by keys of the drive file."""
+def all_values(found: Entry) -> list[Value]:
+    """Return the values of a part, or of a drive and of its parts by keys of the drive file."""
     out = {}
-    for table, name in drive.parts.items():
+    for table, name in found.parts.items():
         for v in entry(name).values:
             key = v.key if v.key.startswith("friction.") else f"{table}.{v.key}"
             value = v.value.partition("/")[2] if v.key == "kind" else v.value
             out[key] = replace(v, key=key, value=value)
-    out |= {v.key: v for v in drive.values}
+    out |= {v.key: v for v in found.values}
     return list(out.values())
 
 

@@ -48,26 +48,23 @@ class Origin(Described):
         default_factory=dict
     )
 
-    def bounds_si(self, mark: Quantity | StatedPressure | None) -> tuple[float, float]:
+    def bounds_si(self, mark: Quantity | StatedPressure) -> tuple[float, float]:
         """Return the interval in SI, pressures absolute or gauge as written."""
         return _end(self.interval[0], mark), _end(self.interval[1], mark)
 
 
-def _end(text: str, mark: Quantity | StatedPressure | None) -> float:
+def _end(text: str, mark: Quantity | StatedPressure) -> float:
     if text in ("inf", "-inf"):
         return float(text)
     if isinstance(mark, StatedPressure):
         return units.parse_pressure(text).value_pa
-    si_unit = mark.si_unit if mark is not None else ""
-    if not si_unit:
-        return float(text)
-    return units.parse(text, si_unit)
+    return units.parse(text, mark.si_unit) if mark.si_unit else float(text)
 
 
 class GivenNumber(NamedTuple):
     """Number of a description: its annotation and its value in SI."""
 
-    mark: Quantity | StatedPressure | None
+    mark: Quantity | StatedPressure
     si: float
 
 
@@ -92,10 +89,10 @@ def values(table: Described) -> dict[str, GivenNumber]:
     return out
 
 
-def marks(drive: Described) -> dict[str, Quantity | StatedPressure | None]:
+def marks(drive: Described) -> dict[str, Quantity | StatedPressure]:
     """Return the annotation of every possible number of a drive, given or not."""
     tables = {key: value for key, value, _ in drive.entries() if isinstance(value, Described)}
-    out: dict[str, Quantity | StatedPressure | None] = {
+    out = {
         f"{table}.{key}": mark
         for table, part in tables.items()
         if not isinstance(part, Friction)

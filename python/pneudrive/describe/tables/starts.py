@@ -11,7 +11,7 @@ from pneudrive import units
 from pneudrive.describe.connections import Joint, Port, Wiring, is_platform
 from pneudrive.describe.files.toml import leaves
 from pneudrive.describe.marks import NOT_NEGATIVE, POSITIVE, Quantity, StatedPressure
-from pneudrive.errors import CommandError, DescriptionError, Problems, invalid, nearest, within, wrong
+from pneudrive.errors import CommandError, DescriptionError, Problems, invalid, nearest, wrong
 
 if TYPE_CHECKING:
     from pneudrive._core import Circuit as CoreCircuit
@@ -210,7 +210,7 @@ class Starts:
         for key in filter(self.coordinates.__contains__, table):
             platform, k = self.coordinates[key]
             mark = _LENGTH if platform.coordinates[k].endswith(_METRES) else _ANGLE
-            own.setdefault(platform.name, {})[k] = _read(mark, key, table[key])
+            own.setdefault(platform.name, {})[k] = mark.read_at(key, table[key], "initial.")
         legs = {f"{leg}.position": platform for platform in self.platforms for leg in platform.legs}
         for key, platform in ((key, legs[key]) for key in table if key in legs):
             if platform.name in own:
@@ -316,7 +316,7 @@ class Starts:
 
     def _read(self, key: str, name: str, given: object) -> float:
         of, _, last = name.rpartition(".")
-        value = _read(start_mark(last)[1], key, given)
+        value = start_mark(last)[1].read_at(key, given, "initial.")
         if isinstance(value, units.Pressure):
             absolute = value.absolute_pa(self.ambient.pressure_pa)
             if not absolute > 0.0:
@@ -394,13 +394,6 @@ class Starts:
             yield joint
             if not joint.is_constant:
                 found += [other for other in dict.fromkeys(self.wiring.across(joint, always)) if other not in found]
-
-
-def _read(mark: Quantity | StatedPressure, key: str, given: object) -> Any:  # noqa: ANN401 - a number or a pressure
-    try:
-        return mark.read(given)
-    except DescriptionError as error:
-        raise within(error, key, "initial.") from None
 
 
 def _key(name: str) -> str:

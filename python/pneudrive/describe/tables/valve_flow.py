@@ -7,10 +7,10 @@ assumptions; `docs/guide/valve-flow.md` gives their accuracy.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from typing import Any
+from collections.abc import Sequence
 
 from pneudrive import _core, constants
+from pneudrive.arrays import Keyed, Plain
 from pneudrive.errors import invalid, wrong
 
 WATER_DENSITY_KG_M3 = 1000.0  # in the definition of Kv [iec60534-1]
@@ -107,7 +107,7 @@ def conductance_of(sizes: Sequence[float | None], b: float, m: float) -> float:
     return conductance_from_kv(kv) if kv is not None else conductance_from_cv(cv or 0.0)
 
 
-def path_of(table: Mapping[str, Any], *, exhaust: bool) -> dict[str, Any]:
+def path_of(table: Keyed, *, exhaust: bool) -> Plain:
     """Return size and shape of a flow path of a valve.
 
     The exhaust path has the values of the supply path unless other values are given.
