@@ -14,7 +14,6 @@ from pneudrive.errors import CommandError, DescriptionError
 from pneudrive.lazy_names import upper
 from pneudrive.simulation.run_limits import ExhaustAir, exhaust_air
 from pneudrive.simulation.trajectory import attributes, columns
-from pneudrive.units import UnitFloat
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -231,7 +230,7 @@ class Pneu:
         """
         return exhaust_air(columns(self._run), drive.ambient.pressure_pa)
 
-    def energy(self) -> dict[str, UnitFloat]:
+    def energy(self) -> dict[str, units.UnitFloat]:
         """Return the energy balance of the run: heat, work and enthalpy across the system boundary, positive inward.
 
         Returns
@@ -256,7 +255,9 @@ class Pneu:
             raise CommandError("this run has no accounts of energy", remedy="Simulate with ledger=True.")
         accounts = ledger["accounts"].items()
         return {
-            name.removesuffix(_JOULE): UnitFloat(value, "J", "J") for name, value in accounts if name.endswith(_JOULE)
+            name.removesuffix(_JOULE): units.UnitFloat(value, "J", "J")
+            for name, value in accounts
+            if name.endswith(_JOULE)
         }
 
 

@@ -590,8 +590,7 @@ def _pair(key: str, old: ComparedValue, new: ComparedValue) -> ValuePair:
 
 
 def _curves(result: Any) -> Sequence[ShownCurve]:  # noqa: ANN401 - any result
-    has_view = hasattr(result, "view") or isinstance(result, xr.Dataset)
-    return view_of(result).curves if has_view else ()
+    return () if isinstance(result, Drive | Circuit) else view_of(result).curves
 
 
 def _curve_pair(first: ShownCurve, second: ShownCurve) -> CurvePair:

@@ -96,7 +96,7 @@ def _list(entries: list[parts.Entry]) -> None:
             continue
         typer.echo(heading)
         for e in sorted(chosen, key=lambda entry: entry.kind):
-            values = parts.all_values(e) if e.is_drive else e.values
+            values = parts.all_values(e)
             sourced = sum(v.source is not None for v in values)
             kind = "" if e.is_drive else f"{e.kind}: "
             typer.echo(f"  {e.name:<{width}}  {kind}{e.title} ({sourced} of {len(values)} values with a source)")
@@ -113,7 +113,7 @@ def _show_entry(e: parts.Entry) -> None:
             notes.append(parts.entry(part).note)
     else:
         parts.check(e)
-    values = parts.all_values(e) if e.is_drive else e.values
+    values = parts.all_values(e)
     named = [*((v.key, v) for v in values), *((f"printed.{v.key}", v) for v in e.printed)]
     typer.echo(f"\n{aligned((key, _plain(v.value), v.said) for key, v in named)}")
     if not e.is_drive and e.open:

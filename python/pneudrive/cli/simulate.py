@@ -19,7 +19,7 @@ from pneudrive.errors import CommandError, RecordingError, nearest
 from pneudrive.lazy_names import upper, used_later
 
 with used_later(__name__):
-    from pneudrive import platforms, report
+    from pneudrive import platforms, report, units
     from pneudrive.describe.files import load
     from pneudrive.ensemble import design, many, variation
     from pneudrive.files import csv_tables, tables
@@ -270,9 +270,8 @@ def _save_tubes(study: xr.Dataset, path: Path) -> None:
 
     wide, long = np.meshgrid(study.diameter.to_numpy(), study.length.to_numpy(), indexing="ij")
     columns = {"diameter_m": wide.ravel(), "length_m": long.ravel()}
-    endings = {"m3/(s Pa)": "m3_s_pa", "m/s": "m_s", "s": "s"}
     for name, values in study.data_vars.items():
-        columns[f"{name}_{endings[values.attrs['units']]}"] = values.to_numpy().ravel()
+        columns[units.column_name(str(name), values.attrs["units"])] = values.to_numpy().ravel()
     trajectory.save_columns(columns, dict(study.attrs), path)
 
 

@@ -108,15 +108,13 @@ def show_view(view: View) -> None:
     findings = (("!" if f.state == "bad" else "-", f"{f.text} {f.remedy}".rstrip()) for f in view.findings)
     show_lines(*(f"{mark} {text}" for mark, text in (*leading, *findings)))
     values = view.value_tables(without=[value.value for value in view.leading])
-    tables = ((table.caption, (table.head, table.rows)) for table in view.tables)
-    for caption, (head, rows) in (*(("", table) for table in (*values, view.curve_table())), *tables):
-        if rows:
-            show_lines(*([caption] if caption else ()))
-            numbers = ShownTable("", head, rows).are_numbers
-            heads = [name if is_number else f"<{name}" for name, is_number in zip(head, numbers, strict=True)]
-            show_table(heads, rows[:MOST_ROWS])
-        if len(rows) > MOST_ROWS:
-            show_lines(f"{len(rows) - MOST_ROWS} further rows are in the files.")
+    for table in (*(ShownTable("", *each) for each in (*values, view.curve_table())), *view.tables):
+        if table.rows:
+            show_lines(*([table.caption] if table.caption else ()))
+            heads = zip(table.head, table.are_numbers, strict=True)
+            show_table([name if is_number else f"<{name}" for name, is_number in heads], table.rows[:MOST_ROWS])
+        if len(table.rows) > MOST_ROWS:
+            show_lines(f"{len(table.rows) - MOST_ROWS} further rows are in the files.")
     show_lines(*(note if note[:1] in "-!" else f"- {note}" for note in view.notes))
 
 

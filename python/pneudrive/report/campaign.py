@@ -212,7 +212,7 @@ def air(found: CampaignCharacteristics) -> Section | None:
         return None
     topic, named = Topic("campaign", "air"), condition_names(found)
     separated = [a for a in found.air if a.separated]
-    shown = spread_evenly(separated or list(found.air), MOST_PANELS)
+    shown = spread_evenly(separated or found.air, MOST_PANELS)
     text, panels = "separated" if separated else "together", []
     for a in shown:
         marks: list[Band | Line] = []
@@ -321,7 +321,7 @@ def stick_slip(found: CampaignCharacteristics) -> Section | None:
     topic = Topic("campaign", "stick-slip")
     named = condition_names(found)
     marks = []
-    conditions = spread_evenly(list(dict.fromkeys(p.condition for p in found.stick_slip)), MOST_CONDITIONS)
+    conditions = spread_evenly(dict.fromkeys(p.condition for p in found.stick_slip), MOST_CONDITIONS)
     for index, condition in enumerate(conditions):
         points = sorted((p for p in found.stick_slip if p.condition == condition), key=lambda p: p.speed_m_s)
         speed, ripple, slips = (np.array([getattr(p, n) for p in points]) for n in ("speed_m_s", "ripple", "share"))

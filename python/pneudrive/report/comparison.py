@@ -140,7 +140,7 @@ def curve_figure(c: Comparison, curves: CurveComparison) -> Figure:
     for i, at in enumerate(zip(*gauges.round(-2).T, curves.points["title"], strict=True)):
         groups.setdefault(at, []).append(i)
     above, below = [], []
-    for at, members in spread_evenly(list(groups.items()), MOST_PANELS):
+    for at, members in spread_evenly(groups.items(), MOST_PANELS):
         chosen = sorted(members, key=lambda i: speed[i])
         above.append(Panel(_both(c, curves, chosen), Condition(*at).label(0.0), y="friction / N"))
         below.append(Panel(_differences(curves, chosen), y="second minus first / N"))

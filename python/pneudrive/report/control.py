@@ -17,12 +17,13 @@ from pneudrive.simulation.trajectory import attributes, check_si
 from pneudrive.views import MOST_LEADING, Finding, LeadingValue, ShownFigure, ShownTable, ShownValue, View
 
 if TYPE_CHECKING:
-    from collections.abc import Collection, Iterator, Mapping, Sequence
+    from collections.abc import Collection, Iterator, Sequence
     from pathlib import Path
 
     import xarray as xr
 
-    from pneudrive.control.benchmarks import ControlComparison
+    from pneudrive.arrays import Array, Columns, Keyed, Plain
+    from pneudrive.control.benchmarks import ControlComparison, ControlledRun
     from pneudrive.control.motion import Reference
     from pneudrive.control.tuning import Tuning
 
@@ -71,7 +72,7 @@ def run_figure(run: xr.Dataset) -> Figure:
     return _over_time(panels)
 
 
-def _axis_panels(time: np.ndarray, known: dict[str, np.ndarray], title: str) -> list[Panel]:
+def _axis_panels(time: Array, known: Columns, title: str) -> list[Panel]:
     off = known["reference"] - known["position"]
     pressures = [Line(time, known["pressure_a"], "chamber a"), Line(time, known["pressure_b"], "chamber b", MODEL)]
     return [
@@ -87,7 +88,7 @@ def _axis_panels(time: np.ndarray, known: dict[str, np.ndarray], title: str) -> 
     ]
 
 
-def _pose_panels(time: np.ndarray, known: dict[str, np.ndarray], score: dict[str, Any], title: str) -> list[Panel]:
+def _pose_panels(time: Array, known: Columns, score: Plain, title: str) -> list[Panel]:
     platform = next(name.rpartition(".")[0] for name in known if name.endswith("_reference"))
     coordinates: dict[str, list[Line]] = {}
     errors: list[Line | Rule] = []
@@ -149,7 +150,7 @@ def error_unit(errors_m: Sequence[Any]) -> str:
     return "um" if largest < SMALL_M else "mm"
 
 
-def gain_rows(laws: Mapping[str, Any]) -> Iterator[tuple[str, ...]]:
+def gain_rows(laws: Keyed) -> Iterator[tuple[str, ...]]:
     """Yield the rows of a table of gains: law, key, value, meaning and rule of each."""
     for law, tuning in laws.items():
         yield from ((law, *(gain[key] for key in ("key", "written", "meaning", "rule"))) for gain in tuning["gains"])
@@ -212,28 +213,35 @@ def _conditions(found: ControlComparison) -> Iterator[str]:
 def _reference_figures(found: ControlComparison, number: int) -> Iterator[ShownFigure]:
     """Yield the errors of all members of a spread as one box per law, and the tracks of all laws in one picture."""
     topic, along = Topic("control", "reference"), list(found.references)[number]
-    said: dict[str, Any] = {"called": _called(along, found.references[along]), "spread": found.spread}
+    said: Plain = {"called": _called(along, found.references[along]), "spread": found.spread}
     each = [[run.score.max_error_m for run in found.of(law, along) if run.score is not None] for law in found.laws]
     if found.spread and any(each):
         marks = [mark for position, values in enumerate(each) if values for mark in box_marks(position, values)]
-        x = Axis(f"largest error / {error_unit([np.asarray(values) for values in each if values])}", "log")
+        x = Axis(f"largest error / {error_unit(each)}", "log")
         laws = Axis(names=found.laws, low=len(each) - 0.5, high=-0.5)
         figure = Figure([Panel(marks)], x, laws, row_in=0.5 + 0.34 * len(each), rest_in=0.0)
         yield ShownFigure(f"boxes-{number + 1}", topic.say("boxes", **said), figure)
     tracks, references, errors = [], [], []
-    for law, own in zip(found.laws, map(look, range(len(found.laws))), strict=True):
-        run = next((run for run in found.of(law, along) if run.score is not None and run.file.is_file()), None)
-        if run is not None:
-            time, position, reference = run.columns("time_s", "position_m", "reference_m").values()
-            part = thin(time, MOST_DRAWN)
-            tracks.append(Line(time[part], position[part], law, own, 0.9))
-            references.append(Line(time[part], reference[part], "reference", Look("red"), 0.6))
-            errors.append(Line(time[part], (reference - position)[part], look=own, width=0.9))
+    for run, columns in tracks_of(found, along):
+        part, own = thin(columns["time_s"], MOST_DRAWN), look(found.laws.index(run.law))
+        time, position, reference, error = (values[part] for values in columns.values())
+        tracks.append(Line(time, position, run.law, own, 0.9))
+        references.append(Line(time, reference, "reference", Look("red"), 0.6))
+        errors.append(Line(time, error, look=own, width=0.9))
     if tracks:
         error = Axis(f"error / {error_unit([line.y for line in errors])}", "far")
         panels = [Panel([*tracks, *references[:1]], y="position / mm"), Panel([*errors, Rule(y=0.0)], y=error)]
         caption = topic.say("tracks", which="member 1" if found.spread else "first seed", **said)
         yield ShownFigure(f"tracks-{number + 1}", caption, stack(panels, 4.2))
+
+
+def tracks_of(found: ControlComparison, along: str) -> Iterator[tuple[ControlledRun, Columns]]:
+    """Yield the first run of each law along a reference that has a file: time, position, reference and error, SI."""
+    for law in found.laws:
+        run = next((run for run in found.of(law, along) if run.score is not None and run.file.is_file()), None)
+        if run is not None:
+            columns = run.columns("time_s", "position_m", "reference_m")
+            yield run, columns | {"error_m": columns["reference_m"] - columns["position_m"]}
 
 
 def write_control_report(found: ControlComparison, folder: str | Path) -> Path:

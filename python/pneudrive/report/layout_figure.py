@@ -9,9 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pneudrive import figures
 from pneudrive.errors import CommandError
-from pneudrive.figures import Axis, Drawing, Figure, Line, Look, Panel, PenStroke, Rule, stack, thin
+from pneudrive.figures import WIDTH_IN, Axis, Drawing, Figure, Line, Look, Panel, PenStroke, Rule, stack, thin
 from pneudrive.report.page import spread_evenly, texts_of
 from pneudrive.report.render import draw_figure
 
@@ -27,7 +26,7 @@ if TYPE_CHECKING:
 SHOWN_STROKES = 6
 MOST_STROKES = 200  # over position: more thin lines cannot be told apart
 FIRST_SAMPLES = 4000
-WIDTH_IN = 9.0
+LAYOUT_IN = 9.0
 TITLE_WIDTH = 95  # characters over one panel
 
 
@@ -74,7 +73,7 @@ def _columns(proposal: Proposal) -> Figure:
         label = name if guess is None else f"{name}\n{guess.role}\n({guess.unit})"
         panels.append(Panel([Line(range(len(part)), part, width=0.7)], y=Axis(label, is_si=False)))
     text = proposal.problem or f"as understood, {len(proposal.strokes)} strokes found"
-    return stack(panels, 5.4, x="row", title=f"{proposal.path.name}: {text}", width_in=WIDTH_IN)
+    return stack(panels, 5.4, x="row", title=f"{proposal.path.name}: {text}", width_in=LAYOUT_IN)
 
 
 def record_figure(
@@ -118,7 +117,7 @@ def record_figure(
         for s in spread_evenly(strokes, MOST_STROKES)
     ]
     tall = Panel(loops, "", "position / mm", "force, +x / N (solid: towards +x, dashed: back)")
-    more = {"tall": tall, "widths": (2, 1), "width_in": WIDTH_IN if notes else figures.WIDTH_IN, "text_scale": 0.85}
+    more = {"tall": tall, "widths": (2, 1), "width_in": LAYOUT_IN if notes else WIDTH_IN, "text_scale": 0.85}
     height = 5.4 if notes else 1.4 * len(panels)
     return stack(panels, height, x="time / s (dark: towards +x)", title=title, **more)
 
@@ -133,7 +132,7 @@ def sketch(name: str, there: Collection[str] = (), **values: object) -> Figure:
     table = texts_of(SKETCHES)[name]
     strokes = [_stroke(one, values) for one in table["strokes"] if one.get("when", "") in ("", *there)]
     drawing = Drawing(strokes, tuple(table["x"]), tuple(table["y"]), equal=table.get("equal", False))
-    width_in = table.get("width_in", figures.WIDTH_IN)
+    width_in = table.get("width_in", WIDTH_IN)
     return Figure([Panel([drawing])], row_in=table["height_in"], rest_in=0.0, width_in=width_in)
 
 

@@ -39,7 +39,7 @@ if TYPE_CHECKING:
     from pneudrive.identify.base import Fit
     from pneudrive.identify.static.result import FrictionFit
 
-    Fits: TypeAlias = Mapping[str, Mapping[str, FrictionFit]]
+Fits: TypeAlias = "Mapping[str, Mapping[str, FrictionFit]]"
 
 
 # --- Parts of a report (sections, text, tables, pictures) and the files made of them.
@@ -101,10 +101,8 @@ def view_section(key: str, view: View, *, synthetic: bool | None = None) -> Sect
         facts[kind].append(f"{finding.text} {finding.remedy}".strip())
     facts["plain"] += view.notes
     lists = (Items(items, kind) for kind, items in facts.items() if items)
-    tables = []
-    values = (("Values", table) for table in view.value_tables())
-    for caption, (head, rows) in (*values, ("Curves", view.curve_table())):
-        tables += [ShownTable(caption, head, rows)] if rows else []
+    values = (("Values", *table) for table in view.value_tables())
+    tables = [ShownTable(*table) for table in (*values, ("Curves", *view.curve_table())) if table[2]]
     return Section(key, view.title, (*lists, *view.figures, *tables, *view.tables), synthetic)
 
 
@@ -279,11 +277,10 @@ def chance(p: float) -> str:
     return "–" if not math.isfinite(p) else "< 0.001" if p < 1e-3 else f"{p:.2g}"
 
 
-def spread_evenly(items: Sequence, most: int) -> list:
+def spread_evenly(items: Iterable, most: int) -> list:
     """Return at most `most` of the items, evenly spread over all of them."""
-    if len(items) <= most:
-        return list(items)
-    return [items[i] for i in evenly(len(items), most)]
+    known = list(items)
+    return known if len(known) <= most else [known[i] for i in evenly(len(known), most)]
 
 
 def plural(count: int, one: str, many: str = "") -> str:
@@ -615,14 +612,10 @@ def _notes(topic: Topic, found: Characterisation) -> Iterator[Block]:
             yield Paragraph(text, "code")
 
 
-def reference(key: str) -> str | None:
-    """Return an entry of references.bib as one line; None if the key is unknown."""
-    entry = entries().get(key)
-    if entry is None:
-        return None
-    fields = {
-        name.lower(): _from_tex(value) for name, value in re.findall(r"(\w+)\s*=\s*[{\"](.*?)[}\"],?\s*(?:\n|$)", entry)
-    }
+def reference(key: str) -> str:
+    """Return an entry of references.bib as one line."""
+    found = re.findall(r"(\w+)\s*=\s*[{\"](.*?)[}\"],?\s*(?:\n|$)", entries()[key])
+    fields = {name.lower(): _from_tex(value) for name, value in found}
     where = fields.get("journal") or fields.get("publisher") or fields.get("institution") or fields.get("school")
     number = fields.get("number") if "institution" in fields else None
     parts = (fields.get("author"), fields.get("title"), where, number, fields.get("year"), fields.get("note"))
@@ -636,7 +629,7 @@ def software() -> list[tuple[str, str]]:
 
 def references(keys: Iterable[str]) -> tuple[str, ...]:
     """Return entries of references.bib, one line each. Unknown keys are left out."""
-    return tuple(line for key in keys if (line := reference(key)))
+    return tuple(reference(key) for key in keys if key in entries())
 
 
 _ACCENTS = {'"': "\u0308", "'": "\u0301"}  # of TeX -> combining signs

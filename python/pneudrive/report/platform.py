@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
     from PIL import Image
 
-    from pneudrive.arrays import Array, Columns
+    from pneudrive.arrays import Array, Columns, Pair
 
 
 # --- A platform on legs as lines in one isometric projection, for SVG text, figures and the page.
@@ -66,7 +66,7 @@ class PlatformScene(NamedTuple):
         Origin of the platform.
     """
 
-    size: tuple[float, float]
+    size: Pair
     lines: list[tuple[str, Array]]
     labels: list[tuple[str, Array]]
     path: Array
@@ -462,10 +462,9 @@ def _answer(platform: Platform, columns: Mapping[str, Array]) -> tuple[list[str]
 
 def _panels(platform: Platform, columns: Mapping[str, Array]) -> list[tuple[str, Columns]]:
     """Return the label and the named curves of each panel."""
-    pose, units = pose_columns(platform)[0], platform.units
-    panels = []
+    pose, panels = pose_columns(platform)[0], []
     for label, unit in (("place / mm", "m"), ("tilt / deg", "rad")):
-        each = {platform.coordinates[k]: np.asarray(columns[pose[k]]) for k, own in enumerate(units) if own == unit}
+        each = {platform.coordinates[k]: columns[pose[k]] for k, own in enumerate(platform.units) if own == unit}
         panels.append((f"{next(iter(each))} / mm" if len(each) == 1 else label, each))
     smallest = columns[f"{platform.name}.smallest_singular_value"]
     panels.append(("smallest singular value", {platform.name: smallest}))
@@ -478,7 +477,7 @@ def _panels(platform: Platform, columns: Mapping[str, Array]) -> list[tuple[str,
 
 def run_figure(platform: Platform, columns: Mapping[str, Array]) -> Figure:
     """Draw the platform at the end of a run and the curves of the run. One legend names the legs."""
-    time, pose = np.asarray(columns["time_s"]), motion_of(platform, columns)[0]
+    time, pose = columns["time_s"], motion_of(platform, columns)[0]
     part, legs, panels = thin(time, MOST_SAMPLES), {leg.name for leg in platform.legs}, []
     of_legs: dict[str, Line] = {}
     for label, each in _panels(platform, columns):

@@ -22,7 +22,6 @@ from pneudrive.report import campaign, page, strokes
 from pneudrive.report.layout_figure import is_open, record_figure, recorded_rig
 from pneudrive.report.page import MOST_SHOWN, Report, Topic, by_seal, figure_of, gauge_bar, plural, spread_evenly
 from pneudrive.report.render import DrawnFigure, draw_figure
-from pneudrive.report.strokes import map_view, recovered_section
 from pneudrive.signals.motion import find_strokes
 from pneudrive.signals.recording import Recording, clean
 from pneudrive.units import readable
@@ -93,7 +92,7 @@ def characterisation_view(found: Characterisation, fits: Fits | None = None) -> 
     fits : mapping, optional
         Group -> law -> FrictionFit: fitted laws, parameters, and undetermined values.
     """
-    base, topic = map_view(found.friction_map, fits), Topic("recordings", "view")
+    base, topic = strokes.map_view(found.friction_map, fits), Topic("recordings", "view")
     spread = found.run_spread
     relative = [level.expanded_n / level.friction_n for level in found.levels if level.friction_n > 0]
     findings = [*base.findings, *(Finding(doubt, "bad") for doubt in found.doubts)]
@@ -181,7 +180,7 @@ def _loops(topic: Topic, found: Characterisation) -> Iterator[ShownFigure]:
 def _loop(level: Level) -> Panel:
     """Draw both directions, half their difference and half their sum, with the strokes of each direction."""
     p = level.profile
-    drawn = [*spread_evenly([*p.up_strokes_n], MOST_STROKES), *spread_evenly([*p.down_strokes_n], MOST_STROKES)]
+    drawn = [*spread_evenly(p.up_strokes_n, MOST_STROKES), *spread_evenly(p.down_strokes_n, MOST_STROKES)]
     every = [Line(p.position_m, values, look=THIN, width=0.3) for values in drawn]
     means = (
         ("towards +x", p.up_n, Look("blue"), None),
@@ -272,16 +271,16 @@ def over_pressure(found: Characterisation) -> Figure:
     groups: dict[str, tuple[list[LevelPoint], PressureLine | None]] = {
         line.seal: (list(line.points), line) for line in found.pressure_lines
     }
-    covered = {(p.recording, p.speed_m_s) for points, _ in groups.values() for p in points}
     with_line = {p.seal for points, _ in groups.values() for p in points}
     for point in found.points:
-        if (point.recording, point.speed_m_s) not in covered and point.seal not in with_line:
+        if point.seal not in with_line:
             groups.setdefault(point.seal, ([], None))[0].append(point)
-    shown = spread_evenly(list(groups.items()), MOST_PANELS)
-    highest = max(p.friction_n + np.nan_to_num(p.expanded_n) for _, (points, _) in shown for p in points)
+    shown = spread_evenly(groups.items(), MOST_PANELS)
+    every = [p for _, (points, _) in shown for p in points]
+    highest = max(p.friction_n + np.nan_to_num(p.expanded_n) for p in every)
     bands = [float(line.band_high_n.max()) for _, (_, line) in shown if line is not None]
     y = Axis("friction / N", low=0.0, high=min(1.05 * max([highest, *bands]), 2 * highest))
-    runs = sorted({p.run for _, (points, _) in shown for p in points})  # a run keeps its marker in all panels
+    runs = sorted({p.run for p in every})  # a run keeps its marker in all panels
     panels = [pressure_panel(points, line, runs, title) for title, (points, line) in shown]
     return figure_of("pressure", panels, y=y, width_in=7.1 if len(shown) > 1 else 4.5)
 
@@ -318,7 +317,7 @@ def recordings_report(
     parts: list[page.Section | None] = []
     if found is not None:
         sections = (measured, record, strokes.drift, strokes.peaks, budget)
-        parts += [*(part(found) for part in sections), recovered_section(found), strokes.stick_slip(found)]
+        parts += [*(part(found) for part in sections), strokes.recovered_section(found), strokes.stick_slip(found)]
     parts += addition.sections if addition is not None else ()
     over_speed = () if curves is None else filter(None, (part(curves) for part in CURVES))
     parts += [replace(part, key=f"{part.key}-over-speed") for part in over_speed]

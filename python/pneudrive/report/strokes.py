@@ -13,7 +13,7 @@ from pneudrive.friction.friction_map import ALL_RECORDINGS, PA_PER_BAR, MapGroup
 from pneudrive.friction.sentences import flag_findings
 from pneudrive.friction.stick_slip import NEEDED_RISE_SAMPLES, StickSlip
 from pneudrive.numbers import fixed
-from pneudrive.report.page import Paragraph, Section, Topic, by_seal, figure_of, gauge_bar, plural, spread_evenly
+from pneudrive.report.page import Fits, Paragraph, Section, Topic, by_seal, figure_of, gauge_bar, plural, spread_evenly
 from pneudrive.signals.motion import local_slope
 from pneudrive.views import Finding, LeadingValue, ShownCurve, ShownTable, ShownValue, View, worst
 
@@ -25,7 +25,6 @@ if TYPE_CHECKING:
     from pneudrive.friction.characterisation import Characterisation
     from pneudrive.friction.level import Level, RecordingResult
     from pneudrive.identify.static.result import FrictionFit
-    from pneudrive.report.page import Fits
 
 
 # --- Friction over speed: views of friction maps and of characterised recordings, and recovered truth.
@@ -125,7 +124,7 @@ def speed_figure(groups: list[tuple[MapGroup, list[ShownCurve]]], fits: Fits) ->
     is_single = len(panels) == 1
     count = sum(curve.x.size for _, curves in groups for curve in curves)
     drawn = []
-    for assembly, members in spread_evenly(list(panels.items()), MOST_PANELS):
+    for assembly, members in spread_evenly(panels.items(), MOST_PANELS):
         by_pressure = sorted(members, key=lambda member: tuple(member[0].gauges))
         shown, marks = spread_evenly(by_pressure, MOST_CURVES), []
         for index, (group, curve) in enumerate(by_pressure):
@@ -205,9 +204,8 @@ def errors(pairs: pl.DataFrame) -> Figure:
     for index, gauge in enumerate(gauges[:MOST_CURVES]):
         own = ramp(index, min(gauges.size, MOST_CURVES))
         chosen = pairs.filter((pl.col("gauge_pa") - gauge).abs() < 100.0).sort("speed_m_s")
-        speed, friction, true, error_n, stderr = (
-            chosen[name].to_numpy() for name in ("speed_m_s", "friction_n", "true_n", "error_n", "stderr_n")
-        )
+        names = ("speed_m_s", "friction_n", "true_n", "error_n", "stderr_n")
+        speed, friction, true, error_n, stderr = chosen.select(names).to_numpy().T
         with np.errstate(divide="ignore", invalid="ignore"):  # one further off is drawn on the frame
             error = np.clip(error_n / stderr, -SHOWN_ERRORS, SHOWN_ERRORS)
         left.append(Line(speed, true, look=own, width=0.9))
@@ -258,7 +256,7 @@ def _drift_row(level: Level) -> tuple[object, ...]:
 def courses(found: Characterisation) -> Figure:
     """Draw friction relative to its mean from stroke to stroke, a panel for each seal."""
     panels = []
-    for seal, results in spread_evenly(list(by_seal(found).items()), MOST_SEALS):
+    for seal, results in spread_evenly(by_seal(found).items(), MOST_SEALS):
         pairs = [(r, level, _course(level)) for r in results for level in r.levels]
         shortest = min(course.size for *_, course in pairs)
         median = np.median([course[:shortest] for *_, course in pairs], axis=0)

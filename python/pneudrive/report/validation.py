@@ -48,7 +48,7 @@ def validation_view(content: Keyed, run: Callable[[int], Keyed | None]) -> View:
     findings = [Finding(text, state, f"Remedy: {remedy}" if remedy else "") for text, _, remedy in
                 (sentence.partition(" Remedy: ") for sentence in why)]  # fmt: skip
     topic, figures = Topic("validation", "record"), []
-    for number, record in spread_evenly(list(enumerate(records)), MOST_RECORDS):
+    for number, record in spread_evenly(enumerate(records), MOST_RECORDS):
         if (columns := run(number)) is not None:
             caption = topic.say("channels", name=record["name"], window_s=content["window_s"])
             figures.append(ShownFigure(f"record-{number + 1}", caption, channel_figure(columns)))
@@ -158,7 +158,7 @@ def _why(found: Validation) -> Section:
     topic, diagnosis = Topic("validation", "why"), found.diagnosis()
     alone = ((key, amount, 100 * share) for key, amount, share in diagnosis.alone[:SHOWN_ALONE])
     pictures = []
-    for number, r in spread_evenly(list(enumerate(found.records)), MOST_RECORDS)[:2]:
+    for number, r in spread_evenly(enumerate(found.records), MOST_RECORDS)[:2]:
         figure = balance_figure(found.drive, r.signals, diagnosis.scenes[number])
         pictures.append(ShownFigure(f"balance-{number + 1}", topic.say("caption", name=r.recording.name), figure))
     return topic.section(topic.text(), topic.table(alone, "alone") if diagnosis.alone else None, *pictures)
@@ -173,7 +173,7 @@ def _noise(found: Validation) -> Section:
             rows.append((record.recording.name, CHANNELS[column], 100 * white.outside, white.p, strongest))
     pictures = (
         ShownFigure(f"residual-{n}", topic.say("residual", name=r.recording.name), residual_figure(r, found.window_s))
-        for n, r in spread_evenly(list(enumerate(found.records, 1)), MOST_RECORDS)
+        for n, r in spread_evenly(enumerate(found.records, 1), MOST_RECORDS)
     )
     return topic.section(topic.text(), topic.table(rows), *pictures)
 

@@ -175,10 +175,10 @@ def _table(body: bytes) -> Plain:
 
 
 def _json(answer: Any) -> JSONResponse:  # noqa: ANN401 - plain data
-    """Return an answer. Infinite values and NaN, which a file may contain, become null."""
+    """Return an answer. Arrays and records become plain data. Infinite values and NaN, as in a file, become null."""
     try:
         return JSONResponse({} if answer is None else answer)
-    except ValueError:
+    except (TypeError, ValueError):
         return JSONResponse(plain_data(answer))
 
 

@@ -14,7 +14,6 @@ from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from pneudrive.arrays import Keyed, Plain
 from pneudrive.errors import Cancelled, CommandError, PneudriveError, package_table
-from pneudrive.figures import plain_data
 from pneudrive.simulation.run_view import run_view
 from pneudrive.simulation.trajectory import meaning
 from pneudrive.units import readable
@@ -120,7 +119,7 @@ def panels_of(run: Run) -> list[Plain]:
     for *quantity, title in PANELS:
         if every := [name for name in run.columns if [*_quantity(name)] == quantity]:
             size, unit = readable(quantity[1])
-            curves = [{"column": name, "label": _label(name)} for name in every[:MOST_CURVES]]
+            curves = [{"column": name, "label": meaning(name)[0].replace("_", " ")} for name in every[:MOST_CURVES]]
             left_out = len(every) - len(curves)
             panels.append({"title": title, "unit": unit, "size": size, "curves": curves, "left_out": left_out})
     return panels
@@ -136,7 +135,7 @@ def frame_of(run: Run, panels: Sequence[Plain], pixels: int, head: Plain, beside
     told["more_impacts"] = len(impacts) - len(told["impacts"])
     told["events"] = events_of(run, impacts)
     # Air needs the gas of the description, which the run does not have.
-    told["leading"] = plain_data([one for one in run_view(run.columns, about).leading_values if one.key != "air"])
+    told["leading"] = [one for one in run_view(run.columns, about).leading_values if one.key != "air"]
     told |= {"steps": about["statistics"]["steps"], "samples": len(columns["time_s"]), "synthetic": True}
     ends = {name: values[-1] for name, values in columns.items()}
     head |= {**told, "panels": panels, "ends": ends, "hash": about["description_hash"]}
@@ -166,8 +165,3 @@ def _quantity(column: str) -> tuple[str, str]:
     if last.startswith("tilt_") and unit == "rad":
         return "tilt", unit
     return (last.removesuffix("_a").removesuffix("_b") if last.startswith("pressure") else last), unit
-
-
-@lru_cache(maxsize=4096)
-def _label(column: str) -> str:
-    return meaning(column)[0].replace("_", " ")

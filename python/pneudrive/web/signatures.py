@@ -150,38 +150,29 @@ def _check_channels(name: str, workspace: Workspace, hint: str) -> None:
         raise CommandError.of("web.channels", name=name, missing=", ".join(missing))
 
 
-@dataclass(frozen=True)
-class CommandForm:
-    """Command that a page starts: text of its button, functions of the values for result and Python, and inputs."""
-
-    title: str
-    out: str
-    python: str
-    inputs: tuple[CommandInput, ...]
-
-    def job(self, kind: str, given: Keyed, workspace: Workspace) -> JobRequest:
-        """Return the job of a request."""
-        values: Plain = {}
-        for each in self.inputs:
-            applies = not each.only or values[each.only[0]] == each.only[1]
-            values[each.key] = each.read(given.get(each.key), workspace) if applies else None
-        folder, suffix = dirname(values.get("map", "")), ".fmu" if values.get("to") == "fmu" else ""
-        out = self.out.format(**values, folder=folder, suffix=suffix).lstrip("/")
-        if kind == "size" and out.lower().endswith(DESCRIPTIONS):
-            raise CommandError(f"{out} is the name of a task file, not of a folder", remedy="Leave out the ending.")
-        named = {each.option or each.key: values[each.key] for each in self.inputs}
-        named |= {"rig": RIG} if kind == "design" else {}
-        names: list[str] = []
-        options: Plain = {}
-        for name, parameter in parameters_of(kind).items():
-            value = named.get(name)
-            if parameter.kind is Parameter.KEYWORD_ONLY:
-                options[name] = value
-            elif value is not None:
-                names += value if isinstance(value, list) else [value]
-        lines = self.python.format(**{**values, **_python(kind, values), "out": out})
-        options.pop("out", None)  # the last word: a job that goes on replaces it
-        return JobRequest(words(kind, *names, **options, out=out), out, python=lines)
+def _job_of(kind: str, given: Keyed, workspace: Workspace) -> JobRequest:
+    """Return the job of a request for a command of `SIGNATURES`."""
+    form, values = SIGNATURES[kind], Plain()
+    for each in form["inputs"]:
+        applies = not each.only or values[each.only[0]] == each.only[1]
+        values[each.key] = each.read(given.get(each.key), workspace) if applies else None
+    folder, suffix = dirname(values.get("map", "")), ".fmu" if values.get("to") == "fmu" else ""
+    out = form["out"].format(**values, folder=folder, suffix=suffix).lstrip("/")
+    if kind == "size" and out.lower().endswith(DESCRIPTIONS):
+        raise CommandError(f"{out} is the name of a task file, not of a folder", remedy="Leave out the ending.")
+    named = {each.option or each.key: values[each.key] for each in form["inputs"]}
+    named |= {"rig": RIG} if kind == "design" else {}
+    names: list[str] = []
+    options: Plain = {}
+    for name, parameter in parameters_of(kind).items():
+        value = named.get(name)
+        if parameter.kind is Parameter.KEYWORD_ONLY:
+            options[name] = value
+        elif value is not None:
+            names += value if isinstance(value, list) else [value]
+    lines = form["python"].format(**{**values, **_python(kind, values), "out": out})
+    options.pop("out", None)  # the last word: a job that goes on replaces it
+    return JobRequest(words(kind, *names, **options, out=out), out, python=lines)
 
 
 def _python(kind: str, values: Keyed) -> Plain:
@@ -228,8 +219,9 @@ def _inputs(command: str, given: list[Any], shared: Keyed) -> Iterator[CommandIn
 
 
 _FORMS = package_table(__file__, "forms.toml")
+#: Command -> text of its button, forms of its result and of its Python lines, and its inputs.
 SIGNATURES = {
-    command: CommandForm(**form | {"inputs": tuple(_inputs(command, form["inputs"], _FORMS["shared"]))})
+    command: form | {"inputs": list(_inputs(command, form["inputs"], _FORMS["shared"]))}
     for command, form in _FORMS.items()
     if command != "shared"
 }
@@ -242,7 +234,7 @@ def forms(workspace: Workspace) -> Plain:
     def about(field: CommandInput) -> Plain:
         return vars(field) | ({"choices": offered[field.hint]} if field.kind == "recordings" else {})
 
-    return {kind: {"title": of.title, "fields": list(map(about, of.inputs))} for kind, of in SIGNATURES.items()}
+    return {kind: {"title": of["title"], "fields": list(map(about, of["inputs"]))} for kind, of in SIGNATURES.items()}
 
 
 def _offered(workspace: Workspace, hint: str) -> list[str]:
@@ -278,8 +270,7 @@ def _job(given: Keyed, workspace: Workspace) -> JobRequest:
         The command is unknown, or an input is not valid.
     """
     kind = given.get("kind", "characterise")
-    signature = SIGNATURES.get(kind) if isinstance(kind, str) else None
-    if signature is None:
+    if not isinstance(kind, str) or kind not in SIGNATURES:
         raise wrong_request()
     if kind == "characterise" and isinstance(campaign := given.get("campaign"), str):
         out = f"{RESULTS}/{folder_name(given.get('name'))}"
@@ -289,7 +280,7 @@ def _job(given: Keyed, workspace: Workspace) -> JobRequest:
         if is_held(workspace.folder(folder) / LOCK):
             raise CommandError(f"a process searches in {folder} already", remedy="Wait until it ends.")
         existing_folder(workspace, folder)
-        begun = signature.job(kind, {**given, "name": "sizing"}, workspace)
+        begun = _job_of(kind, {**given, "name": "sizing"}, workspace)
         arguments = [folder if text == begun.out else text for text in begun.arguments]
         return JobRequest(arguments, folder, is_new=False, python=begun.python)
-    return signature.job(kind, given, workspace)
+    return _job_of(kind, given, workspace)

@@ -197,31 +197,28 @@ class Workspace:
         CommandError
             The file cannot be written.
         """
-        with alone_in(self.root):  # two writers with the same version: the second one gets an error
-            return self._write(name, text, known)
-
-    def _write(self, name: str, text: str, known: str | None) -> str:
         path, there, is_same = self.path(name, DESCRIPTIONS), "", False
-        if exists(path):
-            there = read_text(path, CommandError)
-            is_same = known is not None and known.startswith(fingerprint(there))
-            if not is_same or (path in self._saves and known != self._version(path, there)):
-                raise ChangedError(there, self._version(path, there))
-            if "\r\n" in there:  # line ends of the file: an editor in a browser only has "\n"
-                text = text.replace("\r\n", "\n").replace("\n", "\r\n")
-        elif known is not None:
-            raise ChangedError("", fingerprint(""))
-        elif not path.parent.is_dir():
-            raise CommandError(f"there is no folder {path.parent.name}", remedy="Make it first.")
-        try:
-            with whole(path) as temporary:
-                temporary.write_bytes(text.encode())
-        except OSError as error:
-            raise CommandError(f"{name[:80]} cannot be written", rule=error.strerror or str(error)) from None
-        self._saves.pop(path, None)
-        if is_same and there == text:
-            self._saves[path] = (secrets.token_hex(4),)
-        return self._version(path, text)
+        with alone_in(self.root):  # two writers with the same version: the second one gets an error
+            if exists(path):
+                there = read_text(path, CommandError)
+                is_same = known is not None and known.startswith(fingerprint(there))
+                if not is_same or (path in self._saves and known != self._version(path, there)):
+                    raise ChangedError(there, self._version(path, there))
+                if "\r\n" in there:  # line ends of the file: an editor in a browser only has "\n"
+                    text = text.replace("\r\n", "\n").replace("\n", "\r\n")
+            elif known is not None:
+                raise ChangedError("", fingerprint(""))
+            elif not path.parent.is_dir():
+                raise CommandError(f"there is no folder {path.parent.name}", remedy="Make it first.")
+            try:
+                with whole(path) as temporary:
+                    temporary.write_bytes(text.encode())
+            except OSError as error:
+                raise CommandError(f"{name[:80]} cannot be written", rule=error.strerror or str(error)) from None
+            self._saves.pop(path, None)
+            if is_same and there == text:
+                self._saves[path] = (secrets.token_hex(4),)
+            return self._version(path, text)
 
 
 class NewNames:

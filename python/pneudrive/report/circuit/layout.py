@@ -19,8 +19,9 @@ from pneudrive.errors import DescriptionError, package_table
 from pneudrive.report.render import FONT, applied, load_matplotlib
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+    from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 
+    from pneudrive.arrays import Interval, Keyed
     from pneudrive.describe import Circuit, Component
 
     Placed = Mapping[str, "Block"]
@@ -103,7 +104,6 @@ class Block:
     box: Box  # bounding box
     x: int = 0
     y: int = 0
-    rank: int = 0
     marks: dict[str, str] = field(default_factory=dict)  # port -> "exhaust" or "shut"
 
     def port(self, name: str) -> Place:
@@ -193,14 +193,14 @@ def _block(name: str, one: Component) -> Block:
     else:
         strokes, places = _plain(entry)
     ports = {port["name"]: place for port, place in zip(entry["ports"], places, strict=True)}
-    box = _bounds([*(point for stroke in strokes for point in _points(stroke)), *places])
+    box = bounds([*(point for stroke in strokes for point in _points(stroke)), *places])
     directions = {port: _side(place, box) for port, place in ports.items()}
     label = _label(name, one, box, set(directions.values()))
-    whole = _bounds([corner for one_box in (box, label_box(label)) for corner in (one_box[:2], one_box[2:])])
+    whole = bounds([corner for one_box in (box, label_box(label)) for corner in (one_box[:2], one_box[2:])])
     return Block(name, one.kind, strokes, ports, directions, box, label, whole)
 
 
-def _drawn(strokes: Sequence[Mapping[str, Any]], right: float = 0.0) -> Iterator[Shape]:
+def _drawn(strokes: Sequence[Keyed], right: float = 0.0) -> Iterator[Shape]:
     """Yield the shapes of strokes, moved to the right."""
     for stroke in strokes:
         if "use" in stroke:
@@ -210,7 +210,7 @@ def _drawn(strokes: Sequence[Mapping[str, Any]], right: float = 0.0) -> Iterator
             yield Shape(**{**stroke, "points": points})
 
 
-def _plain(entry: Mapping[str, Any]) -> tuple[list[Shape], list[Place]]:
+def _plain(entry: Keyed) -> tuple[list[Shape], list[Place]]:
     """Return a box with a title: inlets below, outlets above, other ports to the right.
 
     A component without gas is on the right of an actuator: its first port is on the left.
@@ -255,7 +255,7 @@ def _points(shape: Shape) -> Points:
     return tuple((x + shape.size * math.cos(angle), y + shape.size * math.sin(angle)) for angle in steps)
 
 
-def _bounds(points: Iterable[Point], room: float = 0.0) -> Box:
+def bounds(points: Iterable[Point], room: float = 0.0) -> Box:
     """Return the rectangle around points, with room on all sides."""
     xs, ys = zip(*points, strict=True)
     return min(xs) - room, min(ys) - room, max(xs) + room, max(ys) + room
@@ -273,13 +273,13 @@ def _label(name: str, one: Component, box: Box, taken: set[str]) -> Label:
     wide = box[2] - box[0] >= WIDE
     free = [side for side in (("up", "right", "left") if wide else ("right", "left", "up")) if side not in taken]
     middle = 0.5 * (box[1] + box[3]) + 0.5 * LINE * len(lines)
-    places: dict[str, Callable[[], Label]] = {
-        "right": lambda: Label(lines, box[2] + 0.7, middle, "left"),
-        "left": lambda: Label(lines, box[0] - 0.7, middle, "right"),
-        "up": lambda: Label(lines, box[0] + 0.2, box[3] + 0.5 + LINE * len(lines), "left"),
-        "": lambda: Label(lines, box[2] + 0.7, box[3] + 0.5 + LINE * len(lines), "left"),  # beyond the corner
+    places = {
+        "right": Label(lines, box[2] + 0.7, middle, "left"),
+        "left": Label(lines, box[0] - 0.7, middle, "right"),
+        "up": Label(lines, box[0] + 0.2, box[3] + 0.5 + LINE * len(lines), "left"),
+        "": Label(lines, box[2] + 0.7, box[3] + 0.5 + LINE * len(lines), "left"),  # beyond the corner
     }
-    return places[free[0] if free else ""]()
+    return places[free[0] if free else ""]
 
 
 def _values(one: Component) -> Iterator[str]:
@@ -334,25 +334,22 @@ class Routes:
 
     Attributes
     ----------
-    lines : list of set
-        The steps of each net.
-    pilots : list of set
-        Steps that belong to pilot lines.
+    lines : list of dict
+        The steps of each net, and whether a step belongs to a pilot line.
     """
 
     def __init__(self, placed: Placed, nets: Sequence[Net]) -> None:
         self.blocked = {cell for block in placed.values() for cell in block.cells()}
-        self.bounds = _bounds(self.blocked, MARGIN)
+        self.bounds = bounds(self.blocked, MARGIN)
         self.pins = {point: number for number, net in enumerate(nets) for point in net.points(placed)}
         self.through: dict[Place, dict[int, str]] = {}  # point -> net -> "h", "v", or "x" where it bends or branches
-        self.lines: list[set[Step]] = [set() for _ in nets]
-        self.pilots: list[set[Step]] = [set() for _ in nets]
+        self.lines: list[dict[Step, bool]] = [{} for _ in nets]
         points = [net.points(placed) for net in nets]
         # Short lines first; but of the rods below a platform the outermost first, so that they do not cross.
         is_rod = [net.kind == "axis" for net in nets]
         order = [(rod, -_reach(own) if rod else _reach(own)) for rod, own in zip(is_rod, points, strict=True)]
         for number in sorted(range(len(nets)), key=order.__getitem__):
-            self._join(number, points[number], {nets[number].point(placed, pin) for pin in nets[number].pilots})
+            self._join(number, points[number], {placed[name].port(port) for name, port in nets[number].pilots})
 
     def _join(self, net: int, points: Sequence[Place], pilots: Collection[Place]) -> None:
         """Join the ports of a net one by one, pilot ports last."""
@@ -364,9 +361,7 @@ class Routes:
             if goal in tree:
                 continue
             way = self._way(net, tree, goal)
-            steps: set[Step] = {tuple(sorted(pair)) for pair in pairwise(way)}  # type: ignore[misc]
-            self.lines[net] |= steps
-            self.pilots[net] |= steps if goal in pilots else set()
+            self.lines[net] |= {tuple(sorted(pair)): goal in pilots for pair in pairwise(way)}  # type: ignore[misc]
             tree |= set(way)
         for point in tree:
             self.through.setdefault(point, {})[net] = self._kind(net, point)
@@ -433,7 +428,7 @@ class Routes:
     def runs(self, net: int, *, pilots: bool) -> list[Step]:
         """Return the longest straight parts of a line: of its pilot lines, or of its other lines."""
         out = []
-        own = self.pilots[net] if pilots else self.lines[net] - self.pilots[net]
+        own = [step for step, is_pilot in self.lines[net].items() if is_pilot == pilots]
         for axis in (0, 1):
             along = (step for step in own if step[0][axis] == step[1][axis])
             steps = sorted(along, key=lambda step: (step[0][axis], step))
@@ -456,7 +451,7 @@ class Routes:
 
 
 def _reach(points: Sequence[Place]) -> float:
-    low_x, low_y, high_x, high_y = _bounds(points)
+    low_x, low_y, high_x, high_y = bounds(points)
     return high_x - low_x + high_y - low_y
 
 
@@ -475,14 +470,9 @@ class Net(NamedTuple):
     kind: str  # "gas" or "axis"
     pilots: tuple[tuple[str, str], ...] = ()  # pilot ports
 
-    @staticmethod
-    def point(placed: Placed, pin: tuple[str, str]) -> Place:
-        """Return the position of a port."""
-        return placed[pin[0]].port(pin[1])
-
     def points(self, placed: Placed) -> list[Place]:
         """Return the positions of the ports."""
-        return [self.point(placed, pin) for pin in self.pins]
+        return [placed[name].port(port) for name, port in self.pins]
 
 
 def nets(circuit: Circuit, placed: Placed) -> list[Net]:
@@ -515,18 +505,14 @@ def place(circuit: Circuit, spread: float) -> tuple[dict[str, Block], list[Net]]
     beside = _beside(lines, circuit, above)
     ranks = _ranks(circuit.wiring, [name for name in placed if name not in beside and name not in above])
     ranks |= dict.fromkeys(above, 1 + max(ranks.values(), default=0))
-    for name, rank in ranks.items():
-        placed[name].rank = rank
     groups = {name: [name, *(other for other, (of, _) in beside.items() if of == name)] for name in ranks}
-    rows: dict[int, list[str]] = {}
-    for name, rank in sorted(ranks.items(), key=lambda item: item[1]):
-        rows.setdefault(rank, []).append(name)
+    rows = {rank: [name for name in ranks if ranks[name] == rank] for rank in sorted(set(ranks.values()))}
     spans = [[ranks[name] for name, _ in line.pins if name in ranks] for line in lines]
     extent = {name: _group_extent(groups[name], beside, placed) for name in ranks}
     _order(rows, extent, _pulls(lines, beside, above), placed, spread)
     y = 0.0
-    for rank in sorted(rows):
-        row = [placed[name] for name in rows[rank]]
+    for rank, names in rows.items():
+        row = [placed[name] for name in names]
         # Lines that lead to a higher row may each need a track.
         between = sum(min(span) <= rank < max(span) for span in spans if span)
         y += -min(block.box[1] for block in row)
@@ -543,17 +529,12 @@ def _beside(lines: Sequence[Net], circuit: Circuit, above: Collection[str]) -> d
     """Return the components without gas that move with an actuator, each with the neighbour that moves it."""
     has_gas = {name for name in circuit.components if any(p.kind == "gas" for p in circuit.wiring.ports(name))}
     out: dict[str, tuple[str, str]] = {}
-    found = {name: name for name in has_gas}
-    grows = True
-    while grows:
-        grows = False
-        for line in (line for line in lines if line.kind == "axis"):
-            known = next((name for name, _ in line.pins if name in found), None)
-            new = [name for name, _ in line.pins if name not in found and name not in above]
-            if known is not None and new:
-                found |= dict.fromkeys(new, found[known])
-                out |= dict.fromkeys(new, (found[known], known))
-                grows = True
+    axes = [line for line in lines if line.kind == "axis"]
+    for line in len(axes) * axes:  # each pass reaches at least one line more
+        known = next((name for name, _ in line.pins if name in has_gas or name in out), None)
+        new = [name for name, _ in line.pins if name not in has_gas and name not in out and name not in above]
+        if known is not None:
+            out |= dict.fromkeys(new, (out[known][0] if known in out else known, known))
     return out
 
 
@@ -581,7 +562,7 @@ def _put_beside(names: Sequence[str], beside: Beside, placed: Placed) -> None:
         last = max(placed[name].x + placed[name].box[2] for name in column)
 
 
-def _group_extent(names: Sequence[str], beside: Beside, placed: Placed) -> tuple[float, float]:
+def _group_extent(names: Sequence[str], beside: Beside, placed: Placed) -> Interval:
     """Return the extent of a block to the left and right of its origin, including its neighbours."""
     own = placed[names[0]]
     widths = (max(placed[name].box[2] - placed[name].box[0] + 4 for name in c) for c in _columns(names, beside))
@@ -645,7 +626,7 @@ def _pulls(lines: Sequence[Net], beside: Beside, above: Collection[str]) -> dict
 
 def _order(
     rows: Mapping[int, list[str]],
-    extent: Mapping[str, tuple[float, float]],
+    extent: Mapping[str, Interval],
     pulls: Mapping[str, Sequence[tuple[str, str, str]]],
     placed: Placed,
     spread: float,
@@ -663,7 +644,7 @@ def _order(
                 aims = [
                     placed[other].port(end)[0] - placed[name].ports[port][0]
                     for port, other, end in pulls.get(name, ())
-                    if other in placed and placed[other].rank != rank and other in extent
+                    if other in extent and other not in row
                 ]
                 want[name] = sum(aims) / len(aims) if aims else float(placed[name].x)
             row.sort(key=lambda name: (want[name], placed[name].x))
@@ -672,7 +653,7 @@ def _order(
                 placed[name].x = x
 
 
-def _apart(want: Sequence[float], extents: Sequence[tuple[float, float]], gap: float) -> list[int]:
+def _apart(want: Sequence[float], extents: Sequence[Interval], gap: float) -> list[int]:
     """Return positions, in this order, that keep the blocks apart and are nearest to `want` (least squares)."""
     from scipy.optimize import isotonic_regression
 

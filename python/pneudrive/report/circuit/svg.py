@@ -11,7 +11,7 @@ from math import cos, radians, sin
 from typing import TYPE_CHECKING, NamedTuple
 
 from pneudrive.figures import Drawing, Figure, Panel, PenStroke
-from pneudrive.report.circuit.layout import LINE, MODULE_IN, NAME_PT, TEXT_PT, Box, Shape, arranged, text_width
+from pneudrive.report.circuit.layout import LINE, MODULE_IN, NAME_PT, TEXT_PT, Box, Shape, arranged, bounds, text_width
 from pneudrive.report.render import DrawnFigure, draw_figure
 
 if TYPE_CHECKING:
@@ -109,11 +109,10 @@ def circuit_shapes(described: Circuit | Drive) -> CircuitShapes:
     """
     circuit: Circuit = described if hasattr(described, "wiring") else described.circuit  # type: ignore[union-attr,assignment]
     placed, nets, routes = arranged(circuit)
-    boxes = [block.rectangle() for block in placed.values()]
-    boxes += [(x, y, x, y) for block in placed.values() for x, y in block.cells()]
-    boxes += [(*low, *high) for line in routes.lines for low, high in line]
-    lows_x, lows_y, highs_x, highs_y = zip(*boxes, strict=True)
-    low_x, low_y, high_x, high_y = min(lows_x), min(lows_y), max(highs_x), max(highs_y)
+    boxes = (block.rectangle() for block in placed.values())
+    corners = [corner for box in boxes for corner in (box[:2], box[2:])]
+    corners += [cell for block in placed.values() for cell in block.cells()]
+    low_x, low_y, high_x, high_y = bounds([*corners, *(end for line in routes.lines for step in line for end in step)])
     width = max(high_x - low_x, LEAST_WIDTH, text_width(circuit.name, TITLE_PT))
     volumes = [f"{name} {1e6 * volume:.3g} cm\N{SUPERSCRIPT THREE}" for name, volume in circuit.joint_volumes]
     notes = list(_wrapped(f"Volumes of joints: {', '.join(volumes)}. {SAID}" if volumes else SAID, width))

@@ -97,7 +97,7 @@ class ExtrasRequest(RunRequest):
         if self.motion:
             rows = np.linspace(0, len(run.columns["time_s"]) - 1, MOTION_SAMPLES).round().astype(int)
             moving = [column for column in run.columns if column == "time_s" or _ANIMATED.search(column)]
-            arrays |= {f"motion/{name}": np.asarray(run.columns[name], dtype=float)[rows] for name in moving}
+            arrays |= {f"motion/{name}": run.columns[name][rows] for name in moving}
             head["platforms"], own = platform_motion(described, run, rows, compared)
             arrays |= own
         if self.loops:
@@ -318,7 +318,7 @@ def platform_motion(
     for own in each:
         poses = pose_columns(own)[0]
         known = [name for name in run_columns(own) if name in run.columns]
-        some = {name: np.asarray(run.columns[name], dtype=float)[rows] for name in known}
+        some = {name: run.columns[name][rows] for name in known}
         outputs = {name: some[name] for name in poses} | platform_outputs(own, some)
         pose = motion_of(own, some)[0]
         *lines, (_, _, path) = platform_lines(own, pose)

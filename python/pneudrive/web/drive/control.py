@@ -23,7 +23,7 @@ from pneudrive.control.tuning import Controller, laws
 from pneudrive.describe.files import toml
 from pneudrive.errors import Cancelled, CommandError, PneudriveError, package_table
 from pneudrive.progress import Watch
-from pneudrive.report.control import error_unit, gain_rows
+from pneudrive.report.control import error_unit, gain_rows, tracks_of
 from pneudrive.views import ShownTable, View
 from pneudrive.web.drive.run_request import Described, Run, RunLimit, check_samples, described_at
 from pneudrive.web.jobs import RESULTS, JobRequest, PageJobs, folder_name
@@ -39,7 +39,6 @@ TRUE = "True drive: factors of the described values, and values in SI."
 SLIDER = 4.0  # a gain's slider ranges from a quarter to four times its derived value
 #: Panels of a run: title, SI unit of the columns, unit and its size, columns with their labels.
 _PANELS = package_table(__file__, "../panels.toml")["control"]
-_TRACK = ("time_s", "position_m", "reference_m")
 
 
 class ControlRequest(PageRequest):
@@ -243,7 +242,7 @@ def _about(prepared: Prepared, run: Run) -> Plain:
         scale = float(size) / gain.value if gain.value else 1.0
         slider = {"key": gain.key, "number": float(size), "unit": unit, "low": scale * low, "high": scale * high}
         gains.append(slider | {"meaning": gain.meaning, "rule": "given" if gain.given else gain.rule})
-    true = tuple((name, f"{value:.4g}") for name, value in about["deviations"].items())
+    true = [(name, f"{value:.4g}") for name, value in about["deviations"].items()]
     deviations = (ShownTable(TRUE, ("deviation", "value"), true),) if true else ()
     told = f"{tuning.law} for {tuning.belief.name}, every {1e3 * tuning.period_s:.3g} ms"
     setup = f"Setup {prepared.setup_name}. {prepared.setup.about}"
@@ -262,10 +261,9 @@ def _about(prepared: Prepared, run: Run) -> Plain:
 
 def _assumed(title: str, about: Keyed, notes: tuple[str, ...] = (), tables: Iterable[ShownTable] = ()) -> Plain:
     """Return the drive that the laws assume, their gains and their limits as the data of a view."""
-    plant = tuple(map(tuple, about["plant"]))
     shown = (
         ShownTable("Gains", ("law", "gain", "value", "meaning", "follows from"), tuple(gain_rows(about["laws"]))),
-        ShownTable("Drive as assumed by the controllers, near mid-stroke", ("property", "value"), plant),
+        ShownTable("Drive as assumed by the controllers, near mid-stroke", ("property", "value"), about["plant"]),
     )
     limits = (f"{name}: {limit}" for name, law in about["laws"].items() for limit in law["limits"])
     return View(title, notes=(*notes, *limits), tables=(*tables, *shown)).data()
@@ -380,7 +378,7 @@ def shown_card(workspace: Workspace, path: str, measure: str = "") -> Plain:
     told = card.about["laws"]
     ended = ((run.law, run.reference, run.reason) for run in card.runs if run.score is None)
     failed = dict.fromkeys(f"{law} along {along} ended early: {reason}" for law, along, reason in ended)
-    truth = tuple((name, f"{low:.4g}", f"{high:.4g}") for name, (low, high) in card.truth.items())
+    truth = [(name, f"{low:.4g}", f"{high:.4g}") for name, (low, high) in card.truth.items()]
     true = ShownTable(TRUE, ("deviation", "least", "largest"), truth)
     return {
         "spread": card.spread,
@@ -441,13 +439,9 @@ def shown_tracks(
     if reference not in card.references:
         raise CommandError(f"{reference[:80]!r} is not a reference of {path}", rule=", ".join(card.references))
     seeds, errors, arrays = dict[str, int](), [], Plain()
-    for law in card.laws:
-        run = next((one for one in card.of(law, reference) if one.score is not None and one.file.is_file()), None)
-        if run is not None:
-            track = run.columns(*_TRACK)
-            track["error_m"] = track["reference_m"] - track["position_m"]
-            seeds[law] = run.seed
-            errors.append(track["error_m"])
-            arrays |= {f"{law}/{key}": values for key, values in drawn_columns(track, pixels).items()}
+    for run, track in tracks_of(card, reference):
+        seeds[run.law] = run.seed
+        errors.append(track["error_m"])
+        arrays |= {f"{run.law}/{key}": values for key, values in drawn_columns(track, pixels).items()}
     head = {"reference": reference, "laws": list(seeds), "seeds": list(seeds.values()), "error": _error_unit(errors)}
     return pack(head, arrays)

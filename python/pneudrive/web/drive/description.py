@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import re
 import zipfile
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
@@ -77,11 +77,11 @@ def _copies(text: str) -> dict[str, list[str]]:
 
 def fields_of(described: Described) -> Plain:
     """Return the name, values, assumptions and commands of a description, and the initial sliders."""
-    owner = _owners(described)
-    every = values_of(described)
+    # A part of a table before the whole of it: [load.spring] is a component, and the rest of [load] another.
+    places, every = described.component_places, values_of(described)
     absent = _absent(described, every)
     every = sorted(every, key=lambda one: ORDER.get(one.key.partition(".")[0], len(FIRST)))
-    values = [field_of(one) | {"component": owner(one.key)} for one in every if one.key not in absent]
+    values = [field_of(one) | {"component": _owner(one.key, places)} for one in every if one.key not in absent]
     slides = [one["key"] for end in FIRST_SLIDERS for one in values if "low" in one and _ends(one["key"], end)]
     return {
         "name": described.name,
@@ -117,15 +117,9 @@ def _lowest_commands(described: Described) -> dict[str, int]:
     return {name: 0 if "not less than 0" in bounds.get(f"{name}.{COMMAND}", "") else -1 for name in named}
 
 
-def _owners(described: Described) -> Callable[[str], str]:
-    """Return a function that returns the component of a key in the drawing; empty without a component."""
-    # A part of a table before the whole of it: [load.spring] is a component, and the rest of [load] another.
-    ordered = described.component_places
-
-    def owner(key: str) -> str:
-        return next((at.split(".")[1] for at, own in ordered if key == own or key.startswith(f"{own}.")), "")
-
-    return owner
+def _owner(key: str, places: Sequence[tuple[str, str]]) -> str:
+    """Return the component of a key in the drawing; empty without a component."""
+    return next((at.split(".")[1] for at, own in places if key == own or key.startswith(f"{own}.")), "")
 
 
 def _ends(key: str, end: str) -> bool:

@@ -7,10 +7,9 @@ from functools import lru_cache
 from pathlib import Path
 
 from pneudrive import numbers
-from pneudrive.arrays import Plain
+from pneudrive.arrays import Interval, Plain, by_name
 from pneudrive.constants import ANR_LITRES_PER_KG
 from pneudrive.errors import CommandError, PneudriveError
-from pneudrive.figures import plain_data
 from pneudrive.files.content import read_json, read_text
 from pneudrive.files.writing import is_held
 from pneudrive.lazy_names import upper
@@ -53,7 +52,7 @@ def checked_or_first(text: str | None = None) -> Plain:
             {"key": key, "text": text, "kind": "given" if is_given else "default", "origin": meaning}
             for key, text, is_given, meaning in values_of(task)
         ],
-        "follows": [dict(zip(("what", "value", "unit"), row, strict=True)) for row in follows_from(task)],
+        "follows": [by_name(("what", "value", "unit"), row) for row in follows_from(task)],
     }
 
 
@@ -79,22 +78,20 @@ def shown_sizing(workspace: Workspace, path: str) -> Plain:
     ranked = sorted(
         simulated, key=lambda drive: (places.get(drive.name, len(places)), not drive.is_feasible, drive.rank)
     )
-    return plain_data(
-        {
-            "name": task.name,
-            "words": _in_words(task),
-            "task": _file_of(workspace, task),
-            "draws": about["draws"][0],
-            "candidates": [_candidate(drive, places.get(drive.name), path) for drive in ranked],
-            "view": done and done.view().data(),
-            "sheet": done and done.best and upper("sizing_sheet")(done).data(),
-            "short": short,
-            "done": done is not None and not done.interrupted,
-            "searched": is_held(folder / LOCK),
-            "provisional": read_text(early, CommandError).strip() if early.is_file() and done is None else "",
-            "asked": done.asked if done and done.asked and is_of_command(done.asked) else None,
-        }
-    )
+    return {
+        "name": task.name,
+        "words": _in_words(task),
+        "task": _file_of(workspace, task),
+        "draws": about["draws"][0],
+        "candidates": [_candidate(drive, places.get(drive.name), path) for drive in ranked],
+        "view": done and done.view().data(),
+        "sheet": done and done.best and upper("sizing_sheet")(done).data(),
+        "short": short,
+        "done": done is not None and not done.interrupted,
+        "searched": is_held(folder / LOCK),
+        "provisional": read_text(early, CommandError).strip() if early.is_file() and done is None else "",
+        "asked": done.asked if done and done.asked and is_of_command(done.asked) else None,
+    }
 
 
 def _in_words(task: SizingTask) -> str:
@@ -147,7 +144,7 @@ def _candidate(drive: SizedDrive, place: int | None, folder: str) -> Plain:
     }
 
 
-def _scaled(ends: tuple[float, float] | None, factor: float) -> list[float] | None:
+def _scaled(ends: Interval | None, factor: float) -> list[float] | None:
     return None if ends is None else [factor * end for end in ends]
 
 

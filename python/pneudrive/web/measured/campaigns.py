@@ -9,7 +9,7 @@ from contextlib import suppress
 from functools import cache
 from pathlib import Path
 
-from pneudrive.arrays import Plain
+from pneudrive.arrays import Pair, Plain, by_name
 from pneudrive.campaign.cycle import Head
 from pneudrive.campaign.running.live import read_live
 from pneudrive.campaign.status import Status, preliminary_frictions, status_of
@@ -97,7 +97,7 @@ class WatchedCampaign:
         }
         found = preliminary_frictions(list(sound.values()), status.campaign.identity)
         heads = (file.head for file in sound.values())
-        self._points = known | dict(zip(sound, zip(heads, found, strict=True), strict=True))
+        self._points = known | by_name(sound, zip(heads, found, strict=True))
         self._status = status
 
 
@@ -139,7 +139,7 @@ def ask_campaign(workspace: Workspace, path: str, control: bool, word: object = 
 
 def _groups(points: list[tuple[Head, float]], ambient_pa: float) -> list[Plain]:
     """Return the preliminary estimates of friction over speed, grouped by pair of chamber pressures."""
-    groups: dict[tuple[float, float], list[Plain]] = {}
+    groups: dict[Pair, list[Plain]] = {}
     for head, friction in points[:MOST_POINTS]:
         cycle = head.cycle
         if cycle.kind == "sweep" and cycle.speed_m_s and math.isfinite(friction):
@@ -148,6 +148,6 @@ def _groups(points: list[tuple[Head, float]], ambient_pa: float) -> list[Plain]:
     return [{"label": _label(pair, ambient_pa), "points": own} for pair, own in sorted(groups.items())]
 
 
-def _label(pair: tuple[float, float], ambient_pa: float) -> str:
+def _label(pair: Pair, ambient_pa: float) -> str:
     a, b = ((one - ambient_pa) / 1e5 for one in pair)
     return f"a {a:.3g}, b {b:.3g} bar gauge"

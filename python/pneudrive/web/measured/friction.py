@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import numpy as np
 
-from pneudrive.arrays import Array, Columns, Ints, Plain
+from pneudrive.arrays import Array, Columns, Ints, Plain, by_name
 from pneudrive.campaign.planning.next_points import limits_of
 from pneudrive.errors import CommandError, PneudriveError
 from pneudrive.figures import Axis, Figure, Line, Markers, Panel
@@ -167,20 +167,19 @@ def map_slice(workspace: Workspace, path: str, fit: str, speed: Literal["all"] |
     if chosen_m_s is not None and not (np.isfinite(chosen_m_s) and chosen_m_s > 0.0):
         raise CommandError(f"speed = {chosen_m_s} m/s", rule="a speed above zero")
     _, drawn, fits, _ = _drawn_groups(workspace.path(path, MAPS), fit_name)
-    gauges = np.array([group["gauges"] for group in drawn])
-    along = int(np.ptp(gauges[:, 1]) >= np.ptp(gauges[:, 0]))
-    assemblies = np.array([group["assembly"] for group in drawn])
-    names = list(dict.fromkeys(assemblies.tolist()))
+    along = int(np.diff(np.ptp([group["gauges"] for group in drawn], axis=0))[0] >= 0.0)
+    names = list(dict.fromkeys(group["assembly"] for group in drawn))
     groups, levels = [], []
     for name in names:
-        part = np.flatnonzero(assemblies == name)
-        speeds = [point["speed"] for k in part for point in drawn[k]["points"]]
+        part = [group for group in drawn if group["assembly"] == name]
+        gauges = np.array([group["gauges"] for group in part])
+        speeds = [point["speed"] for group in part for point in group["points"]]
         speed_m_s = chosen_m_s or float(np.exp(np.mean(np.log(speeds))))
-        for inside in (part[near] for near in alike(gauges[part][:, [1 - along]])):
+        for inside in alike(gauges[:, [1 - along]]):
             points = [
-                {**point, "gauge": drawn[k]["gauges"][along]}
+                {**point, "gauge": part[k]["gauges"][along]}
                 for k in inside
-                for point in drawn[k]["points"]
+                for point in part[k]["points"]
                 if chosen_m_s is None or abs(np.log(point["speed"] / speed_m_s)) <= NEAR
             ]
             other = float(gauges[inside, 1 - along].mean())
@@ -213,17 +212,12 @@ def _band(fit: FrictionFit, *at: Array | float) -> Plain:
 
 
 def _points(table: xr.Dataset, rows: Ints) -> list[Plain]:
-    part = table.isel(row=rows)
-    spread = 2.0 * np.hypot(part["stderr_n"].to_numpy(), part["u_systematic_n"].to_numpy())  # U, k = 2
-    columns = {
-        "recording": part["recording"].to_numpy().tolist(),
-        "direction": part["direction"].to_numpy().tolist(),
-        "speed": np.abs(part["velocity_m_s"].to_numpy()).tolist(),
-        "friction": part["friction_n"].to_numpy().tolist(),
-        "spread": [None if np.isnan(value) else float(value) for value in spread],
-        "flags": part["flags"].to_numpy().tolist(),
-    }
-    return [dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)]
+    part = {str(name): column.to_numpy() for name, column in table.isel(row=rows).items()}
+    spread = 2.0 * np.hypot(part["stderr_n"], part["u_systematic_n"])  # U, k = 2
+    columns = {name: part[name] for name in ("recording", "direction")}
+    columns |= {"speed": np.abs(part["velocity_m_s"]), "friction": part["friction_n"]}
+    columns |= {"spread": np.where(np.isnan(spread), np.array(None), spread), "flags": part["flags"]}
+    return [by_name(columns, row) for row in zip(*(own.tolist() for own in columns.values()), strict=True)]
 
 
 def behind_fit(workspace: Workspace, path: str) -> Plain:

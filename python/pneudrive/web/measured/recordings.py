@@ -16,9 +16,8 @@ from typing import Any
 import numpy as np
 from pydantic import Field, FiniteFloat, StrictStr
 
-from pneudrive.arrays import Array, Columns, Interval, Keyed, Plain
+from pneudrive.arrays import Array, Columns, Interval, Keyed, Plain, by_name
 from pneudrive.errors import CommandError, PneudriveError, RecordingError
-from pneudrive.figures import plain_data
 from pneudrive.files.content import unreadable
 from pneudrive.progress import Watch
 from pneudrive.signals.channels import ChannelFile, amplitude_density, open_channels, pairs
@@ -91,7 +90,7 @@ class OpenRecording:
         time_s, *values = (
             np.concatenate([column_part(self, key, at) for at in parts])[inside] for key in (None, *names)
         )
-        return time_s, dict(zip(names, values, strict=True))
+        return time_s, by_name(names, values)
 
     @cached_property
     def span(self) -> Interval:
@@ -397,7 +396,7 @@ def measured(
             slope = (second - first) / between if between else None
             row = {"recording": name, "label": label, "unit": unit, "time_s": times, "values": [first, second]}
             rows.append({**row, "difference": second - first, "slope": slope})
-    return {"rows": plain_data(rows)}
+    return {"rows": rows}
 
 
 def by_stem(files: Iterable[Listed]) -> dict[str, list[str]]:

@@ -13,13 +13,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from pneudrive.arrays import Array, Columns, Interval, Ints, Plain, by_name
 from pneudrive.signals.channels import first_fall
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
     from pathlib import Path
 
-    from pneudrive.arrays import Array, Columns, Ints, Plain
     from pneudrive.progress import Watch
 
     #: Times of samples between two rows, s, and values of columns, by name.
@@ -86,11 +86,9 @@ class Pyramid:
             starts = np.arange(0, rows[1] - begin, BLOCK)
             at = slice(begin // BLOCK, begin // BLOCK + len(starts))
             seconds, values = read(names, rows)
-            if (
-                fall is None
-                and (found := first_fall(seconds, time[at.start - 1, 1] if begin else seconds[0])) is not None
-            ):
-                fall = begin + found
+            if fall is None:
+                found = first_fall(seconds, time[at.start - 1, 1] if begin else seconds[0])
+                fall = None if found is None else begin + found
             time[at, 0] = seconds[starts]
             time[at, 1] = seconds[np.minimum(starts + BLOCK, len(seconds)) - 1]
             for channel, name in enumerate(names):
@@ -125,7 +123,7 @@ class Pyramid:
 
     def window(
         self,
-        span: tuple[float, float],
+        span: Interval,
         pixels: int,
         channels: Sequence[str],
         samples: Reader,
@@ -151,9 +149,9 @@ class Pyramid:
         rows = (first * BLOCK, min(last * BLOCK, self.count))
         if last - first >= pixels:
             begins, ends = self.time[first:last].T
-            places = {name: self.names.index(name) for name in channels}
-            low, high = ({name: own[at, first:last] for name, at in places.items()} for own in (self.low, self.high))
-            missing = sum(self.missing[at, first:last].sum(dtype=np.int64) for at in places.values())
+            places = [self.names.index(name) for name in channels]
+            low, high = (by_name(channels, list(own[places, first:last])) for own in (self.low, self.high))
+            missing = self.missing[places, first:last].sum(dtype=np.int64)
             about: Plain = {"missing": missing, "samples": rows[1] - rows[0], "raw": False}
         else:
             seconds, values = samples(channels, rows)
@@ -223,7 +221,7 @@ def drawn_columns(columns: Columns, pixels: int) -> Columns:
     return {"time_s": sent, **drawn, **{f"{name}/at": own[rows] for name, own in values.items()}}
 
 
-def _edges(seconds: Array, span: tuple[float, float], pixels: int) -> Ints:
+def _edges(seconds: Array, span: Interval, pixels: int) -> Ints:
     """Return the first sample of each pixel column, at increasing times; columns without a sample are left out."""
     wanted = np.searchsorted(seconds, np.linspace(*span, pixels + 1)[1:-1])
     edges = np.concatenate([[0], wanted, [len(seconds)]])

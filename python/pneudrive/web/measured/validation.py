@@ -19,7 +19,7 @@ from pneudrive.describe.circuit import Circuit
 from pneudrive.describe.drive import Drive
 from pneudrive.describe.files import toml
 from pneudrive.errors import CommandError
-from pneudrive.figures import Look, Markers, plain_data
+from pneudrive.figures import Look, Markers
 from pneudrive.free.parameters import numbers_of, with_shape
 from pneudrive.friction.friction_map import groups_of, read_map
 from pneudrive.identify.static.fit import fit_file
@@ -61,23 +61,21 @@ def shown_validation(workspace: Workspace, path: str) -> Plain:
     for record in content["record"]:
         record["file"] = files.get(record["sha256"], "")
         record["span"] = [0.0, record["duration_s"]]
-    return plain_data(
-        {
-            **{key: content[key] for key in ("window_s", "synthetic", "notes", "verdict", "record", "condition")},
-            "diagnosis": content["diagnosis"],
-            "name": provenance["drive"],
-            "version": provenance["version"],
-            "drive": place,
-            "editable": drive is not None and (is_in_catalogue(place) or lineage.files[place].kind != "fit"),
-            "suspects": _suspects(drive, content["diagnosis"]),
-            "values": _values(lineage.edges(place), drive, recordings, provenance.get("identified", {})),
-            "channels": [
-                {"column": column, "label": label, "size": size, "unit": unit}
-                for column, label in CHANNELS.items()
-                for size, unit in (readable("m" if column.endswith("_m") else "Pa"),)
-            ],
-        }
-    )
+    return {
+        **{key: content[key] for key in ("window_s", "synthetic", "notes", "verdict", "record", "condition")},
+        "diagnosis": content["diagnosis"],
+        "name": provenance["drive"],
+        "version": provenance["version"],
+        "drive": place,
+        "editable": drive is not None and (is_in_catalogue(place) or lineage.files[place].kind != "fit"),
+        "suspects": _suspects(drive, content["diagnosis"]),
+        "values": _values(lineage.edges(place), drive, recordings, provenance.get("identified", {})),
+        "channels": [
+            {"column": column, "label": label, "size": size, "unit": unit}
+            for column, label in CHANNELS.items()
+            for size, unit in (readable("m" if column.endswith("_m") else "Pa"),)
+        ],
+    }
 
 
 def _read(workspace: Workspace, name: str) -> Plain:
@@ -262,7 +260,7 @@ def compared(workspace: Workspace, before: str, after: str) -> Plain:
         "names": labels,
         "sentence": found.sentence,
         "values": [pair._asdict() for pair in found.values],
-        "figure": None if figure is None else plain_data(ShownFigure("compared", caption, figure)),
+        "figure": figure and ShownFigure("compared", caption, figure),
         "lines": lines,
         "command": shell("compare", *names),
         "python": python("compare", before=before, after=after),
