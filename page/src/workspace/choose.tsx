@@ -119,7 +119,7 @@ export function Starts({ isEmpty }: { isEmpty: boolean }) {
   );
 }
 
-/** What the views say that begin with a choice of a file. */
+/** Text of each view that begins with a choice of a file. */
 export const ENTRIES: Record<string, string> = {
   drive: "A drive or a circuit is a TOML file. Open one to see its drawing, its values and its text.",
   simulate: "Open a drive or a circuit to run it. Each slider changes the run while you drag it.",
