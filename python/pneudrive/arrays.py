@@ -44,6 +44,11 @@ def by_name(names: Iterable[Name], values: Iterable[Value]) -> dict[Name, Value]
     return dict(zip(names, values.tolist() if isinstance(values, np.ndarray) else values, strict=True))
 
 
+def rows_of(columns: Mapping[str, Array], rows: Bools | Ints | slice) -> Columns:
+    """Return some rows of columns."""
+    return {name: column[rows] for name, column in columns.items()}
+
+
 def evenly(count: int, most: int) -> Ints:
     """Return at most `most` indices, evenly spread from 0 to ``count - 1``.
 

@@ -358,9 +358,9 @@ def _readers(recordings: Input, layout: Layout | str | Path | None) -> tuple[int
             if campaign is None:
                 yield file.name, lambda file=file: find_long(file, reduction.LONG_SAMPLES) or file.read()
             else:
-                yield from ((cycle.name, lambda cycle=cycle: cycle) for cycle in campaign.recordings())
+                yield from ((cycle.name, lambda cycle=cycle: cycle) for cycle in campaign[1])
 
-    return len(loaded) + sum(1 if campaign is None else len(campaign) for campaign in campaigns), readers()
+    return len(loaded) + sum(1 if campaign is None else campaign[0].size for campaign in campaigns), readers()
 
 
 def _extracted(

@@ -160,30 +160,12 @@ def uncertainty(text: str, si_unit: str) -> float:
     return value
 
 
-@dataclass(frozen=True)
-class Role:
-    """Role that a column may have.
-
-    Attributes
-    ----------
-    words : str
-        Regular expression of names of the role, in lower-case words without the unit.
-    si : str
-        SI unit of the role's quantity. A column with the unit of another quantity is not a candidate.
-    by_size : tuple of (float, str)
-        Units to assume for numbers without a unit: (largest span of a position or largest value of a pressure, unit).
-    scaled : str
-        Unit in a layout for volts and counts, which need a scale.
-    """
-
-    words: str
-    si: str | None = None
-    by_size: tuple[tuple[float, str], ...] = ()
-    scaled: str = ""
-
-
 SIGNALS, SAMPLES = _TABLES["signals"], _TABLES["samples"]
-ROLES = {name: Role(**table) for name, table in _TABLES["roles"].items()}
+#: Role -> ``words``: regular expression of its names in lower-case words, without the unit; ``si``: unit of its
+#: quantity. A column with the unit of another quantity is not a candidate. ``by_size``: units to assume for numbers
+#: without a unit, as pairs of largest span of a position (or largest value of a pressure) and unit. ``scaled``: unit in
+#: a layout for volts and counts, which need a scale.
+ROLES = _TABLES["roles"]
 SECONDARY, INDEX, NUMBERING = (re.compile(_TABLES["words"][name]) for name in ("secondary", "index", "numbering"))
 #: Smallest number of columns whose names differ only in a number, to form a family.
 FAMILY = 3
@@ -204,7 +186,7 @@ def words_of(name: str) -> str:
 def role_of(name: str) -> str | None:
     """Return the role that a name states, None for no role."""
     words = words_of(name)
-    return next((name for name, role in ROLES.items() if re.search(role.words, words)), None)
+    return next((name for name, role in ROLES.items() if re.search(role["words"], words)), None)
 
 
 def side_of(name: str) -> str | None:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from pneudrive.arrays import Array, ArrayPair, Bools, Columns, Keyed, Plain, rows_of
 from pneudrive.errors import RecordingError, warn
 from pneudrive.files.content import parse_json
 from pneudrive.files.tables import open_table
@@ -22,8 +23,6 @@ from pneudrive.simulation.trajectory import columns_in, meaning, read_columns
 
 if TYPE_CHECKING:
     import xarray as xr
-
-    from pneudrive.arrays import Array, ArrayPair, Bools, Columns, Interval, Keyed, Plain
 
     Given = str | Path | xr.Dataset | Mapping[str, Any]
 
@@ -146,7 +145,7 @@ class VolumeRecording(DriveRecording):
 
     def at(self, keep: Bools) -> VolumeRecording:
         """Return the recording at some of its samples."""
-        return replace(self, columns={name: column[keep] for name, column in self.columns.items()})
+        return replace(self, columns=rows_of(self.columns, keep))
 
 
 def drive_recording(
@@ -229,10 +228,10 @@ def volume_recording(
         {"command": np.ones(np.size(columns.get("time_s", ()))), **columns}, OF_VOLUME[:2], OF_VOLUME, where, rule
     )
     finite = np.all([np.isfinite(values) for values in used.values()], axis=0)
-    used = {column: values[finite] for column, values in used.items()}
+    used = rows_of(used, finite)
     _refuse_fall(used["time_s"], np.diff(used["time_s"]) < 0.0, "time runs backwards", where)
     fresh = np.diff(used["time_s"], prepend=-np.inf) > 0.0
-    used = {column: values[fresh] for column, values in used.items()}
+    used = rows_of(used, fresh)
     time = used["time_s"]
     if time.size < LEAST_OF_VOLUME:
         raise RecordingError(f"{time.size} samples are left", where=where, rule=f"at least {LEAST_OF_VOLUME}")
@@ -377,11 +376,11 @@ def _drive_columns(
     if isinstance(item, Mapping):
         return {str(column): values for column, values in item.items()}, name, {}, None
     path = Path(str(item))
-    there = columns_in(path, known) if layout is None else []
-    if layout is None and set(needed) <= {names.get(column, column) for column in there}:  # a file of `simulate`
-        text = open_table(path, "parquet").metadata.get("pneudrive", "{}") if path.suffix == ".parquet" else "{}"
-        return read_columns(path, there), stem(path), _labels(parse_json(text, str(path), RecordingError)), path
     if layout is None:
+        there = columns_in(path, known)
+        if set(needed) <= {names.get(column, column) for column in there}:  # a file of `simulate`
+            text = open_table(path, "parquet").metadata.get("pneudrive", "{}") if path.suffix == ".parquet" else "{}"
+            return read_columns(path, there), stem(path), _labels(parse_json(text, str(path), RecordingError)), path
         layout = find_layout(path) if path.is_file() else layout_beside(path)
     if layout is None:
         with path.open("rb") as file:
@@ -418,23 +417,15 @@ def check_plausible(recording: DriveRecording, stroke: float, ambient: float, su
     step = np.median(np.diff(recording.time_s))
     if step > COARSEST_S:
         raise RecordingError.of("signals.coarse-samples", where=where, step=step, coarsest=COARSEST_S)
-    margin = BEYOND_STROKE * stroke
-    rule = f"from 0 to the stroke of {stroke:g} m"
-    remedy = "check the unit and the zero of the position, or cylinder.stroke"
-    _check_range(recording, "position_m", (-margin, stroke + margin), rule, remedy)
-    rule = f"absolute, in Pa: between ambient, {ambient:g} Pa, and supply, {supply:g} Pa"
-    remedy = "check the unit, and whether it is gauge pressure; a layout states both"
-    for column in ("pressure_a_pa", "pressure_b_pa"):
-        _check_range(recording, column, (LOWEST * ambient, HIGHEST * supply), rule, remedy)
-
-
-def _check_range(recording: DriveRecording, column: str, limits: Interval, rule: str, remedy: str) -> None:
-    """Reject a column with values outside limits in SI. Single outliers are ignored."""
-    if column in recording and np.isfinite(recording[column]).any():
-        low, high = np.nanquantile(recording[column], QUANTILES)
-        if low < limits[0] or high > limits[1]:
-            names = {"where": str(recording.source or recording.name), "rule": rule, "remedy": remedy}
-            raise RecordingError.of("signals.impossible-range", column=column, low=low, high=high, **names)
+    margin, pressures = BEYOND_STROKE * stroke, (LOWEST * ambient, HIGHEST * supply)
+    limits = {"position_m": (-margin, stroke + margin), "pressure_a_pa": pressures, "pressure_b_pa": pressures}
+    for column, (least, most) in limits.items():
+        if column in recording and np.isfinite(recording[column]).any():
+            low, high = np.nanquantile(recording[column], QUANTILES)  # single outliers are ignored
+            if low < least or high > most:
+                numbers = {"low": low, "high": high, "stroke": stroke, "ambient": ambient, "supply": supply}
+                message = f"signals.impossible-{'pressures' if column.endswith('_pa') else 'positions'}"
+                raise RecordingError.of(message, where=where, column=column, **numbers)
 
 
 def refuse_standstill(recordings: Sequence[DriveRecording], free: Sequence[str]) -> None:

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from pneudrive.arrays import Array, Columns, Plain, rows_of
 from pneudrive.errors import DescriptionError, RecordingError, warn
 from pneudrive.files.formats import UNIT_OF
 from pneudrive.files.tables import open_table
@@ -25,14 +26,10 @@ from pneudrive.signals.text_table import FileForm, ForeignTable, read_bytes, rea
 from pneudrive.units import converter, suffix
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Iterator, Mapping
     from pathlib import Path
 
     from numpy.typing import NDArray
-
-    from pneudrive.arrays import Array, Plain
-
-    Columns = dict[str, Array]
 
 WITH_CLOCKS = ("tdms", "mf4")  # formats in which each channel has its own times
 TEXT_KINDS = frozenset("OSTU")  # kinds of arrays of texts
@@ -126,7 +123,7 @@ def read_binary(
             raise RecordingError("the channels have no time in common", where=str(path), value=", ".join(names))
     columns |= {name: column for name, column in _numeric(arrays, {}, path).items() if column.size == size}
     return ForeignTable(
-        {name: column[part] for name, column in columns.items()},
+        rows_of(columns, part),
         places,
         {name: opened.metadata.get(UNIT_OF + name, "") for name in columns},
         unread=[name for name in opened.names if name not in columns],
@@ -216,8 +213,7 @@ def read_channels(
         channels[channel] = full
     part = times.overlap(completed, time.size)
     flags = table.flags | ({"counter_wrap": wraps} if wraps else {})
-    columns = {name: column[part] for name, column in table.columns.items()}
-    return replace(table, columns=columns, flags=flags), {name: values[part] for name, values in channels.items()}
+    return replace(table, columns=rows_of(table.columns, part), flags=flags), rows_of(channels, part)
 
 
 def _time_of(column: TimeColumn, table: ForeignTable, where: str) -> tuple[Array, int]:
@@ -263,23 +259,9 @@ def import_file(path: Path, layout: FileLayout) -> tuple[Plain, dict[str, int], 
     """
     data = read_bytes(path)
     table, channels = read_channels(path, layout, data)
-    for doubt in unit_doubts(layout, table):
+    for doubt in _doubts(layout, table):
         warn(f"{path.name}: {doubt}")
-    stated = layout.chamber_pressures().items()
-    sides = {channel[-1] for channel, pressure in stated if pressure == layout.ambient_pa}
-    names = {name: split_name(name)[0] for name in table.unread if sides}
-    unread = [
-        name
-        for name, bare in names.items()
-        if role_of(bare) == "pressure" and not SECONDARY.search(words_of(bare)) and chamber_of(bare) in {*sides, ""}
-    ]
-    if unread:
-        shown = ", ".join(f"'{name}'" for name in unread)
-        warn(
-            f"{path.name}: by the layout a chamber is open to ambient, so {shown} is not used: "
-            "if it is the pressure of a chamber, name it pressure_a or pressure_b"
-        )
-    raw = {channel: values[layout.skip_samples :] for channel, values in channels.items()}
+    raw = rows_of(channels, slice(layout.skip_samples, None))
     if raw["time"].size == 0:
         numbers = {"size": channels["time"].size, "skip_samples": layout.skip_samples}
         raise RecordingError.of("signals.no-sample-left", where=str(path), **numbers)
@@ -288,12 +270,11 @@ def import_file(path: Path, layout: FileLayout) -> tuple[Plain, dict[str, int], 
     return si_columns(layout, raw), flags, hashlib.sha256(data).hexdigest()
 
 
-def unit_doubts(layout: FileLayout, table: text_table.ForeignTable) -> list[str]:
-    """Return messages on units that differ between file and layout: size of the unit, or gauge and absolute.
+def _doubts(layout: FileLayout, table: ForeignTable) -> Iterator[str]:
+    """Yield messages on units that differ between file and layout (size, gauge), and on unused pressures of chambers.
 
     A file states a unit in the name of the column, or in a row of units below the names.
     """
-    doubts = []
     for channel, column in layout.channels.items():
         cell = table.units.get(table.places.get(column.column, ""), "")
         named = header_unit(cell) or split_name(str(column.column))[1]
@@ -303,14 +284,25 @@ def unit_doubts(layout: FileLayout, table: text_table.ForeignTable) -> list[str]
         try:
             factor = converter(named.unit, UNITS.get(channel, "Pa"))[0]
         except DescriptionError:
-            doubts.append(f"{where} is in {named.unit} in the file, which is not a unit of {channel}: check the column")
+            yield f"{where} is in {named.unit} in the file, which is not a unit of {channel}: check the column"
             continue
         is_other = not math.isclose(factor, unit.factor, rel_tol=1e-3) and column.scale == 1.0
         turned = None not in (named.gauge, unit.gauge) and named.gauge is not unit.gauge
         if is_other or turned:
             sort = "" if named.gauge is None else " gauge" if named.gauge else " abs"
-            doubts.append(f"{where} is in {named.unit}{sort} in the file, but in {unit.text} by the layout")
-    return doubts
+            yield f"{where} is in {named.unit}{sort} in the file, but in {unit.text} by the layout"
+    stated = layout.chamber_pressures().items()
+    sides = {channel[-1] for channel, pressure in stated if pressure == layout.ambient_pa}
+    unread = []
+    for name in table.unread if sides else ():
+        bare = split_name(name)[0]
+        if role_of(bare) == "pressure" and not SECONDARY.search(words_of(bare)) and chamber_of(bare) in {*sides, ""}:
+            unread.append(f"'{name}'")
+    if unread:
+        yield (
+            f"by the layout a chamber is open to ambient, so {', '.join(unread)} is not used: "
+            "if it is the pressure of a chamber, name it pressure_a or pressure_b"
+        )
 
 
 def si_columns(layout: FileLayout, raw: Columns) -> Plain:
@@ -327,7 +319,7 @@ def si_columns(layout: FileLayout, raw: Columns) -> Plain:
         for channel, delay in late.items():
             values[channel] = np.interp(time, time[known] - delay, values[channel][known], left=np.nan, right=np.nan)
     part = times.overlap((values[channel] for channel in late), time.size)
-    values = {channel: column[part] for channel, column in values.items()}
+    values = rows_of(values, part)
     for number, force in enumerate(layout.force, 1):
         across = values.pop(f"force {number}: pressure") - values.pop(f"force {number}: against", layout.ambient_pa)
         values[f"force {number}"] = (1 if force.positive == "+x" else -1) * force.area_m2 * across

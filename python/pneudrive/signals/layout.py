@@ -561,9 +561,7 @@ class Layout(Shown):
         return self
 
 
-@lru_cache(maxsize=256)
-def _read(layout: Layout, chosen: tuple[int, ...]) -> FileLayout:
-    return layout.read(chosen)
+_read = lru_cache(maxsize=256)(Layout.read)
 
 
 def stem(path: Path) -> str:

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, TypeGuard
 
 import numpy as np
 
+from pneudrive.arrays import Columns, Ints, Plain, rows_of
 from pneudrive.errors import RecordingError
 from pneudrive.files.tables import Table, open_table
 from pneudrive.signals.importer import SI_NAMES, import_file, read_rows, si_columns
@@ -25,8 +26,6 @@ if TYPE_CHECKING:
 
     import xarray as xr
     from numpy.typing import NDArray
-
-    from pneudrive.arrays import Columns, Ints, Plain
 
 
 HASHED_ROWS = 1 << 18  # of a long file at a time
@@ -255,34 +254,8 @@ def to_recording(
 BATCH_SAMPLES = 2_000_000  # samples that a worker holds at once: about 100 MB with its copies
 
 
-@dataclass(frozen=True)
-class CampaignFile(RecordingFile):
-    """A campaign file: first row of each cycle, row after the last cycle, and cycle numbers."""
-
-    bounds: Ints
-    numbers: Ints
-
-    def __len__(self) -> int:
-        """Return the number of cycles."""
-        return self.numbers.size
-
-    def recordings(self) -> Iterator[Recording]:
-        """Yield one cycle after the other, reading a batch of rows at a time."""
-        start = 0
-        assert self.said is not None
-        while start < len(self):
-            last = int(np.searchsorted(self.bounds, self.bounds[start] + BATCH_SAMPLES, side="right")) - 1
-            stop = min(max(last, start + 1), len(self))
-            rows = self.bounds[start : stop + 1] - self.bounds[start]
-            raw = read_rows(self.path, self.said, (int(self.bounds[start]), int(self.bounds[stop])))
-            for number, first, end in zip(self.numbers[start:stop], rows[:-1], rows[1:], strict=True):
-                cycle = {channel: column[first:end] for channel, column in raw.items()}
-                yield self.part(cycle, f"{stem(self.path)}/{number}")
-            start = stop
-
-
-def find_cycles(file: RecordingFile) -> CampaignFile:
-    """Find where each cycle of a campaign file starts.
+def find_cycles(file: RecordingFile) -> tuple[Ints, Iterator[Recording]]:
+    """Return the numbers of the cycles of a campaign file, and their recordings one after the other.
 
     A campaign file is Parquet, with one row for each sample. The rows of a cycle are together and in the order of time.
     A column numbers the cycle (``cycle = { column = "cycle" }`` in the layout's ``[columns]``). The other columns are
@@ -310,7 +283,22 @@ def find_cycles(file: RecordingFile) -> CampaignFile:
     again = runs["value"].filter(runs["value"].is_duplicated())
     if len(again):
         raise RecordingError.of("signals.cycle-apart", where=str(path), cycle=again.min())
-    return CampaignFile(path, file.layout, file.name, np.cumsum([0, *runs["len"]]), runs["value"].to_numpy())
+    numbers = runs["value"].to_numpy()
+    return numbers, _recordings(file, np.cumsum([0, *runs["len"]]), numbers)
+
+
+def _recordings(file: RecordingFile, bounds: Ints, numbers: Ints) -> Iterator[Recording]:
+    """Yield the cycles of a campaign file from the first row of each and the end, reading a batch of rows at a time."""
+    start = 0
+    assert file.said is not None
+    while start < numbers.size:
+        last = int(np.searchsorted(bounds, bounds[start] + BATCH_SAMPLES, side="right")) - 1
+        stop = min(max(last, start + 1), numbers.size)
+        rows = bounds[start : stop + 1] - bounds[start]
+        raw = read_rows(file.path, file.said, (int(bounds[start]), int(bounds[stop])))
+        for number, first, end in zip(numbers[start:stop], rows[:-1], rows[1:], strict=True):
+            yield file.part(rows_of(raw, slice(first, end)), f"{stem(file.path)}/{number}")
+        start = stop
 
 
 # Columns that identify a trajectory file; other files lack some.

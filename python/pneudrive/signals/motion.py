@@ -54,6 +54,11 @@ class Stroke:
         """Slice of the stroke's samples."""
         return slice(self.start, self.stop)
 
+    @property
+    def pace_m_s(self) -> float:
+        """Speed without its sign."""
+        return abs(self.speed_m_s)
+
 
 def local_slope(time_s: Array, values: Array, half_width: int = 4) -> Array:
     """Return the slope of a straight line fitted to 2 half_width + 1 neighbours, for samples at any times.
@@ -268,7 +273,7 @@ def speed_levels(strokes: list[Stroke]) -> Levels:
     """
     if not speeds_differ(strokes):
         return [list(strokes)]
-    groups = _groups(sorted(strokes, key=lambda s: abs(s.speed_m_s)), 1.0 + LEVEL_WIDTH)
+    groups = _groups(sorted(strokes, key=lambda s: s.pace_m_s), 1.0 + LEVEL_WIDTH)
     if speed_was_controlled(strokes) and _are_levels(groups):
         return [sorted(group, key=lambda s: s.index) for group in groups]
     return _one_way_levels(strokes) or [list(strokes)]
@@ -276,7 +281,7 @@ def speed_levels(strokes: list[Stroke]) -> Levels:
 
 def speeds_differ(strokes: Sequence[Stroke]) -> bool:
     """Return whether speeds differ by more than a drift, so that the strokes do not form one level."""
-    speeds = [abs(stroke.speed_m_s) for stroke in strokes]
+    speeds = [stroke.pace_m_s for stroke in strokes]
     return max(speeds) > DRIFT_RANGE * min(speeds)
 
 
@@ -286,17 +291,17 @@ def _one_way_levels(strokes: list[Stroke]) -> Levels:
     If several return strokes have the speed of the stroke before them, they belong to its class. The result is empty if
     neither direction has steps.
     """
-    ways = {d: sorted((s for s in strokes if s.direction == d), key=lambda s: abs(s.speed_m_s)) for d in (1, -1)}
+    ways = {d: sorted((s for s in strokes if s.direction == d), key=lambda s: s.pace_m_s) for d in (1, -1)}
     steps = {d: _groups(members, 1.0 + LEVEL_WIDTH) for d, members in ways.items()}
     set_ways = [d for d in (1, -1) if _are_steps(steps[d])]
     if not set_ways:
         return []
     way = max(set_ways, key=lambda d: len(steps[d]))
-    before = {stroke.index + 1: (i, abs(stroke.speed_m_s)) for i, group in enumerate(steps[way]) for stroke in group}
+    before = {stroke.index + 1: (i, stroke.pace_m_s) for i, group in enumerate(steps[way]) for stroke in group}
     returns = {
         stroke.index: before[stroke.index][0]
         for stroke in ways[-way]
-        if stroke.index in before and abs(abs(stroke.speed_m_s) / before[stroke.index][1] - 1.0) <= CONTROLLED_TOLERANCE
+        if stroke.index in before and abs(stroke.pace_m_s / before[stroke.index][1] - 1.0) <= CONTROLLED_TOLERANCE
     }
     if len(set(returns.values())) < LEAST_STEPS:
         returns = {}
@@ -309,7 +314,7 @@ def _groups(ordered: list[Stroke], width: float) -> Levels:
     """Return strokes in groups whose speeds differ at most by the factor ``width``; slowest first."""
     groups: Levels = []
     for stroke in ordered:
-        if groups and abs(stroke.speed_m_s) <= abs(groups[-1][0].speed_m_s) * width:
+        if groups and stroke.pace_m_s <= groups[-1][0].pace_m_s * width:
             groups[-1].append(stroke)
         else:
             groups.append([stroke])
@@ -321,7 +326,7 @@ def _are_steps(groups: Levels) -> bool:
 
     A few exceptions from the order are allowed, such as a first stroke at a usual speed.
     """
-    speeds = [abs(group[0].speed_m_s) for group in groups]
+    speeds = [group[0].pace_m_s for group in groups]
     apart = all(b > a * (1.0 + CONTROLLED_TOLERANCE) for a, b in pairwise(speeds))
     number = {stroke.index: i for i, group in enumerate(groups) for stroke in group}
     changes = np.sign(np.diff([number[index] for index in sorted(number)]))
@@ -337,7 +342,7 @@ def _are_levels(groups: Levels) -> bool:
     paired = sum(len(group) for group in groups if len({stroke.direction for stroke in group}) == 2)
     if paired < PAIRED_SHARE * sum(map(len, groups)):
         return False
-    speeds = [[abs(stroke.speed_m_s) for stroke in group] for group in groups]
+    speeds = [[stroke.pace_m_s for stroke in group] for group in groups]
     widths = [max(group) / min(group) - 1 for group in speeds]
     gaps = [min(upper) / max(lower) - 1 for lower, upper in pairwise(speeds)]
     return not gaps or float(np.median(gaps)) > max(APART * np.median(widths), LEAST_GAP)
@@ -428,13 +433,8 @@ class Directions:
 
     def sign(self, values: Array) -> int:
         """Return whether a channel is larger towards +x (1) or back (-1) at equal positions; 0 if it is not clear."""
-        there = np.isfinite(values)
-        larger = []
-        for number in range(BINS):
-            inside = there & (self.bins == number)
-            up, down = values[inside & self.up], values[inside & self.down]
-            if up.size and down.size:
-                larger.append(np.sign(np.median(up) - np.median(down)))
+        pairs = [self.levels(np.where(self.bins == number, values, np.nan)) for number in range(BINS)]
+        larger = [np.sign(up - down) for up, down in filter(None, pairs)]
         needed = MOST_BINS * max(len(larger), FEWEST)
         return next((sign for sign in (1, -1) if larger.count(sign) >= needed), 0)
 

@@ -21,6 +21,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pneudrive.constants import ANR_TEMPERATURE_K
+from pneudrive.estimate.estimates import student
 
 if TYPE_CHECKING:
     from pneudrive.arrays import Array
@@ -100,14 +101,12 @@ def pressure_delay(recording: Recording) -> PressureDelay | None:
             chambers += [] if found is None else [found]
     if not chambers:
         return None
-    from scipy.stats import t as student
-
     values, errors, freedom = np.array(chambers).T
     weights = errors**-2 / np.sum(errors**-2)
     value = float(weights @ values)
     error = max(float(np.sum(errors**-2) ** -0.5), float(np.sqrt(weights @ (values - value) ** 2)))
     resolution = 0.5 * span / (time.size - 1)  # an instant lies within one sampling interval
-    return PressureDelay(value, float(np.hypot(student.ppf(0.975, freedom.min()) * error, resolution)))
+    return PressureDelay(value, float(np.hypot(student(freedom.min()) * error, resolution)))
 
 
 def _simulated(time_s: Array, distance_m: Array, point: Array) -> Array:

@@ -118,7 +118,7 @@ def propose_layout(path: str | Path, watch: Watch = UNWATCHED) -> Proposal:
             strokes = tuple(find_strokes(record.name, record.time_s, record["position_m"]))
         else:
             file = RecordingFile(path, layout, stem(path))
-            recording = next(find_cycles(file).recordings()) if file.has_cycles else file.read()
+            recording = next(find_cycles(file)[1]) if file.has_cycles else file.read()
             strokes = tuple(find_strokes(recording.name, recording.time_s, recording.position_m))
     except PneudriveError as error:
         problem = error.what
@@ -138,7 +138,7 @@ def _kind(path: Path, roles: RoleSearch) -> str:
         If the kind is unknown: a layout would be meaningless.
     """
     found = {guess.role for guess in roles.guesses}
-    found |= {role for question in roles.questions for role in re.findall(r"\w+", question.role)}
+    found |= {*re.findall(r"\w+", roles.open_roles)}
     has_pressure = any("pressure" in role for role in found)
     if {"position", "command"} <= found and has_pressure:
         return "drive"
@@ -177,8 +177,8 @@ def layout_text(path: Path, roles: RoleSearch, kind: str) -> str:
         "skip_lines": form.skip_lines or None,
     }
     sign, bore, why = _sign_and_bore(roles)
-    cycle = [name for name in reading.names if re.search(ROLES["cycle"].words, name.strip().lower())]
-    open_roles, found = " ".join(question.role for question in roles.questions), {guess.role for guess in roles.guesses}
+    cycle = [name for name in reading.names if re.search(ROLES["cycle"]["words"], name.strip().lower())]
+    found = {guess.role for guess in roles.guesses}
     return rendered(
         TEMPLATE,
         {"toml": value_text},
@@ -191,11 +191,11 @@ def layout_text(path: Path, roles: RoleSearch, kind: str) -> str:
         line=lambda guess: _column_line(guess, sign),
         unused=families(str(column.place) for column in roles.unused),
         cycle=cycle[:1] if reading.format == "parquet" else (),
-        missing=[role for role in ("time", "position", "force") if role not in found and role not in open_roles],
+        missing=[role for role in ("time", "position", "force") if role not in found and role not in roles.open_roles],
         bore=f"{bore * 1e3:.3g}",
         why=why,
         sides=[side for side in "ab" if f"pressure_{side}" not in found],
-        is_open="pressure" in open_roles,
+        is_open="pressure" in roles.open_roles,
     )
 
 
@@ -239,8 +239,7 @@ def _sign_and_bore(roles: RoleSearch) -> tuple[str, float, str]:
     sign, unknown = "-x" if roles.sign < 0 else "+x", 0.025
     force, values, directions = roles.guess("force"), roles.column("force"), roles.directions
     pressures = [guess for guess in roles.guesses if guess.role.startswith("pressure")]
-    is_open = any("pressure" in question.role for question in roles.questions)
-    pressure = roles.column(pressures[0].role) if len(pressures) == 1 and not is_open else None
+    pressure = roles.column(pressures[0].role) if len(pressures) == 1 and "pressure" not in roles.open_roles else None
     if directions is None or force is None or values is None or pressure is None:
         return sign, unknown, "write the real bore"
     levels, mean = directions.levels(values.values), float(np.nanmean(pressure.values))

@@ -441,7 +441,7 @@ def refuse_impossible(recording: Recording, strokes: Sequence[Stroke]) -> None:
     """
     refuse_channels(recording)
     where = str(recording.source or recording.name)
-    fastest = max(abs(stroke.speed_m_s) for stroke in strokes)
+    fastest = max(stroke.pace_m_s for stroke in strokes)
     longest = max(abs(stroke.to_m - stroke.from_m) for stroke in strokes)
     _no_more("the piston moves at", fastest, SPEEDS_M_S[0], "m/s", "time and the position", where)
     _no_more("the strokes are", longest, LONGEST_M, "m long", "position", where)

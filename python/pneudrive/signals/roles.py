@@ -9,10 +9,9 @@ import numpy as np
 
 from pneudrive.describe.files.toml import value_text
 from pneudrive.signals import columns as headers
-from pneudrive.signals import times as timing
 from pneudrive.signals.columns import NAME, PHYSICS, ROLES, SECONDARY, UNIT, Candidate, FileColumn, words_of
 from pneudrive.signals.motion import FEWEST, Directions, is_held, same_signal, unevenness
-from pneudrive.signals.times import samples_of_a_stamp, unwrapped
+from pneudrive.signals.times import COUNTERS, DATE_TIME, clocks_of, filled, on_clock, samples_of_a_stamp, unwrapped
 from pneudrive.units import converter
 
 if TYPE_CHECKING:
@@ -110,6 +109,11 @@ class RoleSearch:
         search._other_lengths()
         return search
 
+    @property
+    def open_roles(self) -> str:
+        """Roles of all questions, in words."""
+        return " ".join(question.role for question in self.questions)
+
     def guess(self, role: str) -> Guess | None:
         """Return the guess of a role."""
         return next((guess for guess in self.guesses if guess.role == role), None)
@@ -128,18 +132,17 @@ class RoleSearch:
 
     def ask_chambers(self) -> None:
         """Ask for the pressures of chambers without a column, if an unused column may be one of them."""
-        asked = " ".join(question.role for question in self.questions)
         sides = [f"pressure_{side}" for side in "ab" if self.guess(f"pressure_{side}") is None]
         used = [guess.source.values for guess in self.guesses if guess.source is not None]
         spare = [one for one in self.unused if one.may_be_pressure]
         spare = [one for one in spare if not any(same_signal(values, one.values) for values in used)]
-        if sides and spare and "pressure" not in asked:
+        if sides and spare and "pressure" not in self.open_roles:
             why = "no column name shows the chamber, and an unused column may be its pressure"
             self._ask(" and ".join(sides), why, [Candidate(one, 0.0, ("not used",)) for one in spare])
 
     def candidates(self, role: str) -> list[Candidate]:
         """Return the columns that may have a role by name or unit, best first."""
-        quantity, found = ROLES[role].si, []
+        quantity, found = ROLES[role].get("si"), []
         for column in self.columns:
             unit, score, evidence = column.unit, 0.0, ()
             if column.index in self.taken:
@@ -152,7 +155,7 @@ class RoleSearch:
                 is_raw = quantity is not None and column.is_raw
                 if not (fits or is_raw or (role == "command" and unit.unit == "-")):
                     continue
-                score += UNIT if (fits and quantity) or (fits and score) else 0
+                score += UNIT if fits and (quantity or score) else 0
                 evidence += ("unit",) if fits else ()
             if score:
                 found.append(Candidate(column, score, evidence))
@@ -180,58 +183,55 @@ class RoleSearch:
         times = self.times
         if column.index in self.taken:
             return column.values
-        values, _ = unwrapped(column.values, timing.COUNTERS)
+        values, _ = unwrapped(column.values, COUNTERS)
         if (clock := times.clocks.get(column.index)) is not None:
-            return timing.on_clock(times.values, raw[clock], values)
+            return on_clock(times.values, raw[clock], values)
         if late := self._late(column):
-            return timing.on_clock(times.values, times.values + late * times.rate_hz, values)
-        return timing.filled(times.values, values)
+            return on_clock(times.values, times.values + late * times.rate_hz, values)
+        return filled(times.values, values)
 
     def _late(self, column: FileColumn) -> float:
         """Return the start of a channel without times, s after the start of the first channel."""
-        return 0.0 if self.times.used else self.form.preamble.starts_s.get(column.index, 0.0)
+        return 0.0 if self.times.used else self.form.starts_s.get(column.index, 0.0)
 
     def _position(self) -> None:
+        """Find the position by name, otherwise as the signal that moves evenly, with few small reversals."""
         if named := self.candidates("position"):
             named = _backed(named, "strokes", lambda values: unevenness(values, is_one_of_many=True) < np.inf)
-            chosen = self._settle("position", named)
+            chosen, rank = self._choose("position", named)
         else:
-            chosen = self._position_by_strokes()
+            signals = self._signals()
+            ranked = sorted((unevenness(one.values, is_one_of_many=len(signals) > 1), one.index) for one in signals)
+            ranked = [(badness, index) for badness, index in ranked if badness < 3.0]
+            close = [index for badness, index in ranked if badness < ranked[0][0] + CLEAR_STROKES]
+            chosen, rank = self._only_one("position", ranked, close, "even strokes", "these columns move alike")
         if chosen is not None:
+            self._accept("position", chosen, rank)
             self.directions = Directions.of(chosen.column.values)
 
-    def _position_by_strokes(self) -> Candidate | None:
-        """Find the signal that moves evenly between its turning points, with few small reversals."""
-        signals = self._signals()
-        ranked = sorted((unevenness(one.values, is_one_of_many=len(signals) > 1), one.index) for one in signals)
-        ranked = [(badness, index) for badness, index in ranked if badness < 3.0]
-        close = [index for badness, index in ranked if badness < ranked[0][0] + CLEAR_STROKES]
-        chosen = self._only_one("position", close, "even strokes", "these columns move alike")
-        if chosen is not None:
-            self._accept("position", chosen, self._rank(ranked))
-        return chosen
+    def _only_one(
+        self, role: str, ranked: Sequence[tuple[float, int]], close: Sequence[int], evidence: str, why: str
+    ) -> tuple[Candidate | None, str]:
+        """Return the only candidate among columns without names, and the next one in words.
 
-    def _only_one(self, role: str, close: Sequence[int], evidence: str, why: str) -> Candidate | None:
-        """Return the only candidate among columns without names; ask the user if there are several."""
+        If several are close, the user is asked.
+        """
         some = [Candidate(self.columns[index], PHYSICS, (evidence,)) for index in close]
         if len(some) > 1:
             self._ask(role, why, some)
             self.taken |= set(close)
-        return some[0] if len(some) == 1 else None
-
-    def _rank(self, ranked: Sequence[tuple[float, int]]) -> str:
-        return f"next: column {self.columns[ranked[1][1]].place!r}" if len(ranked) > 1 else NO_OTHER
+        rank = f"next: column {self.columns[ranked[1][1]].place!r}" if len(ranked) > 1 else NO_OTHER
+        return some[0] if len(some) == 1 else None, rank
 
     def _force(self) -> None:
         directions, named = self.directions, self.candidates("force")
+        chosen, rank = None, ""
         if named:
             if directions is not None:
                 named = _backed(named, "changes with the direction", lambda values: directions.sign(values) != 0)
             chosen, rank = self._choose("force", named)
         elif directions is not None and self.guess("command") is None:
             chosen, rank = self._force_by_swing(directions)
-        else:
-            return
         if chosen is None:
             return
         self.sign = 0 if directions is None else directions.sign(chosen.column.values)
@@ -254,7 +254,7 @@ class RoleSearch:
             return None, ""
         close = [index for swing, index in ranked if swing * CLEAR_SWING > ranked[0][0]]
         most = "changes most with the direction" if len(close) == 1 else "changes with the direction"
-        return self._only_one("force", close, most, "these columns change with the direction"), self._rank(ranked)
+        return self._only_one("force", ranked, close, most, "these columns change with the direction")
 
     def _pressures(self) -> None:
         named = self.candidates("pressure")
@@ -313,10 +313,10 @@ class RoleSearch:
                 side = "b" if (mean > 0) == is_first else "a"
                 return side, f"the higher pressure balances the mean force towards {'+x' if mean > 0 else '-x'}"
         together = [directions.correlation(values, p) for p in pressures]
-        strongest = max(range(len(together)), key=lambda at: abs(together[at]))
-        if abs(together[strongest]) > CLEAR_SHARE:
-            side = "b" if (together[strongest] > 0) == (strongest == 0) else "a"
-            return side, f"the force towards +x {'grows' if together[strongest] > 0 else 'falls'} with this pressure"
+        place, strongest = max(enumerate(together), key=lambda pair: abs(pair[1]))
+        if abs(strongest) > CLEAR_SHARE:
+            side = "b" if (strongest > 0) == (place == 0) else "a"
+            return side, f"the force towards +x {'grows' if strongest > 0 else 'falls'} with this pressure"
         return "", ASK_CHAMBER
 
     def _time(self) -> None:
@@ -391,7 +391,7 @@ class RoleSearch:
         unit, gauge, is_named = _unit(column, role)
         keys = [] if is_named or role == "command" else ["guessed = true"]
         if not unit and role != "command":  # volts or counts
-            unit, keys = ROLES[role.partition("_")[0]].scaled, ["scale = 1.0"]
+            unit, keys = ROLES[role.partition("_")[0]].get("scaled", ""), ["scale = 1.0"]
             keys += ["offset = 0.0"] if column.unit is not None and column.unit.si != "count" else []
         if (clock := self.times.clocks.get(column.index)) is not None:
             keys.append(f"clock = {value_text(self.columns[clock].place)}")
@@ -431,7 +431,7 @@ def _unit(column: FileColumn, role: str) -> tuple[str, bool | None, bool]:
         span = float(np.ptp(finite))
         size = span if kind == "position" else float(np.abs(finite).max())
         whole = kind == "position" and bool((finite == np.floor(finite)).all()) and span > WHOLE_SPAN
-    by_size = ROLES[kind].by_size if kind in ROLES and not whole else ()
+    by_size = ROLES.get(kind, {}).get("by_size", ()) if not whole else ()
     return next((name for most, name in by_size if size < most), ""), None, False
 
 
@@ -486,83 +486,57 @@ class Times:
 
 
 def find_times(form: FileForm, columns: Sequence[FileColumn], taken: set[int]) -> Times:
-    """Find the time of a table, and remove its columns from the others."""
-    candidates, dates, numbered = _candidates(form, columns, taken)
-    taken |= {one.column.index for one in candidates if one.score >= NAME}
-    taken |= {one.index for one in (*dates, *numbered)}
-    if not candidates:
-        return _without_column(form, columns[0].values.size, numbered)
-    best = candidates[0]
-    rank = f"next: column {candidates[1].column.place!r}" if len(candidates) > 1 else NO_OTHER
-    times = _time(form, best, dates, rank)
-    if best.score > PHYSICS:
-        clocks = [one.column for one in candidates if one.score >= best.score]
-        other = {one.index for one in clocks if one is not best.column and not _is_same_clock(form, best.column, one)}
-        for at in range(len(columns)):  # the clock of a column is the nearest one to its left
-            nearest = max((one.index for one in clocks if one.index < at), default=best.column.index)
-            if nearest in other:
-                times.clocks[at] = nearest
-    taken.add(best.column.index)
-    return times
-
-
-def _candidates(
-    form: FileForm, columns: Sequence[FileColumn], taken: set[int]
-) -> tuple[list[Candidate], list[FileColumn], list[FileColumn]]:
-    """Return three lists: candidates for the time (best first), columns with dates only, and row counters."""
+    """Find the time of a table, and remove its columns, other dates and row counters from the others."""
     found: list[Candidate] = []
-    dates: list[FileColumn] = []
-    numbered: list[FileColumn] = []
+    dates, numbered = list[FileColumn](), list[FileColumn]()
     for column in columns:
-        values, unit = column.values, column.unit
+        some, unit = column.values[np.isfinite(column.values)], column.unit
         is_other = unit is not None and unit.si != "s"
-        if column.index in taken or is_other or np.isfinite(values).sum() < FEWEST:
+        if column.index in taken or is_other or some.size < FEWEST:
             continue
         is_date = column.index in form.dates
-        if is_date and len(form.dates) > 1 and (values[np.isfinite(values)] % 86400.0 == 0).all():
+        if is_date and len(form.dates) > 1 and (some % 86400.0 == 0).all():
             dates.append(column)
             continue
         is_named, has_unit = column.role == "time", is_date or unit is not None
         score = NAME * is_named + UNIT * has_unit
         evidence = ("name",) * is_named + ("unit",) * has_unit
-        if _rises(values, timing.clocks_of(form.dates[column.index]) if is_date else timing.COUNTERS):
-            if score == 0 and (_counts(values) or headers.INDEX.match(words_of(column.name))):
+        if _rises(some, clocks_of(form.dates[column.index]) if is_date else COUNTERS):
+            steps, usual = np.diff(some), np.median(np.diff(some))
+            if score == 0 and ((steps == 1.0).mean() >= INDEX_SHARE or headers.INDEX.match(words_of(column.name))):
                 numbered.append(column)
                 continue
-            if score == 0 and not _is_even(values):
+            if score == 0 and (np.abs(steps - usual) <= EVEN * usual).mean() <= EVEN_STEPS:  # a signal that drifts
                 continue
             score, evidence = score + PHYSICS, (*evidence, "even steps")
-        elif score == 0 or not is_named:
+        elif not is_named:
             continue
         if column.role not in (None, "time") and not has_unit:
             continue
         # Among equal candidates, the finer one is better: fewer samples share a stamp.
-        found.append(Candidate(column, score - 0.5 * (samples_of_a_stamp(values) > 1.0), evidence))
+        found.append(Candidate(column, score - 0.5 * (samples_of_a_stamp(some) > 1.0), evidence))
+    taken |= {one.column.index for one in found if one.score >= NAME} | {one.index for one in (*dates, *numbered)}
+    if not found:
+        return _without_column(form, columns[0].values.size, numbered)
     # A column that only rises is the time if nothing has its name; without names the first one.
-    return sorted(found, key=lambda one: -one.score), dates, numbered
+    best, *rest = sorted(found, key=lambda one: -one.score)
+    times = _time(form, best, dates, f"next: column {rest[0].column.place!r}" if rest else NO_OTHER)
+    if best.score > PHYSICS:
+        clocks = [one.column for one in (best, *rest) if one.score >= best.score]
+        other = {one.index for one in clocks if one is not best.column and not _is_same_clock(form, best.column, one)}
+        left = [max((one.index for one in clocks if one.index < at), default=-1) for at in range(len(columns))]
+        times.clocks |= {at: nearest for at, nearest in enumerate(left) if nearest in other}  # of a column, to its left
+    taken.add(best.column.index)
+    return times
 
 
-def _rises(values: Array, moduli: Iterable[float]) -> bool:
-    some = values[np.isfinite(values)]
+def _rises(some: Array, moduli: Iterable[float]) -> bool:
     some, _ = unwrapped(some, moduli, forward=True)
     steps = np.diff(some)
     if steps.size < 2 or not steps.any():
         return False
     is_coarse = samples_of_a_stamp(some) > 1.0
     return bool((steps >= 0).mean() > RISING and (np.median(steps) > 0 or is_coarse))
-
-
-def _is_even(values: Array) -> bool:
-    """Return whether most steps are equal, as in a time, unlike in a drifting signal."""
-    steps = np.diff(values[np.isfinite(values)])
-    usual = float(np.median(steps))
-    return bool((np.abs(steps - usual) <= EVEN * usual).mean() > EVEN_STEPS)
-
-
-def _counts(values: Array) -> bool:
-    """Return whether a column numbers the rows."""
-    steps = np.diff(values[np.isfinite(values)])
-    return steps.size > 1 and bool((steps == 1.0).mean() >= INDEX_SHARE)
 
 
 def _is_same_clock(form: FileForm, first: FileColumn, second: FileColumn) -> bool:
@@ -581,14 +555,14 @@ def _is_same_clock(form: FileForm, first: FileColumn, second: FileColumn) -> boo
 def _time(form: FileForm, best: Candidate, dates: Sequence[FileColumn], rank: str) -> Times:
     """Return the time of a column."""
     column, evidence = best.column, ", ".join(best.evidence)
-    unit, moduli = "", timing.COUNTERS
+    unit, moduli = "", COUNTERS
     if column.index in form.dates:
-        unit, moduli = timing.DATE_TIME, timing.clocks_of(form.dates[column.index])
+        unit, moduli = DATE_TIME, clocks_of(form.dates[column.index])
     elif column.unit is not None:
         unit = column.unit.unit
     values, used = unwrapped(column.values, moduli, forward=True)[0], (column.index,)
     keys = [f'format = "{written}"'] if (written := form.dates.get(column.index)) else []
-    if unit == timing.DATE_TIME and dates:
+    if unit == DATE_TIME and dates:
         date = dates[0]
         values, used = column.values + date.values, (column.index, date.index)
         keys.append(f"date = {value_text(date.place)}")
@@ -606,12 +580,12 @@ def _asked(count: int, why: str) -> Times:
 
 def _without_column(form: FileForm, count: int, numbered: Sequence[FileColumn]) -> Times:
     """Return the time of a table without a column of times: from the rate in the file, otherwise a question."""
-    steps_s = sorted(set(form.preamble.steps_s))
+    steps_s = sorted(set(form.steps_s))
     if len(steps_s) > 1:
         shown = ", ".join(f"{step:g} s" for step in steps_s)
         return _asked(count, f"the channels have different rates ({shown}): resample them, or export one rate")
     if any(steps_s):
-        source, rate_hz = " ".join(form.preamble.source.split())[:40], 1.0 / steps_s[0]
+        source, rate_hz = " ".join(form.source.split())[:40], 1.0 / steps_s[0]
         reason, keys = f"the file states the rate: {source}", f'rate = "{rate_hz:.6g} Hz"'
         return Times(np.arange(count, dtype=float), Guess("time", None, "", reason, keys=keys), rate_hz=rate_hz)
     only = f", column {numbered[0].place!r} numbers the rows" if numbered else ""

@@ -175,7 +175,7 @@ def read_text(
     data: bytes,
     form: TextForm,
     wanted: list[int | str],
-    dates: dict[int | str, str] | None = None,
+    dates: dict[int | str, str],
     *,
     others: bool = False,
 ) -> ForeignTable:
@@ -189,7 +189,7 @@ def read_text(
     form : TextForm
     wanted : list of int or str
         Numbers or names of columns.
-    dates : dict, optional
+    dates : dict
         Columns of dates and times -> format. They become seconds since the first date.
     others : bool
         Whether to read all other columns with numbers, in the same rows; NaN for other values.
@@ -203,24 +203,23 @@ def read_text(
 
     lines = decode(data, path).splitlines()
     start, names, units = _header(lines, form, path)
-    first = next((line for line in lines[start:] if line.strip() and not line.startswith(form.comment)), None)
-    if first is None:
+    rows = [at for at, line in enumerate(lines[start:], start) if line.strip() and not line.startswith(form.comment)]
+    if not rows:
         raise RecordingError.of("signals.no-rows", where=str(path), count=len(lines))
-    width = len(split_row(first, form.delimiter))
+    width = len(split_row(lines[rows[0]], form.delimiter))
     use = {column: column_number(column, names, width, path, is_text=True) for column in wanted}
-    rows = [at for at, line in enumerate(lines[start:], start) if line.strip() and line[:1] != form.comment]
     rows, segments = without_headers(lines, rows, form, lines[start - 1] if names else None)
     known = names if len(names) >= width and len(set(names)) == len(names) else [f"column {at}" for at in range(width)]
     places = {known[at]: at for at in (*use.values(), *(range(width) if others else ()))}
-    needed = [known[at] for at in dict.fromkeys(use.values())]
-    forms = {known[use[column]]: written for column, written in (dates or {}).items()}
+    chosen = {column: known[at] for column, at in use.items()}
+    needed = list(dict.fromkeys(chosen.values()))
+    forms = {chosen[column]: written for column, written in dates.items()}
     fields = _fields([lines[at] for at in rows], form, places)
     fields = fields.with_columns(_number(pl.col(n), form).alias(n) for n in fields.columns if n not in forms)
     good = fields.select(pl.all_horizontal(pl.col(needed).is_not_null())).to_series()
-    numbers = fields if good.all() else fields.filter(good)
     columns = {
         name: seconds(column.to_list(), forms[name], path) if name in forms else measurable(column.to_numpy())
-        for name, column in numbers.to_dict().items()
+        for name, column in fields.filter(good).to_dict().items()
     }
     bad = np.flatnonzero(~good.to_numpy())
     if bad.size > max(UNREADABLE_SHARE * len(rows), 1):
@@ -228,7 +227,7 @@ def read_text(
         raise RecordingError.of("signals.no-number-rows", where=where, value=line, count=bad.size, every=len(rows))
     return ForeignTable(
         {name: column for name, column in columns.items() if name in needed or np.isfinite(column).any()},
-        {column: known[at] for column, at in use.items()},
+        chosen,
         {name: units[at] for name, at in places.items() if at < len(units)},
         {"unreadable_row": bad.size} if bad.size else {},
         segments,
@@ -259,7 +258,9 @@ def _header(lines: Lines, form: TextForm, path: Path) -> tuple[int, Fields, Fiel
 
 def _below_remarks(lines: Lines, start: int, form: TextForm) -> int:
     """Return the header line below comment lines, or the first comment line if it is the header."""
-    plain = (at for at in range(start, len(lines)) if lines[at].strip() and lines[at].lstrip()[0] != form.comment)
+    plain = (
+        at for at in range(start, len(lines)) if (text := lines[at].lstrip()) and not text.startswith(form.comment)
+    )
     header, below = next(plain, None), next(plain, None)
     if header in (None, start) or below is None:
         return start
@@ -379,27 +380,13 @@ _STEP = re.compile(
 
 
 @dataclass(frozen=True)
-class Preamble:
-    """Statements of the lines above a table.
-
-    ``steps_s`` are the time steps of the samples, s: one for all channels, or one for each. ``starts_s`` are the first
-    times by column. ``units`` are the units of the columns. ``source`` is the line that states the step.
-    """
-
-    steps_s: tuple[float, ...] = ()
-    starts_s: dict[int, float] = field(default_factory=dict)
-    units: Fields = field(default_factory=list)
-    source: str = ""
-
-
-@dataclass(frozen=True)
 class FileForm:
     """Format of a file: ``form`` of a text, names of the columns (if any), and number of columns.
 
     ``dates`` holds the columns of dates and times, by number, with their formats. ``words`` holds columns of texts,
     with the number of different texts in the first rows.
-    ``preamble`` holds statements of the lines above the table. ``other_lengths`` has the lengths, by name, of channels
-    that do not fit into the table.
+    ``steps_s``, ``starts_s`` and ``source`` are those of `read_preamble`. ``other_lengths`` has the lengths, by name,
+    of channels that do not fit into the table.
     """
 
     format: str
@@ -409,7 +396,9 @@ class FileForm:
     columns: int
     dates: dict[int, str] = field(default_factory=dict)
     words: dict[int, int] = field(default_factory=dict)
-    preamble: Preamble = field(default_factory=Preamble)
+    steps_s: tuple[float, ...] = ()
+    starts_s: dict[int, float] = field(default_factory=dict)
+    source: str = ""
     other_lengths: dict[str, int] = field(default_factory=dict)
 
 
@@ -545,18 +534,27 @@ def _with_header(lines: Lines, reading: _Reading) -> FileForm:
     """Find the first row of numbers and the header above it."""
     form, width = replace(reading.form, header=True), reading.width
     first = _first_of_numbers(lines, reading)
-    preamble = read_preamble(lines[:first], form, width)
-    names, units, skip, form = _names_above(lines[:first], form, width)
+    stated, steps_s, starts_s, source = read_preamble(lines[:first], form, width)
+    # The rows next to the numbers are names, units and descriptions. The row of names has names of most roles; among
+    # equal rows it is the one above the units. Names for fewer than half of the columns are a preamble.
+    rows = list(_rows_above(lines[:first], form, width))
+    of_units, units = next(((at, fields) for at, fields, _ in rows if _are_units(fields)), (0, []))
+    named = [row for row in rows if row[1] is not units and 2 * sum(map(bool, row[1])) > width]
+    roles = {at: sum(role_of(name) is not None for name in fields) for at, fields, _ in named}
+    nothing = 0, [], replace(form, header=False)
+    skip, names, form = max(named, key=lambda row: (roles[row[0]], row[0] < of_units, row[0]), default=nothing)
     form = replace(form, skip_lines=skip if form.header else first)
     some = [split_row(line, form.delimiter) for line in (lines[first], *lines[-SAMPLED_LINES:])]
-    dates, rows = {}, [row for row in some if len(row) == width]
+    dates, some = {}, [row for row in some if len(row) == width]
     for column in range(width):
-        texts = [row[column] for row in rows if looks_like_date_time(row[column])]
-        if 2 * len(texts) > len(rows) and (written := guess_form(texts)) is not None:
+        texts = [row[column] for row in some if looks_like_date_time(row[column])]
+        if 2 * len(texts) > len(some) and (written := guess_form(texts)) is not None:
             dates[column] = written
-    rows = [row for line in lines[first:][:SAMPLED_LINES] if len(row := split_row(line, form.delimiter)) == width]
-    words = {at: len({row[at] for row in rows}) for at in reading.words}
-    return FileForm("csv", form, names, units or preamble.units, width, dates, words, preamble)
+    some = [row for line in lines[first:][:SAMPLED_LINES] if len(row := split_row(line, form.delimiter)) == width]
+    words = {at: len({row[at] for row in some}) for at in reading.words}
+    return FileForm(
+        "csv", form, names, (units if named else []) or stated, width, dates, words, steps_s, starts_s, source
+    )
 
 
 def _first_of_numbers(lines: Lines, reading: _Reading) -> int:
@@ -577,27 +575,6 @@ def _first_of_numbers(lines: Lines, reading: _Reading) -> int:
         if length == TABLE_ROWS:
             break
     return longest[1]
-
-
-def _names_above(above: Lines, form: TextForm, width: int) -> tuple[Fields, Fields, int, TextForm]:
-    """Return names and units of the columns, the number of lines above the names, and the form with its header.
-
-    The rows next to the numbers are names, units and descriptions. The row of names is the one that contains names of
-    most roles.
-    If rows are equally good, the row above the units is used. Names for fewer than half of the columns are a preamble.
-    """
-    rows = list(_rows_above(above, form, width))
-    units = next((fields for _, fields, _ in rows if _are_units(fields)), [])
-    named = [row for row in rows if row[1] is not units and 2 * sum(map(bool, row[1])) > width]
-    if not named:
-        return [], [], 0, replace(form, header=False)
-    places = [row[0] for row in rows if row[1] is units]
-
-    def rank(row: tuple[int, Fields, TextForm]) -> tuple[int, bool, int]:
-        return sum(role_of(name) is not None for name in row[1]), bool(places) and row[0] < places[0], row[0]
-
-    place, names, form = max(named, key=rank)
-    return names, units, place, form
 
 
 def _rows_above(above: Lines, form: TextForm, width: int) -> Iterator[tuple[int, Fields, TextForm]]:
@@ -632,8 +609,15 @@ def _are_units(fields: Fields) -> bool:
     return any(unit.si for unit in known) and 2 * len(known) > len(filled)
 
 
-def read_preamble(lines: Lines, form: TextForm, width: int) -> Preamble:
-    """Read the lines above a table. The last line of each kind is used."""
+def read_preamble(lines: Lines, form: TextForm, width: int) -> tuple[Fields, tuple[float, ...], dict[int, float], str]:
+    """Read the lines above a table. The last line of each kind is used.
+
+    Returns
+    -------
+    list, tuple, dict, str
+        Units of the columns; time steps of the samples, s: one for all channels, or one for each; first times by
+        column, s; and the line that states the steps.
+    """
     steps: tuple[float, ...] = ()
     source = ""
     starts: dict[int, float] = {}
@@ -658,14 +642,13 @@ def read_preamble(lines: Lines, form: TextForm, width: int) -> Preamble:
         starts = {at: starts[at] + clocks[at] for at in starts}
     first = min(starts.values(), default=0.0)
     starts = {at: start - first for at, start in starts.items()}
-    return Preamble(steps, starts if any(starts.values()) else {}, units, source)
+    return units, steps, starts if any(starts.values()) else {}, source
 
 
 def _numbers(cells: Fields, form: TextForm) -> dict[int, float]:
     """Return the numbers of a labelled line by column; empty if a cell is a text."""
-    texts = {at: cell.replace(form.decimal, ".") for at, cell in enumerate(cells, 1) if cell}
     try:
-        return {at: float(text) for at, text in texts.items()}
+        return {at: float(cell.replace(form.decimal, ".")) for at, cell in enumerate(cells, 1) if cell}
     except ValueError:
         return {}
 

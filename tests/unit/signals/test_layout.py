@@ -89,8 +89,8 @@ def test_decimal_comma_header_units_row_and_lines_above(tmp_path):
 
 
 def test_lines_that_are_no_data_are_left_out(tmp_path):
-    rows = "% made by hand\n" + ROWS.replace("\n30 ", "\n% pause\n30 ")
-    assert len(read(tmp_path, PLAIN.replace("skip_samples = 2", 'comment = "%"'), rows)) == 30
+    rows = "// made by hand\n" + ROWS.replace("\n30 ", "\n// pause\n30 ")
+    assert len(read(tmp_path, PLAIN.replace("skip_samples = 2", 'comment = "//"'), rows)) == 30
     assert len(read(tmp_path, PLAIN.replace("skip_samples = 2", 'comment = ""'), ROWS)) == 30
 
 

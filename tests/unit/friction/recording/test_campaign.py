@@ -124,7 +124,7 @@ def test_one_bad_cycle_of_many_is_skipped_and_named(plan, monkeypatch, tmp_path)
     assert found.skipped == (("bad/7", "no motion"),)
     assert found.friction_map.sizes["row"] == 22
     frame.filter(pl.col("cycle") != 8).with_columns(twin).write_parquet(tmp_path / "less.parquet")
-    assert find_cycles(RecordingFile(tmp_path / "less.parquet", LAYOUT, "less")).numbers.tolist() == [*range(9), 10, 11]
+    assert find_cycles(RecordingFile(tmp_path / "less.parquet", LAYOUT, "less"))[0].tolist() == [*range(9), 10, 11]
 
 
 def test_files_that_are_no_campaign(plan, tmp_path):
