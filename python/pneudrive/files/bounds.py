@@ -80,12 +80,7 @@ def beyond(name: str, value: float) -> tuple[str, str | None] | None:
     most, entry = bound(name), BOUNDS[name]
     if value <= most:
         return None
-    raised = f'{VARIABLE}="{name}={_more(value, most):.3g}"'
+    wanted = value if value < float("inf") else 10 * most
+    raised = f'{VARIABLE}="{name}={float(f"{1.5 * wanted:.0e}"):.3g}"'  # a rounded bound that is sufficient
     remedy = f"If the value is right, raise the bound: {raised}." if entry.get("raised", True) else None
     return f"at most {most:,.15g} {entry['unit']} ({name}: {entry['reason']})".replace("  ", " "), remedy
-
-
-def _more(value: float, most: float) -> float:
-    """Return a rounded bound that is sufficient."""
-    wanted = max(value, most) if value < float("inf") else 10 * most
-    return float(f"{1.5 * wanted:.0e}")

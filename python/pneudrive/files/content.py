@@ -150,7 +150,7 @@ def parse_json(text: str, where: str, kind: ErrorKind) -> Any:  # noqa: ANN401 -
     """
     within("text_bytes", len(text), f"the text has {len(text):,} characters", kind, where)
     if text.count("[") + text.count("{") > bound("nesting"):
-        _check_depth(_depths(_JSON_TOKENS.finditer(text)), kind, where)
+        _check_tokens(_JSON_TOKENS.finditer(text), where, kind)
     from pydantic_core import from_json
 
     with contextlib.suppress(ValueError):  # faster, but refuses the names of files that are not UTF-8
@@ -168,12 +168,12 @@ def check_nesting(text: str, where: str, kind: ErrorKind) -> None:
     ------
     PneudriveError
     """
-    _check_depth(_depths(_TOKENS.finditer(text)), kind, where)
+    _check_tokens(_TOKENS.finditer(text), where, kind)
 
 
-def _depths(tokens: Iterable[re.Match[str]]) -> Iterable[tuple[int, int]]:
-    """Yield depth and position of each nesting character. The depth counts open brackets and parts of the key."""
-    brackets = parts = 0
+def _check_tokens(tokens: Iterable[re.Match[str]], where: str, kind: ErrorKind) -> None:
+    """Check the depth at each nesting character. The depth counts open brackets and parts of the key."""
+    most, brackets, parts = bound("nesting"), 0, 0
     for token in tokens:
         sign = token[0]
         if sign == ".":
@@ -184,15 +184,9 @@ def _depths(tokens: Iterable[re.Match[str]]) -> Iterable[tuple[int, int]]:
             brackets += 1
         elif sign in "]}":
             brackets = max(brackets - 1, 0)
-        yield brackets + parts, token.start()
-
-
-def _check_depth(depths: Iterable[tuple[int, int]], kind: ErrorKind, where: str) -> None:
-    most = bound("nesting")
-    deep = next((place for depth, place in depths if depth > most), None)
-    if deep is not None:
-        what = f"the file is nested deeper than {most:g} levels, at character {deep + 1}"
-        within("nesting", most + 1, what, kind, where)
+        if brackets + parts > most:
+            what = f"the file is nested deeper than {most:g} levels, at character {token.start() + 1}"
+            within("nesting", most + 1, what, kind, where)
 
 
 def check_depth(value: object, where: str, kind: ErrorKind) -> None:
@@ -209,7 +203,8 @@ def check_depth(value: object, where: str, kind: ErrorKind) -> None:
     while level:
         depth += 1
         within("nesting", depth - 1, "the file is nested too deep", kind, where)
-        for table in (table for table in level if isinstance(table, dict | list)):
+        tables = [value for value in level if isinstance(value, dict | list)]
+        for table in tables:
             for key, number in table.items() if isinstance(table, dict) else enumerate(table, start=1):
                 if type(number) is int and abs(number) > LARGEST_WHOLE:
                     name = key if isinstance(table, dict) else f"number {key} of a list"
@@ -220,8 +215,7 @@ def check_depth(value: object, where: str, kind: ErrorKind) -> None:
                         rule="whole numbers have up to 64 bits",
                         remedy="Write a decimal point, or an exponent.",
                     )
-        inner = [v.values() if isinstance(v, dict) else v for v in level if isinstance(v, dict | list)]
-        level = [v for values in inner for v in values]
+        level = [value for table in tables for value in (table.values() if isinstance(table, dict) else table)]
 
 
 # --- Kinds of folders by the files in them, and of TOML files by their tables.
@@ -289,12 +283,10 @@ def pieces(path: Path, kind: ErrorKind, folder: str | None) -> Iterator[bytes]:
                 else:
                     within("file_bytes", total, "the file grew while it was read", kind, str(path))
                 yield piece
-    except (EOFError, zlib.error, lzma.LZMAError, gzip.BadGzipFile) as error:
+    except (EOFError, OSError, zlib.error, lzma.LZMAError) as error:
+        if isinstance(error, OSError) and error.errno is not None:
+            raise unreadable(path, error, kind) from None
         raise kind(f"the file cannot be decompressed: {error}", where=str(path)) from None
-    except OSError as error:  # how bz2 reports damaged content
-        if error.errno is None:
-            raise kind(f"the file cannot be decompressed: {error}", where=str(path)) from None
-        raise unreadable(path, error, kind) from None
 
 
 def most_unpacked(packed: int) -> float:

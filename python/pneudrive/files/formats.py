@@ -86,8 +86,7 @@ def open_parquet(path: Path) -> Opened:
         check_unpacked(frame.height * width, size, RecordingError)
         texts = [int(column.str.len_bytes().sum()) for column in frame.iter_columns() if column.dtype == pl.String]
         check_unpacked(sum(texts), size, RecordingError)  # a text may stand in the file once, for all rows
-        columns = {name: frame[name].to_numpy() for name in wanted}
-        return {name: v if frame[name].dtype == pl.String else plain(v) for name, v in columns.items()}
+        return {name: plain(frame[name].to_numpy()) for name in wanted}
 
     return Opened(lambda: scan().collect_schema().names(), get, count, pl.read_parquet_metadata(path))
 
@@ -200,7 +199,7 @@ def open_mf4(path: Path) -> Opened:
     """
     asammdf = _optional("asammdf", "mf4")
     data = asammdf.MDF(path)
-    masters = {(group, index) for group, index in data.masters_db.items()}
+    masters = set(data.masters_db.items())
     places: dict[str, tuple[str, int, int]] = {}
     for name, entries in data.channels_db.items():
         real = [place for place in entries if tuple(place) not in masters]
@@ -243,7 +242,7 @@ def open_mat(path: Path) -> Opened:
         elif np.ndim(value) >= 1:
             flat[prefix] = np.squeeze(np.asarray(value))
 
-    if is_hdf5(path):
+    if _optional("h5py", "mat").is_hdf5(path):  # from version 7.3 on, beginning at byte 512
         _check_hdf5(path)
     else:
         from scipy.io import whosmat
@@ -268,11 +267,6 @@ OPENERS: dict[str, tuple[str, Callable[[Path], Opened]]] = {
     "mf4": ("MDF", open_mf4),
     "mat": ("MAT", open_mat),
 }
-
-
-def is_hdf5(path: Path) -> bool:
-    """Return whether a file is HDF5. MAT files from version 7.3 on are HDF5, beginning at byte 512."""
-    return _optional("h5py", "mat").is_hdf5(path)
 
 
 @contextlib.contextmanager

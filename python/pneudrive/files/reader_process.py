@@ -59,19 +59,14 @@ def answer(request: dict[str, Any]) -> Any:  # noqa: ANN401 - of each request it
         return columns
 
 
-def limit_memory(most: int) -> None:
-    """Limit the memory of this process, if the system supports it."""
-    if resource is not None:
-        _, hard = resource.getrlimit(resource.RLIMIT_DATA)
-        resource.setrlimit(resource.RLIMIT_DATA, (most if hard < 0 else min(most, hard), hard))
-
-
 def main() -> None:
     """Answer requests until the other side closes the pipe."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # only the client handles Ctrl-C
     warnings.simplefilter("ignore")
-    connection = Connection(int(sys.argv[1]))
-    limit_memory(int(sys.argv[2]))
+    connection, most = Connection(int(sys.argv[1])), int(sys.argv[2])
+    if resource is not None:  # the bound of the memory
+        _, hard = resource.getrlimit(resource.RLIMIT_DATA)
+        resource.setrlimit(resource.RLIMIT_DATA, (most if hard < 0 else min(most, hard), hard))
     with suppress(EOFError, OSError):
         while True:
             request = connection.recv()

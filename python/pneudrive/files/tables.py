@@ -123,17 +123,14 @@ def clear_errors(path: Path, kind: ErrorKind) -> Iterator[None]:
     try:
         yield
     except PneudriveError as error:
-        raise _of_kind(error, path, kind) from None
+        error.where = str(path)
+        raise error.turned(kind) from None
     except OSError as error:
         raise unreadable(path, error, kind) from None
     except (pl.exceptions.PolarsError, pl.exceptions.PanicException, ValueError) as error:
         reason = (str(error).strip() or type(error).__name__).splitlines()[0]
         what = "the file cannot be read as Parquet; it is damaged, or was changed after it was opened"
         raise kind(what, where=str(path), value=reason[: formats.LONGEST_REASON]) from None
-
-
-def _of_kind(error: PneudriveError, path: Path, kind: ErrorKind) -> PneudriveError:
-    return kind(error.what, where=str(path), value=error.value, rule=error.rule, remedy=error.remedy)
 
 
 def open_table(path: Path, form: str, kind: ErrorKind = RecordingError) -> Table:
@@ -275,12 +272,28 @@ class _Reader:
                 self._connection.send({**request, "path": str(Path.cwd() / path), "seconds": seconds})
                 answer = self._connection.recv()
             except (EOFError, OSError):
-                raise _crashed(path, request["form"], seconds, self._ended(), kind) from None
+                status = 0 if self._process is None else self._process.wait()
+                self.stop()
+                name = FORMATS[request["form"]]
+                if status == ALARM:
+                    raise kind(
+                        f"the file was not read as {name} within {seconds} s",
+                        where=str(path),
+                        rule="reading an intact file takes less time (bound reader_seconds)",
+                        remedy=f'If the file is intact, allow more time: {VARIABLE}="reader_seconds=600".',
+                    ) from None
+                raise kind(
+                    f"the file is damaged: the library that reads {name} crashed on it",
+                    where=str(path),
+                    value=f"status {status}",
+                    remedy="Export the file again, or get another copy of it.",
+                ) from None
             except BaseException:  # Ctrl-C too: a late answer would be taken for that of the next request
                 self.stop()
                 raise
         if isinstance(answer, PneudriveError):
-            raise _of_kind(answer, path, kind)
+            answer.where = str(path)
+            raise answer.turned(kind)
         return answer
 
     def _start(self) -> None:
@@ -297,13 +310,6 @@ class _Reader:
             )
         self._connection, self._owner = ours, os.getpid()  # pyright: ignore[reportAttributeAccessIssue] - not on Windows
 
-    def _ended(self) -> int:
-        """Return the exit status of the ended process."""
-        process = self._process
-        status = 0 if process is None else process.wait()
-        self.stop()
-        return status
-
     def stop(self) -> None:
         """End the process; the next request starts another one."""
         process, connection = self._process, self._connection
@@ -313,23 +319,6 @@ class _Reader:
         if process is not None and self._owner == os.getpid():
             process.kill()
             process.wait()
-
-
-def _crashed(path: Path, form: str, seconds: int, status: int | None, kind: ErrorKind) -> PneudriveError:
-    name = FORMATS[form]
-    if status == ALARM:
-        return kind(
-            f"the file was not read as {name} within {seconds} s",
-            where=str(path),
-            rule="reading an intact file takes less time (bound reader_seconds)",
-            remedy=f'If the file is intact, allow more time: {VARIABLE}="reader_seconds=600".',
-        )
-    return kind(
-        f"the file is damaged: the library that reads {name} crashed on it",
-        where=str(path),
-        value=f"status {status}",
-        remedy="Export the file again, or get another copy of it.",
-    )
 
 
 _reader = _Reader()

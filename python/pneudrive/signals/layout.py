@@ -18,16 +18,7 @@ from pneudrive.describe.base import Described
 from pneudrive.describe.files import toml
 from pneudrive.describe.marks import POSITIVE, Between, Bounds, Percent, Quantity, Reads, Text, Whole, absolute
 from pneudrive.describe.tables.geometry import PistonTable
-from pneudrive.errors import (
-    DescriptionError,
-    LayoutError,
-    Problems,
-    WrongValueError,
-    invalid,
-    nearest,
-    package_table,
-    wrong,
-)
+from pneudrive.errors import LayoutError, Problems, WrongValueError, invalid, nearest, package_table, wrong
 from pneudrive.files.content import COMPRESSIONS
 from pneudrive.files.tables import FORMATS
 from pneudrive.friction.friction_map import COLUMNS
@@ -41,6 +32,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
     from pneudrive.arrays import Array, NamedNumbers, Plain
+    from pneudrive.errors import DescriptionError
 
 
 #: Kind of recording -> SI units of its channels, required channels, and requirements in words.

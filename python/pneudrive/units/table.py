@@ -120,13 +120,9 @@ def converter_of_pint(unit: str, si_unit: str) -> tuple[float, float]:
 
 
 def _pint_unit(registry: pint.UnitRegistry, unit: str, si_unit: str) -> pint.Unit:
+    """Return a unit of pint, whose notation has other powers and products: ``N s/m2`` -> ``N*s/m**2``."""
+    powers = re.sub(r"(?<=[A-Za-zµ])\^?(\d)", r"**\1", canonical(unit).replace("°C", "degC").replace("°", "deg"))
     try:
-        return registry.Unit(_pint_form(unit))
+        return registry.Unit(re.sub(r"(?<=[\w)])\s+(?=[A-Za-z(])", "*", powers.strip()))
     except Exception:  # pint raises many kinds of errors for text that it cannot read, down to tokenizer errors
         raise DescriptionError(f'unit "{unit}" is not known', rule=needed(si_unit)) from None
-
-
-def _pint_form(unit: str) -> str:
-    """Rewrite powers and products in pint's notation: ``N s/m2`` -> ``N*s/m**2``."""
-    powers = re.sub(r"(?<=[A-Za-zµ])\^?(\d)", r"**\1", canonical(unit).replace("°C", "degC").replace("°", "deg"))
-    return re.sub(r"(?<=[\w)])\s+(?=[A-Za-z(])", "*", powers.strip())
