@@ -21,12 +21,12 @@ from pneudrive.describe.short import Short, expanded
 from pneudrive.describe.system import DRIVE_NAMES, PISTON, DescribedSystem, System
 from pneudrive.describe.tables.parts import assumed_stops
 from pneudrive.describe.tables.starts import PRESSURE, Starts, check_platforms, start_place, start_values
-from pneudrive.errors import DescriptionError, PneudriveError, Problems, together, warn, wrong
+from pneudrive.errors import DescriptionError, Problems, together, warn
 from pneudrive.lazy_names import upper
 from pneudrive.repr_tables import Card
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping
+    from collections.abc import Callable
 
     import xarray as xr
 
@@ -102,14 +102,14 @@ class Circuit(DescribedSystem):
             for one in cls.explain(error):
                 problems.add(one)
         for one in problems.found.values():
-            _relocate(one, short)
+            _relocate(one, short, {})
         problems.tell()
         assert whole is not None  # otherwise there was a problem
         vars(whole)["wiring"] = wiring
         try:
             whole.core_initial()
         except DescriptionError as error:
-            raise together([_relocate(_in_file(one, keys), short) for one in error.each()]) from None
+            raise together([_relocate(one, short, keys) for one in error.each()]) from None
         for warning in wiring.warnings:
             warn(warning)
         return whole
@@ -263,6 +263,11 @@ class Circuit(DescribedSystem):
             raise within_component(error, name, {}) from None
 
     @property
+    def core_parts(self) -> dict[str, Plain]:
+        """Components in the core's form, by name."""
+        return {one["name"]: one for one in json.loads(self.core_json())["components"]}
+
+    @property
     def circuit(self) -> Circuit:
         """The circuit itself, for calls that accept drives (`Drive.circuit`) and circuits."""
         return self
@@ -409,18 +414,10 @@ class Circuit(DescribedSystem):
         return "\n".join([toml.write(tables), "\n\n".join(blocks), ""])
 
 
-def _in_file(error: PneudriveError, keys: Mapping[str, str]) -> DescriptionError:
-    """Return an error with its key in the file, for a component or a copy."""
-    key = getattr(error, "key", None) or ""
-    table, _, rest = key.partition(".")
+def _relocate(error: Any, short: Short, keys: Keyed) -> Any:  # noqa: ANN401 - an error
+    """Set the key of an error to the key in its file: of the table of a component or a copy, or of the short form."""
+    table, _, rest = (getattr(error, "key", None) or "").partition(".")
     name, dot, inner = rest.partition(".")
-    written = keys.get(name, "").partition(".copies")[0]
-    if table == "components" and written:
-        key = f"{written}{dot}{inner}"
-    return wrong(key, error.what, rule=error.rule, remedy=error.remedy)
-
-
-def _relocate(error: Any, short: Short) -> Any:  # noqa: ANN401 - an error
-    """Set the key of an error to the key of the short form."""
-    error.key = short.located(getattr(error, "key", None))
+    written = keys.get(name, "").partition(".copies")[0] if table == "components" else ""
+    error.key = short.located(f"{written}{dot}{inner}" if written else getattr(error, "key", None))
     return error

@@ -10,7 +10,7 @@ from pneudrive.describe.tables.parts import Ambient
 from pneudrive.describe.tables.parts import Gas
 import xarray as xr
 from _typeshed import Incomplete
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from functools import cached_property
 from pathlib import Path
 from pneudrive.arrays import Keyed as Keyed, NamedNumbers as NamedNumbers, Plain as Plain
@@ -47,11 +47,9 @@ from pneudrive.describe.tables.starts import (
 )
 from pneudrive.errors import (
     DescriptionError as DescriptionError,
-    PneudriveError as PneudriveError,
     Problems as Problems,
     together as together,
     warn as warn,
-    wrong as wrong,
 )
 from pneudrive.lazy_names import upper as upper
 from pneudrive.progress import Flag as Flag, Progress as Progress
@@ -91,6 +89,8 @@ class Circuit(DescribedSystem):
     def meanings(self) -> dict[str, str]: ...
     @cached_property
     def system(self) -> System: ...
+    @property
+    def core_parts(self) -> dict[str, Plain]: ...
     @property
     def circuit(self) -> Circuit: ...
     def circuit_values(self, given: object) -> Keyed: ...
@@ -146,5 +146,4 @@ class Circuit(DescribedSystem):
         **keys: _Any,
     ) -> None: ...
 
-def _in_file(error: PneudriveError, keys: Mapping[str, str]) -> DescriptionError: ...
-def _relocate(error: Any, short: Short) -> Any: ...
+def _relocate(error: Any, short: Short, keys: Keyed) -> Any: ...

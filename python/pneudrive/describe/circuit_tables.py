@@ -114,11 +114,11 @@ def read_component(key: str, table: object, problems: Problems) -> Component | N
     name = key.split(".")[1]
     if isinstance(table, _Rejected):
         return None
-    if not isinstance(table, dict):
-        problems.add(wrong(key, f"components.{name} = {table!r} is not a table"))
-        return None
-    try:
-        return component(table)
-    except DescriptionError as error:
-        problems.add(within_component(error, name, table))
+    with problems.caught():
+        if not isinstance(table, dict):
+            raise wrong(key, f"components.{name} = {table!r} is not a table")
+        try:
+            return component(table)
+        except DescriptionError as error:
+            raise within_component(error, name, table) from None
     return None

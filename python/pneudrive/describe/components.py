@@ -53,21 +53,15 @@ class Component(Described):
         if not isinstance(data, dict):
             return handler(data)
         plain, origins = sourced.parted(cls.flat(data))
-        if cls._lacks_ratio(plain):
-            ratio, said = valve_flow.USUAL_RATIO, valve_flow.USUAL_RATIO_SAID
-            plain[RATIO] = ratio
-            origins = {**origins, RATIO: sourced.Value(RATIO, ratio, None, said)}
+        parameters, ratio = cls.entry["parameters"], valve_flow.USUAL_RATIO
+        if RATIO not in plain and any(p["key"] == RATIO and is_needed(p) for p in parameters):
+            sizes = {key for p in parameters for key in flow_keys(cls.entry, p["key"])[1:]}
+            if not sizes.isdisjoint(plain):  # a flow or a flow coefficient
+                plain[RATIO] = ratio
+                origins |= {RATIO: sourced.Value(RATIO, ratio, None, valve_flow.USUAL_RATIO_SAID)}
         made = handler(plain)
         vars(made)["origins"] = origins
         return made
-
-    @classmethod
-    def _lacks_ratio(cls, table: Keyed) -> bool:
-        """Return whether a size is given as a flow or a flow coefficient without a critical pressure ratio."""
-        if RATIO in table or not any(p["key"] == RATIO and is_needed(p) for p in cls.entry["parameters"]):
-            return False
-        sizes = {key for p in cls.entry["parameters"] for key in flow_keys(cls.entry, p["key"])[1:]}
-        return not sizes.isdisjoint(table)
 
     @cached_property
     def origins(self) -> Mapping[str, sourced.Value]:
@@ -120,7 +114,7 @@ class Component(Described):
         return out
 
     @model_validator(mode="after")
-    def _one_size(self) -> Component:
+    def _complete(self) -> Component:
         numbers = {k: getattr(self, field) for k, field in self.fields.items() if field in self.model_fields_set}
         beside = self._choices() | self._points()
         for parameter in self.entry["parameters"]:
@@ -132,10 +126,6 @@ class Component(Described):
             elif needed and not is_given:
                 key = parameter["key"]
                 raise wrong(key, f"{key} is missing", rule=f"{key} is {_unless(parameter)}")
-        return self
-
-    @model_validator(mode="after")
-    def _whole_tables(self) -> Component:
         for parameter in self.entry["parameters"]:
             key, table = parameter["key"], parameter["within"]
             if table and is_bare(parameter) and self._has(parameter) and getattr(self, self.fields[key]) is None:
@@ -407,7 +397,7 @@ def component_class(kind: str, formula: ComponentFormula | None = None) -> type[
         columns = tuple((column["key"], parameter_quantity(column), column["default"]) for column in points["columns"])
         mark = marks.PointRows("", columns=columns, most=points["most"])
         what = columns[1][0] if len(columns) == 2 else "flow"
-        meaning, rows_of = f"{what[0].upper()}{what[1:]} over the {columns[0][0]}", tuple[tuple[float, ...], ...]
+        meaning, rows_of = f"{what.capitalize()} over the {columns[0][0]}", tuple[tuple[float, ...], ...]
         form, usual = (rows_of | None, None) if points["optional"] else (rows_of, ...)
         fields[points["key"]] = (Annotated[form, mark], Field(default=usual, description=meaning))
     if any(one["name"] == COMMAND for one in entry["inputs"]):

@@ -185,8 +185,7 @@ class Wiring:
             for (_, one), (other, _) in pairwise(ends):
                 if one and other:
                     with self.problems.caught():
-                        self._pilots(one, other, key, is_line=is_line)
-                        self._join(one, other, chain, key)
+                        self._join(one, other, chain, key, is_line=is_line)
 
     def element(self, word: str, key: str, *, first: bool, last: bool) -> tuple[Port | None, Port | None]:
         """Return the ports at which a chain enters and leaves a component, each None if unknown."""
@@ -227,22 +226,16 @@ class Wiring:
         known = ", ".join(port.name for port in self.ports(component))
         raise invalid(key, "describe.no-such-port", component=component, name=name, kind=kind, known=known)
 
-    @staticmethod
-    def _pilots(one: Port, other: Port, key: str, *, is_line: bool) -> None:
-        """Report gas flow through a pilot port, and a pilot line without a pilot port."""
-        pilots = [port.id for port in (one, other) if port.is_pilot]
-        ends = [one.id, other.id]
-        if pilots and not is_line:
+    def _join(self, one: Port, other: Port, chain: str, key: str, *, is_line: bool) -> None:
+        ports, ends = (one, other), [one.id, other.id]
+        pilots = [port.id for port in ports if port.is_pilot]
+        if pilots and not is_line:  # gas would flow through a pilot port
             raise invalid(key, "describe.pilot-port", pilots=pilots, ends=ends, pilot_line=PILOT_LINE)
         if is_line and not pilots:
             raise invalid(key, "describe.no-pilot-port", ends=ends, arrow=ARROW)
-
-    def _join(self, one: Port, other: Port, chain: str, key: str) -> None:
-        ports = (one, other)
         if (one.kind == "axis") != (other.kind == "axis"):
             said = ", ".join(f"{port.id} is {'an axis' if port.kind == 'axis' else port.kind}" for port in ports)
             raise wrong(key, said, rule="a gas port joins a gas port, an axis joins an axis")
-        is_line = any(port.is_pilot for port in ports)
         for port in ports:
             if (port.is_pilot if is_line else port.is_single) and port in self.named:
                 before = self.named[port]
@@ -342,7 +335,12 @@ class Wiring:
 
     def _islands(self) -> None:
         """Warn of gas without a path to a reservoir; this is an error for a joint without any volume."""
-        for group in self._groups():
+        left = [joint for joint in self.joints if any(port.kind == "gas" for port in joint.ports)]
+        while left:
+            group = left[:1]
+            for joint in group:  # grows during the loop to all joints with flow between them
+                group += [other for other in dict.fromkeys(self.across(joint)) if other not in group]
+            left = [joint for joint in left if joint not in group]
             if any(joint.is_constant for joint in group):
                 continue
             full = {port.component for joint in group for port in joint.volumes}
@@ -357,16 +355,6 @@ class Wiring:
                 )
             else:
                 self.problems.add(invalid(group[0].key, "describe.no-gas", joint=group[0]))
-
-    def _groups(self) -> Iterator[list[Joint]]:
-        """Yield groups of joints without flow between the groups."""
-        left = [joint for joint in self.joints if any(port.kind == "gas" for port in joint.ports)]
-        while left:
-            group = [left[0]]
-            for joint in group:  # grows during the loop
-                group += [other for other in dict.fromkeys(self.across(joint)) if other not in group]
-            left = [joint for joint in left if joint not in group]
-            yield group
 
 
 def is_platform(entry: Mapping[str, Any] | None) -> bool:

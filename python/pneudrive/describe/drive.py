@@ -268,15 +268,17 @@ class Drive(DescribedSystem):
             "load": self.carried.stored() | {"spring": None if spring is None else spring.stored()},
         }
 
-    def core_initial(self, initial: Initial | None = None) -> NamedNumbers:
+    def core_initial(self, initial: StartState = None) -> NamedNumbers:
         """Return the start state in SI by the names of the drive, pressures absolute.
+
+        `initial` is an `Initial`, or its keys as a dict or a text.
 
         Raises
         ------
         DescriptionError
             The position is outside the stroke, or a pressure is below vacuum.
         """
-        start, stroke = initial or Initial(), self.cylinder.stroke_m
+        start, stroke = read_initial(initial) or Initial(), self.cylinder.stroke_m
         state = start_state(start, stroke, self.ambient.pressure_pa, self.ambient.temperature_k)
         position = state["position_m"]
         if not 0.0 <= position <= stroke:
@@ -302,9 +304,7 @@ class Drive(DescribedSystem):
         """Return the start state in SI by the names of the circuit; tubes start at the pressure of their chamber."""
         return self.circuit.core_initial(self.circuit_values(given))
 
-    def read_start(self, given: StartState) -> NamedNumbers:
-        """Return the start state in SI, from an `Initial` or its keys as a dict or a text."""
-        return self.core_initial(read_initial(given))
+    read_start = core_initial
 
     @property
     def end_stop(self) -> NamedNumbers:

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from pneudrive.describe.connections import ARROW
 from pneudrive.describe.tables.valve_flow import FLOW_KEYS
-from pneudrive.errors import DescriptionError, Problems, invalid, nearest, wrong
+from pneudrive.errors import Problems, invalid, nearest, wrong
 
 if TYPE_CHECKING:
     from pneudrive.arrays import Keyed, Plain
@@ -107,15 +107,8 @@ def _add_line(short: Short, key: str, chamber: str, table: object) -> None:
         raise invalid(where, "describe.not-a-chamber", shown=where, remedy=nearest(chamber, CHAMBERS))
     if not isinstance(table, dict):
         raise wrong(where, f"{where} = {table!r} is not a table", remedy="Write { ... }.")
-    if key == "flow_control":
-        for size in (size for size in FLOW_KEYS if size in table and f"{_NEEDLE}{size}" in table):
-            raise invalid(f"{where}.{size}", "describe.size-twice", shown=where, size=size, needle=_NEEDLE)
     name = f"{part}_{chamber}"
-    try:
-        own = renamed(table)
-    except DescriptionError as error:
-        raise wrong(f"{where}.{error.key}", f"{where}: {error.what}", remedy=error.remedy) from None
-    _add(short, name, where, {"kind": kind} | own)
+    _add(short, name, where, {"kind": kind} | renamed(table, where))
     for size in set(FLOW_KEYS) & set(table) if key == "flow_control" else ():
         short.places[f"components.{name}.{_NEEDLE}{size}"] = f"{where}.{size}"
 
@@ -132,8 +125,10 @@ def _of_kind(table: Keyed, family: str) -> Plain:
     return dict(table) | ({"kind": f"{family}/{kind}"} if is_short else {})
 
 
-def _flow_control(table: Keyed) -> Plain:
+def _flow_control(table: Keyed, where: str) -> Plain:
     """Return the table of a flow control; the default size of its check valve is that of its needle."""
+    for size in (size for size in FLOW_KEYS if size in table and f"{_NEEDLE}{size}" in table):
+        raise invalid(f"{where}.{size}", "describe.size-twice", shown=where, size=size, needle=_NEEDLE)
     out = {f"{_NEEDLE}{key}" if key in FLOW_KEYS else key: given for key, given in table.items()}
     needle = {size: out[f"{_NEEDLE}{size}"] for size in FLOW_KEYS if f"{_NEEDLE}{size}" in out}
     if not any(f"{_CHECK}{size}" in out for size in FLOW_KEYS):
@@ -154,7 +149,7 @@ def _path(key: str) -> str:
     return "" if size not in FLOW_KEYS else _CHECK if key.startswith(_CHECK) else _NEEDLE
 
 
-def _tube(table: Keyed) -> Plain:
+def _tube(table: Keyed, where: str) -> Plain:
     """Return the table of a tube, with its kind from the key `model`."""
     out = dict(table)
     if "model" in out:
@@ -162,7 +157,7 @@ def _tube(table: Keyed) -> Plain:
         if "kind" in out or not isinstance(model, str) or model not in TUBES:
             what = "both model and kind are given" if "kind" in out else f"model = {model!r} is not known"
             remedy = "Keep one of them." if "kind" in out else nearest(str(model), TUBES)
-            raise wrong("model", what, remedy=remedy)
+            raise wrong(f"{where}.model", f"{where}: {what}", remedy=remedy)
         out["kind"] = TUBES[model]
     return out
 

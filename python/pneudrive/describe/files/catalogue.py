@@ -199,26 +199,16 @@ def check(part: Entry) -> None:
     from pneudrive.describe.components import component_class
     from pneudrive.describe.kinds import component_kinds
 
-    kinds = component_kinds()
-    problems = Problems()
-    if part.kind not in kinds:
-        problems.add(wrong("kind", f"kind = {part.kind!r} is not known", remedy=nearest(part.kind, kinds)))
-    else:
-        try:
-            component_class(part.kind).model_validate(
-                {"kind": part.kind} | toml.nested((v.key, v.value) for v in part.values if v.key != "kind")
-            )
-        except DescriptionError as error:
-            for one in error.each():
-                one.others = ()
-                if " is missing" not in one.what:  # the user of the part gives it
-                    problems.add(one)
-    if problems.found:
-        raise _add_lines(list(problems.found.values()), part)
-
-
-def _add_lines(errors: list[Any], part: Entry) -> DescriptionError:
-    """Add file and line to errors in the values of a part."""
+    kinds, errors = component_kinds(), list[DescriptionError]()
+    values = toml.nested((v.key, v.value) for v in part.values if v.key != "kind")
+    try:
+        if part.kind not in kinds:
+            raise wrong("kind", f"kind = {part.kind!r} is not known", remedy=nearest(part.kind, kinds))
+        component_class(part.kind).model_validate({"kind": part.kind} | values)
+    except DescriptionError as error:
+        errors = [one for one in error.each() if " is missing" not in one.what]  # the user of the part gives it
+    if not errors:
+        return
     text = toml.read(part.path)[1]
     lines = toml.line_numbers(text)
     for error in errors:
@@ -227,7 +217,7 @@ def _add_lines(errors: list[Any], part: Entry) -> DescriptionError:
             whole = whole[: max(whole.rfind("."), whole.rfind("_"), 0)]
         error.key = whole or part.key.rstrip(".")
         error.what = f"{part.name}: {error.what}"
-    return toml.located(together(errors), part.path, text)
+    raise toml.located(together(errors), part.path, text)
 
 
 def _read(path: Path) -> list[Entry]:
@@ -360,14 +350,11 @@ def find_parts(
         found = [one for one in found if one.kind.startswith(kind) or fnmatchcase(one.kind, kind)]
         if not found:
             raise wrong("kind", f'the catalogue has no part of the kind "{kind}"', remedy=nearest(kind, kinds))
-    for key, given in (("bore", bore), ("stroke", stroke)):
+    for key, given in (("bore", bore), ("stroke", stroke), ("flow", flow)):
         if given is not None:
-            low, high = _range(key, given, "m")
-            found = [one for one in found if _is_to_order(one, key) or _fits(_length(one, key), low, high)]
-    if flow is not None:
-        unit = NOMINAL_FLOW if "ANR" in flow else CONDUCTANCE
-        low, high = _range("flow", flow, unit)
-        found = [one for one in found if _fits(_flow(one, unit), low, high)]
+            unit = "m" if key != "flow" else NOMINAL_FLOW if "ANR" in given else CONDUCTANCE
+            low, high = _range(key, given, unit)
+            found = [one for one in found if _fits(one, key, unit, low, high)]
     return sorted(found, key=lambda one: one.name)
 
 
@@ -380,23 +367,18 @@ def _range(key: str, given: str, unit: str) -> tuple[float, float]:
     return value, value
 
 
-def _fits(value: float | None, low: float, high: float) -> bool:
-    return value is not None and (1.0 - NEAR) * low <= value <= (1.0 + NEAR) * high
+def _fits(entry: Entry, key: str, unit: str, low: float, high: float) -> bool:
+    """Return whether a size of a part is in a range. Any stroke fits a cylinder whose data sheet gives none."""
+    own = {value.key: value for value in entry.values}
+    if key == "stroke" and entry.kind.startswith("cylinder/") and (key not in own or own[key].source is None):
+        return True
+    plain = {name: value.value for name, value in own.items()}
+    size = _flow(plain, unit) if key == "flow" else units.parse(plain[key], unit) if key in plain else None
+    return size is not None and (1.0 - NEAR) * low <= size <= (1.0 + NEAR) * high
 
 
-def _is_to_order(entry: Entry, key: str) -> bool:
-    """Return whether a cylinder is available with any stroke (its data sheet gives none)."""
-    is_given = any(value.key == key and value.source is not None for value in entry.values)
-    return key == "stroke" and entry.kind.startswith("cylinder/") and not is_given
-
-
-def _length(entry: Entry, key: str) -> float | None:
-    return next((units.parse(value.value, "m") for value in entry.values if value.key == key), None)
-
-
-def _flow(entry: Entry, unit: str) -> float | None:
+def _flow(own: Mapping[str, Any], unit: str) -> float | None:
     """Return the sonic conductance of a part, or its nominal flow. None if the part does not state a flow."""
-    own = {value.key: value.value for value in entry.values}
     before = next((before for before in ("", "needle_") if any(before + key in own for key in FLOW_KEYS)), None)
     if before is None:
         return None

@@ -82,7 +82,12 @@ def drive_schema() -> Plain:
     }
     model = {"enum": list(TUBES), "default": "steady", "description": "Model of the tube; alternative to kind"}
     for table, kind in (("tubing", "tube"), ("flow_control", "flow-control")):
-        schema["properties"][table] = _for_each_chamber(kind, {"model": model} if kind == "tube" else {})
+        own = component_class(kind).model_json_schema(by_alias=True)["properties"]
+        keys = {key: form for key, form in own.items() if key != "kind"}
+        # In a flow control, a size without prefix is that of the needle.
+        keys |= {key.removeprefix("needle_"): form for key, form in keys.items() if key.startswith("needle_")}
+        one = table_schema(keys | ({"model": model} if kind == "tube" else {}))
+        schema["properties"][table] = table_schema({"a": one, "b": one})
     whole = {"required": required, "properties": {"drive": False}}
     return {
         "$schema": "https://json-schema.org/draft/2020-12/schema",
@@ -122,18 +127,6 @@ def circuit_schema() -> Plain:
     required = [key for key in schema.pop("required", []) if key != "components"]
     schema |= {"required": required} if required else {}
     return {"$schema": "https://json-schema.org/draft/2020-12/schema", **schema}
-
-
-def _for_each_chamber(kind: str, more: Plain) -> Plain:
-    """Return the schema of a table of lines for each chamber.
-
-    In a flow control, a size without prefix is that of the needle.
-    """
-    own = component_class(kind).model_json_schema(by_alias=True)["properties"]
-    keys = {key: form for key, form in own.items() if key != "kind"}
-    keys |= {key.removeprefix("needle_"): form for key, form in keys.items() if key.startswith("needle_")}
-    one = table_schema(keys | more)
-    return table_schema({"a": one, "b": one})
 
 
 def _with_origin(form: Plain) -> Plain:

@@ -161,11 +161,14 @@ def nested(values: Iterable[tuple[str, Any]]) -> Plain:
 
 @contextmanager
 def locating(path: str | Path, text: str, kind: ErrorKind = DescriptionError) -> Iterator[None]:
-    """Add the lines of a file to errors raised in the block, and raise them as errors of `kind`; see `located`."""
+    """Add the lines of a file to errors raised in the block, and raise them as errors of `kind`; see `located`.
+
+    An empty text stands for no file.
+    """
     try:
         yield
     except DescriptionError as error:
-        found = located(error, path, text)
+        found = located(error, path, text) if text else error
         raise found if kind is DescriptionError else found.turned(kind) from None
 
 
@@ -181,19 +184,18 @@ def located(error: DescriptionError, path: str | Path, text: str) -> Description
 
     Its sub-errors also get their lines, and all are sorted by line.
     """
-    found = [_located(one, path, text) for one in error.each() if isinstance(one, DescriptionError)]
+    found: list[tuple[int, DescriptionError]] = []
+    for one in (one for one in error.each() if isinstance(one, DescriptionError)):
+        if one.where:  # already located in another file
+            found.append((0, one))
+            continue
+        line = line_of(text, one.key) if one.key else None
+        value = _line(text, line) if line and one.value is None else one.value
+        where = f"{path}:{line}" if line else str(path)
+        out = type(one)(one.what, where=where, value=value, rule=one.rule, remedy=one.remedy)
+        out.key = one.key
+        found.append((line or 0, out))
     return together([one for _, one in sorted(found, key=lambda pair: pair[0])])
-
-
-def _located(error: DescriptionError, path: str | Path, text: str) -> tuple[int, DescriptionError]:
-    if error.where:  # already located in another file
-        return 0, error
-    line = line_of(text, error.key) if error.key else None
-    value = _line(text, line) if line and error.value is None else error.value
-    where = f"{path}:{line}" if line else str(path)
-    out = type(error)(error.what, where=where, value=value, rule=error.rule, remedy=error.remedy)
-    out.key = error.key
-    return line or 0, out
 
 
 def line_of(text: str, key: str) -> int | None:

@@ -49,8 +49,8 @@ class Derived:
     digits: int | None = None
 
 
-def derived(drive: Drive) -> list[Derived]:
-    """Return the derived values of a drive. Each comes after the values on which it depends.
+def derived(drive: Drive) -> Iterator[Derived]:
+    """Yield the derived values of a drive. Each comes after the values on which it depends.
 
     Examples
     --------
@@ -58,10 +58,6 @@ def derived(drive: Drive) -> list[Derived]:
     >>> [d.name for d in derived(Drive.load("catalogue:reference"))]
     ['supply.temperature', 'cylinder.wall_temperature']
     """
-    return list(_derived(drive))
-
-
-def _derived(drive: Drive) -> Iterator[Derived]:
     for key, (sources, value) in assumed_from(drive.friction).items():
         paths = tuple(f"{_FRICTION}{source}" for source in sources)
         yield Derived(f"friction.{key}", f"{_FRICTION}{key}", paths, value, ASSUMED_DIGITS)
@@ -72,16 +68,9 @@ def _derived(drive: Drive) -> Iterator[Derived]:
         yield Derived("cylinder.wall_temperature", "cylinder.wall_temperature", (ambient,), float)
     if supply.pressure.gauge:
         yield Derived("supply.pressure", "supply.pressure", ("ambient.pressure_pa",), supply.pressure.absolute_pa)
-    flow = valve.nominal_flow_m3_s_anr
-    if flow is not None:
-        sources = ("valve.critical_pressure_ratio", "valve.subsonic_index")
-        given: float = flow
-        yield Derived(
-            "valve.conductance",
-            "valve.conductance",
-            sources,
-            lambda b, m: valve_flow.conductance_from_nominal_flow(given, b, m),
-        )
+    if valve.nominal_flow_m3_s_anr is not None:
+        conductance = partial(valve_flow.conductance_from_nominal_flow, valve.nominal_flow_m3_s_anr)
+        yield Derived("valve.conductance", "valve.conductance", tuple(f"valve.{key}" for key in FLOW), conductance)
 
 
 def derived_in_circuit(circuit: Circuit) -> Iterator[Derived]:

@@ -21,7 +21,7 @@ from pneudrive.describe.tables.dependences import DEPENDENCES, Acting
 from pneudrive.errors import DescriptionError, invalid, nearest, warn, wrong
 
 if TYPE_CHECKING:
-    from pneudrive.arrays import Keyed, NamedNumbers, Plain
+    from pneudrive.arrays import NamedNumbers, Plain
 
 
 @lru_cache(maxsize=1)
@@ -59,18 +59,6 @@ SHARES_WITHIN = 1e-3
 
 #: Options of a law, in addition to its parameters and modifiers.
 CHOICES = ("stribeck_shape", "evolution", "elements")
-
-
-def _keys(law: str, entry: Keyed) -> list[str]:
-    """Return the valid keys of a friction table with this law."""
-    parameters = [p["key"] for p in entry["parameters"]]
-    has = {
-        "stribeck_shape": law in friction_laws() and has_stribeck_curve(law),
-        "elements": entry["elements"],
-        "evolution": entry["evolves"],
-        "relaxation": entry["bristles"],
-    }
-    return ["law", *parameters, *(key for key in (*CHOICES, *DEPENDENCES) if has.get(key, True))]
 
 
 class SlipElement(Acting):
@@ -111,7 +99,7 @@ def _as_assumed(value: float) -> float:
     return float(f"{value:.{ASSUMED_DIGITS}g}")
 
 
-def _following(known: Mapping[str, float]) -> NamedNumbers:
+def _following(known: NamedNumbers) -> NamedNumbers:
     """Add derived values to the known ones."""
     out = dict(known)
     for key, (sources, value) in _FOLLOWS.items():
@@ -139,7 +127,7 @@ def assumed_from(friction: Friction) -> dict[str, tuple[tuple[str, ...], Callabl
     return out
 
 
-def assumed_with(friction: Friction, changed: Mapping[str, float]) -> NamedNumbers:
+def assumed_with(friction: Friction, changed: NamedNumbers) -> NamedNumbers:
     """Return the new values of assumed parameters after a change of other parameters."""
     rules = assumed_from(friction)
     if not rules:  # includes laws with other parameters
@@ -237,8 +225,15 @@ class Friction(Described):
         for key, given in rest.items():
             full = f"friction.{key}"
             if key not in parameters:
+                has = {
+                    "stribeck_shape": name in laws and has_stribeck_curve(name),
+                    "elements": entry["elements"],
+                    "evolution": entry["evolves"],
+                    "relaxation": entry["bristles"],
+                }
+                known = ["law", *parameters, *(one for one in (*CHOICES, *DEPENDENCES) if has.get(one, True))]
                 owners = [law for law, about in laws.items() if key in {p["key"] for p in about["parameters"]}]
-                remedy = f"It belongs to {', '.join(owners)}." if owners else nearest(key, _keys(name, entry))
+                remedy = f"It belongs to {', '.join(owners)}." if owners else nearest(key, known)
                 raise wrong(full, f'{full} is not a known key of law "{name}"', remedy=remedy)
             values[key] = parameter_quantity(parameters[key]).read_at(full, given)
         for key, parameter in parameters.items():
@@ -295,15 +290,6 @@ class Friction(Described):
             raise invalid("friction.stribeck_shape", "describe.no-stribeck-curve", law=self.law, laws=laws)
         if self.stribeck_shape not in (None, "free") and "stribeck_exponent" in self.given:
             raise invalid("friction.stribeck_exponent", "describe.idle-exponent", shape=self.stribeck_shape)
-        self._check_elements()
-        if self.evolution is not None and not self.entry["evolves"]:
-            raise invalid("friction.evolution", "describe.no-evolution", law=self.law)
-        if self.relaxation is not None and not self.entry["bristles"]:
-            laws = ", ".join(name for name in friction_laws() if has_bristles(name))
-            raise invalid("friction.relaxation", "describe.no-bristles", law=self.law, laws=laws)
-        return self
-
-    def _check_elements(self) -> None:
         key, stiffness = "friction.elements", "friction.bristle_stiffness"
         total = sum(element.share for element in self.elements)
         if not self.elements:
@@ -317,6 +303,12 @@ class Friction(Described):
             raise wrong(key, f"{key} has {len(self.elements)} entries", rule=f"2 to {MOST_ELEMENTS}")
         elif abs(total - 1.0) > SHARES_WITHIN:
             raise wrong(key, f"the values `share` of {key} add up to {total:g}", rule="their sum must be 1")
+        if self.evolution is not None and not self.entry["evolves"]:
+            raise invalid("friction.evolution", "describe.no-evolution", law=self.law)
+        if self.relaxation is not None and not self.entry["bristles"]:
+            laws = ", ".join(name for name in friction_laws() if has_bristles(name))
+            raise invalid("friction.relaxation", "describe.no-bristles", law=self.law, laws=laws)
+        return self
 
     def __getattr__(self, name: str) -> units.UnitFloat | float:
         """Return a parameter of the law by its key, as a quantity that shows its unit."""
@@ -384,19 +376,11 @@ class Friction(Described):
                 properties[p["key"]] = one | {"title": p["meaning"]}
             required = ["law", *(p["key"] for p in law["parameters"] if p["default"] is None)]
             alternatives.append({"type": "object", "title": law["title"], **marks.table_schema(properties, required)})
-        return {"oneOf": [*alternatives, _default_schema(alternatives), _own_law_schema(tables)]}
-
-
-def _default_schema(alternatives: list[Plain]) -> Plain:
-    """Return the JSON schema of a table without a law."""
-    (default,) = (one for one in alternatives if one["properties"]["law"]["const"] == DEFAULT_LAW)
-    properties = {key: value for key, value in default["properties"].items() if key != "law"}
-    title = f'Without law: "{DEFAULT_LAW}" with assumed values for missing keys'
-    return default | {"title": title, "properties": properties, "required": ["coulomb", "breakaway"]}
-
-
-def _own_law_schema(tables: Plain) -> Plain:
-    """Return the JSON schema of a custom law, whose parameters only its file lists."""
-    law = {"anyOf": [{"type": "string", "pattern": f"^{FILE_PREFIX}"}, {"type": "object", "required": ["name"]}]}
-    title = "A custom law, as formulas"
-    return {"type": "object", "title": title, "properties": {"law": law, **tables}, "required": ["law"]}
+        (usual,) = (one for one in alternatives if one["properties"]["law"]["const"] == DEFAULT_LAW)
+        keys = {key: value for key, value in usual["properties"].items() if key != "law"}
+        title = f'Without law: "{DEFAULT_LAW}" with assumed values for missing keys'
+        default = usual | {"title": title, "properties": keys, "required": ["coulomb", "breakaway"]}
+        # Only the file of a custom law lists its parameters.
+        law = {"anyOf": [{"type": "string", "pattern": f"^{FILE_PREFIX}"}, {"type": "object", "required": ["name"]}]}
+        own = {"title": "A custom law, as formulas", "properties": {"law": law, **tables}, "required": ["law"]}
+        return {"oneOf": [*alternatives, default, {"type": "object"} | own]}

@@ -18,7 +18,7 @@ from _typeshed import Incomplete
 from collections.abc import Callable as Callable, Iterable, Iterator, Mapping
 from functools import cached_property
 from pneudrive import units as units
-from pneudrive.arrays import Keyed as Keyed, NamedNumbers as NamedNumbers, Plain as Plain
+from pneudrive.arrays import NamedNumbers as NamedNumbers, Plain as Plain
 from pneudrive.describe import marks as marks
 from pneudrive.describe.base import Described as Described, as_tables as as_tables
 from pneudrive.describe.formulas.law import FrictionLaw as FrictionLaw, law_of as law_of
@@ -55,8 +55,6 @@ MOST_ELEMENTS: int
 SHARES_WITHIN: float
 CHOICES: Incomplete
 
-def _keys(law: str, entry: Keyed) -> list[str]: ...
-
 class SlipElement(Acting):
     table_name: ClassVar[str]
     stiffness_n_m: Stiffness
@@ -75,9 +73,9 @@ _FOLLOWS: dict[str, tuple[tuple[str, ...], Callable[..., float]]]
 ASSUMED_DIGITS: int
 
 def _as_assumed(value: float) -> float: ...
-def _following(known: Mapping[str, float]) -> NamedNumbers: ...
+def _following(known: NamedNumbers) -> NamedNumbers: ...
 def assumed_from(friction: Friction) -> dict[str, tuple[tuple[str, ...], Callable[..., float]]]: ...
-def assumed_with(friction: Friction, changed: Mapping[str, float]) -> NamedNumbers: ...
+def assumed_with(friction: Friction, changed: NamedNumbers) -> NamedNumbers: ...
 def by_default(data: Plain) -> tuple[Plain, Plain]: ...
 
 class Friction(Described):
@@ -217,6 +215,3 @@ class Friction(Described):
         viscous: _Given = ...,
         **keys: _Any,
     ) -> None: ...
-
-def _default_schema(alternatives: list[Plain]) -> Plain: ...
-def _own_law_schema(tables: Plain) -> Plain: ...

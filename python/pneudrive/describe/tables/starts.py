@@ -362,38 +362,27 @@ class Starts:
 
     def _pressure(self, of: str, known: NamedNumbers, notes: list[str]) -> float:
         """Return the settled pressure of gas: the nearest known pressure along paths that are always open."""
-        if of not in self.places:
-            notes = []  # of a cell within a component: the note of the joint covers it
+        always = {name for name, one in self.components.items() if one.entry["open"]}
+        found = [self.places[of]] if of in self.places else []
+        if not found:  # a cell within a component, reached from its first port: the note of the joint covers it
+            notes, own = [], of.rpartition(".")[0]
+            found = [joint for port, joint in self.wiring.at.items() if port.component == own and own in always][:1]
         starts = {joint: name for name, joint in self.places.items() if f"{name}.{PRESSURE}" in known}
         held: Port | None = None
-        for joint in self._reached(self.places.get(of) or self._before(of)):
+        for joint in found:  # grows during the loop: nearest first, ending at constant pressures
             if joint in starts:
                 value = known[f"{starts[joint]}.{PRESSURE}"]
                 notes.append(f"{of} starts at {_bar(value)}, like {starts[joint]}")
                 return value
             held = held or next((port for port in joint.ports if port.holds in ("pressure", "set")), None)
+            if not joint.is_constant:
+                found += [other for other in dict.fromkeys(self.wiring.across(joint, always)) if other not in found]
         if held is None:
             return self.ambient.pressure_pa
         (stated,) = self.components[held.component].pressures()
         value = stated.absolute_pa(self.ambient.pressure_pa)
         notes.append(f"{of} starts at {_bar(value)}, the pressure of {held.component}")
         return value
-
-    def _before(self, cell: str) -> Joint | None:
-        """Return the joint at the first port of a component with a gas volume, if the path to it is always open."""
-        own = cell.rpartition(".")[0]
-        if own not in self.components or not self.components[own].entry["open"]:
-            return None
-        return next((joint for port, joint in self.wiring.at.items() if port.component == own), None)
-
-    def _reached(self, first: Joint | None) -> Iterator[Joint]:
-        """Yield the joints along paths that are always open, nearest first, ending at constant pressures."""
-        always = {name for name, one in self.components.items() if one.entry["open"]}
-        found = [] if first is None else [first]
-        for joint in found:  # grows during the loop
-            yield joint
-            if not joint.is_constant:
-                found += [other for other in dict.fromkeys(self.wiring.across(joint, always)) if other not in found]
 
 
 def _key(name: str) -> str:
@@ -517,11 +506,9 @@ def check_platforms(wiring: Wiring, components: Keyed, keys: Mapping[str, str], 
         if not is_platform(own.entry):
             continue
         for port in wiring.ports(name):
-            with problems.caught():
-                _check_mover(wiring, port, components)
             told = {getattr(one, "key", None) for one in problems.found.values()}
-            for problem in _inclined(wiring, port, components, keys):
-                if problem.key not in told:  # copies have one table
+            for problem in _leg_problems(wiring, port, components, keys):
+                if problem.key not in told or problem.key == wiring.at[port].key:  # copies have one table
                     problems.add(problem)
         moments = [getattr(own, f"inertia_{axis}_kg_m2", 0.0) for axis in AXES]
         for axis, moment in zip(AXES, moments, strict=True):
@@ -534,30 +521,23 @@ def check_platforms(wiring: Wiring, components: Keyed, keys: Mapping[str, str], 
                 problems.add(wrong(f"{_table(keys[name])}.inertia", what, rule=rule, remedy=remedy))
 
 
-def _movers(wiring: Wiring, port: Port, components: Keyed) -> list[str]:
-    """Return the components with an axis at a leg."""
-    names = [one.component for one in wiring.at[port].ports if one.component in components] if port in wiring.at else []
-    return [name for name in names if any(one["name"] == "position_m" for one in components[name].entry["outputs"])]
-
-
-def _check_mover(wiring: Wiring, port: Port, components: Keyed) -> None:
+def _leg_problems(wiring: Wiring, port: Port, components: Keyed, keys: Mapping[str, str]) -> Iterator[DescriptionError]:
+    """Yield the errors of a leg: no cylinder, two cylinders, an incline of a cylinder."""
     joint = wiring.at.get(port)
     if joint is None:
         return  # reported with the connections
+    leg = f"leg {port.name} of {port.component}"
     links = [one for one in joint.ports if sum(port.kind == "axis" for port in wiring.ports(one.component)) == 2]
-    movers, leg = _movers(wiring, port, components), f"leg {port.name} of {port.component}"
+    names = [one.component for one in joint.ports if one.component in components]
+    movers = [name for name in names if any(one["name"] == "position_m" for one in components[name].entry["outputs"])]
     if not movers and not links:
-        raise invalid(joint.key, "describe.leg-without-cylinder", leg=leg, name=port.name, id=port.id)
+        yield invalid(joint.key, "describe.leg-without-cylinder", leg=leg, name=port.name, id=port.id)
     if len(movers) > 1:
-        raise invalid(joint.key, "describe.two-movers", movers=movers[::-1], every=" and ".join(movers), leg=leg)
-
-
-def _inclined(wiring: Wiring, port: Port, components: Keyed, keys: Mapping[str, str]) -> Iterator[DescriptionError]:
-    for name in _movers(wiring, port, components):
+        yield invalid(joint.key, "describe.two-movers", movers=movers[::-1], every=" and ".join(movers), leg=leg)
+    for name in movers:
         angle = getattr(components[name], "incline_rad", None) or 0.0
         if angle != 0.0:
-            rule = f"the two joints of leg {port.name} of {port.component} define its direction"
-            what = f"{name}.incline = {degrees(angle):g} deg"
+            what, rule = f"{name}.incline = {degrees(angle):g} deg", f"the two joints of {leg} define its direction"
             yield wrong(f"{_table(keys[name])}.incline", what, rule=rule, remedy="Leave out incline.")
 
 

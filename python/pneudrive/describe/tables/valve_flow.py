@@ -44,14 +44,6 @@ def conductance_from_kv(kv_m3_h: float) -> float:
     return area * choked / constants.ANR_DENSITY_KG_M3
 
 
-def conductance_from_cv(cv: float) -> float:
-    """Return C in m3/(s Pa) from Cv, the flow of water in US gallons per minute at 1 psi.
-
-    Assumptions as in `conductance_from_kv`.
-    """
-    return conductance_from_kv(cv * KV_PER_CV)
-
-
 #: Critical pressure ratio of a valve whose datasheet states a flow but not b (assumed), and the reason. Published
 #: values of catalogue valves lie between 0.13 and 0.44.
 USUAL_RATIO, USUAL_RATIO_SAID = 0.3, "usual for valves: the size is given without critical_pressure_ratio"
@@ -104,7 +96,7 @@ def conductance_of(sizes: Sequence[float | None], b: float, m: float) -> float:
         return c
     if flow is not None:
         return conductance_from_nominal_flow(flow, b, m)
-    return conductance_from_kv(kv) if kv is not None else conductance_from_cv(cv or 0.0)
+    return conductance_from_kv(kv if kv is not None else (cv or 0.0) * KV_PER_CV)
 
 
 def path_of(table: Keyed, *, exhaust: bool) -> Plain:
