@@ -38,8 +38,7 @@ def check_axis(belief: Circuit, plant: Mapping[str, Any]) -> None:
     DescriptionError
         The cylinder is single-acting or a tandem, or ports 4 and 2 of its 5/3 valve do not lead to chambers a and b.
     """
-    form = json.loads(belief.core_json())
-    kinds = {one["name"]: one["kind"] for one in form["components"]}
+    kinds, joints = {name: one["kind"] for name, one in belief.core_parts.items()}, belief.wiring.core()
     cylinder, valves = plant["cylinder"], plant["valves"]
     ends = {cylinder, *valves, *(name for name, kind in kinds.items() if kind.startswith("reservoir"))}
     if kinds[cylinder] not in _DOUBLE_ACTING:
@@ -47,7 +46,7 @@ def check_axis(belief: Circuit, plant: Mapping[str, Any]) -> None:
     if plant["lag_s"] > MOST_LAG_S:
         raise DescriptionError.of("control.late", where=belief.name, lag=plant["lag_s"], most=MOST_LAG_S)
     for port, chamber in (("4", "a"), ("2", "b")) if kinds[valves[0]] in _CROSSED else ():
-        found = _chambers(form["joints"], f"{valves[0]}.{port}", cylinder, ends)
+        found = _chambers(joints, f"{valves[0]}.{port}", cylinder, ends)
         if f"{cylinder}.{chamber}" not in found:
             to = " and ".join(sorted(found)) or "no chamber"
             names = {"valve": valves[0], "port": port, "to": to, "cylinder": cylinder}
@@ -66,17 +65,16 @@ def check_valves(belief: Circuit) -> None:
     DescriptionError
         A valve has a ``flow_table``.
     """
-    for one in json.loads(belief.core_json())["components"]:
+    for name, one in belief.core_parts.items():
         if one["kind"].startswith("valve/") and one.get("points"):
-            raise DescriptionError.of("control.flow_table", where=belief.name, valve=one["name"])
+            raise DescriptionError.of("control.flow_table", where=belief.name, valve=name)
 
 
 def unknown_numbers(belief: Circuit) -> list[str]:
     """Return the unmodelled parts of cylinder, valves and supply, for example ``cylinder.cushion``."""
-    each = json.loads(belief.core_json())["components"]
     return [
-        f"{one['name']}.{what}"
-        for one in each
+        f"{name}.{what}"
+        for name, one in belief.core_parts.items()
         for kind, known in _UNKNOWN.items()
         for begin, what in known.items()
         if one["kind"].startswith(kind)

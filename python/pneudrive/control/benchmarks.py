@@ -19,11 +19,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from pneudrive.control.loop import RTOL, Prepared, prepare, run_prepared
-from pneudrive.control.mismatch import Mismatch, Truth, mismatched, read_mismatch
+from pneudrive.control.mismatch import Mismatch, MismatchOrFile, Truth, mismatched, read_mismatch
 from pneudrive.control.own_law import is_own
-from pneudrive.control.references import USUAL, reference, standard_references
+from pneudrive.control.references import USUAL, ReferenceOrFile, reference, standard_references
 from pneudrive.control.scores import SHOWN, SPREAD_SHOWN, Score, written
-from pneudrive.control.setup import Setup, read_setup
+from pneudrive.control.setup import SetupOrFile, read_setup
 from pneudrive.control.tuning import Tuning, laws, tune
 from pneudrive.ensemble.variation import processors
 from pneudrive.errors import CommandError, RecordingError, SimulationError
@@ -39,13 +39,11 @@ from pneudrive.simulation.trajectory import read_columns, save_columns, write_fr
 from pneudrive.views import ShownValue, View, Viewed
 
 if TYPE_CHECKING:
-    import numpy as np
-
-    from pneudrive.arrays import Interval, Keyed, Plain
+    from pneudrive.arrays import Columns, Interval, Keyed, Plain
     from pneudrive.control.motion import Reference
     from pneudrive.simulation.start import DriveOrCircuit
 
-    References = str | Path | Reference | Sequence[str | Path | Reference] | Mapping[str, str | Path | Reference]
+    References = ReferenceOrFile | Sequence[ReferenceOrFile] | Mapping[str, ReferenceOrFile]
 
 
 # --- Score card: runs of laws along references with the scores of each law, read from the folder of a comparison.
@@ -85,7 +83,7 @@ class ControlledRun(NamedTuple):
     file: Path
     truth: Mapping[str, float]
 
-    def columns(self, *names: str) -> dict[str, np.ndarray]:
+    def columns(self, *names: str) -> Columns:
         """Read columns of the run's file."""
         return read_columns(self.file, names)
 
@@ -218,7 +216,17 @@ class ControlComparison(Viewed):
         """
         import polars as pl
 
-        rows = [row_of(run, self.references[run.reference]) for run in self.runs]
+        names, rows = [one.name for one in fields(Score)], []
+        for run in self.runs:
+            score = dict.fromkeys(names) if run.score is None else run.score.to_dict()
+            about = {
+                "law": run.law,
+                "reference": self.references[run.reference],
+                "seed": run.seed,
+                "reason": run.reason,
+            }
+            file = {"run": run.file.name if run.file.is_file() else None}
+            rows.append(about | score | file | {f"{_TRUE}{name}": value for name, value in run.truth.items()})
         write_frame(pl.DataFrame(rows, infer_schema_length=None), Path(path))
         return Path(path)
 
@@ -262,15 +270,6 @@ def store_about(folder: Path, about: Keyed) -> None:
         write_whole(path, text)
     except (OSError, UnicodeDecodeError) as error:
         raise CommandError(f"{path} cannot be written", value=str(error)) from None
-
-
-def row_of(run: ControlledRun, reference: str) -> Plain:
-    """Return the row of a run in the tables: law, reference, seed, reason, its score, its file, true values."""
-    names = [one.name for one in fields(Score)]
-    row: Plain = {"law": run.law, "reference": reference, "seed": run.seed, "reason": run.reason}
-    row |= dict.fromkeys(names) if run.score is None else run.score.to_dict()
-    row["run"] = run.file.name if run.file.is_file() else None
-    return row | {f"{_TRUE}{name}": value for name, value in run.truth.items()}
 
 
 def read_comparison(folder: str | Path) -> ControlComparison:
@@ -437,24 +436,18 @@ class Store:
         if is_kept and not reason:
             score = _score_in(file, key)
         if score is None and not reason:
-            score, reason = self._simulated(prepared, seed, key, file if is_kept else None)
+            try:
+                run = run_prepared(prepared._replace(step_repeats=STEP_REPEATS if is_kept else 1), seed)
+            except SimulationError as error:
+                reason = error.what
+            else:
+                score = Score(**run.provenance["score"])
+                if is_kept:
+                    save_columns(run.columns, run.provenance | {"key": key}, file)
+            if reason or not is_kept:
+                with self.lock:
+                    _log(self.lines, score, {"key": key, "reason": reason})
         return ControlledRun(law, along, seed, score, reason, file, prepared.truth.values)
-
-    def _simulated(self, prepared: Prepared, seed: int, key: str, file: Path | None) -> tuple[Score | None, str]:
-        """Run and store; return the score, or None and the reason of the failure."""
-        score, reason = None, ""
-        try:
-            run = run_prepared(prepared._replace(step_repeats=STEP_REPEATS if file else 1), seed)
-        except SimulationError as error:
-            reason = error.what
-        else:
-            score = Score(**run.provenance["score"])
-            if file is not None:
-                save_columns(run.columns, run.provenance | {"key": key}, file)
-                return score, ""
-        with self.lock:
-            _log(self.lines, score, {"key": key, "reason": reason})
-        return score, reason
 
 
 def _score_in(file: Path, key: str) -> Score | None:
@@ -503,9 +496,9 @@ def benchmark(
     *,
     out: str | Path,
     seeds: int = 5,
-    setup: Setup | str | Path = "real",
-    mismatch: Mismatch | str | Path | None = None,
-    spread: Mismatch | str | Path | None = None,
+    setup: SetupOrFile = "real",
+    mismatch: MismatchOrFile | None = None,
+    spread: MismatchOrFile | None = None,
     members: int | None = None,
     threads: int | None = None,
     allow_code: str | None = None,
@@ -612,7 +605,7 @@ def _folder(out: object) -> Path:
     return Path(out)
 
 
-def _spread(spread: Mismatch | str | Path | None, mismatch: object) -> tuple[Mismatch, str] | None:
+def _spread(spread: MismatchOrFile | None, mismatch: object) -> tuple[Mismatch, str] | None:
     """Read a spread. A spread and a mismatch exclude each other."""
     if spread is not None and mismatch is not None:
         raise CommandError.of("control.spread_and_mismatch")
@@ -663,15 +656,14 @@ def _tunings(
     each = laws() if asked == "all" else list(asked) if isinstance(asked, list | tuple) else [asked]
     out: dict[str, Tuning] = {}
     for one in each:
+        is_file = isinstance(one, str | Path) and str(one).endswith(".toml")
         if isinstance(one, Tuning):
-            name, tuning = one.law, one
-        elif is_own(one):
-            tuning = tune(drive, one, **options)
-            name = tuning.law
-        elif str(one).endswith(".toml"):
-            name, tuning = Path(str(one)).stem, tune(drive, controller=str(one), **options)
+            tuning = one
+        elif is_file:
+            tuning = tune(drive, controller=str(one), **options)
         else:
-            name, tuning = str(one), tune(drive, str(one), **options)
+            tuning = tune(drive, one if is_own(one) else str(one), **options)
+        name = Path(str(one)).stem if is_file else tuning.law
         if name in out:
             raise CommandError(f"two laws are called {name}", remedy="Keep one of them, or rename its file.")
         out[name] = tuning

@@ -9,14 +9,13 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from pneudrive import _core
 from pneudrive.control.axis import supply_of
-from pneudrive.control.mismatch import OF_VALVE, Mismatch, Truth, mismatched, one_value, read_mismatch
+from pneudrive.control.mismatch import OF_VALVE, Mismatch, MismatchOrFile, Truth, mismatched, one_value, read_mismatch
 from pneudrive.control.motion import NEVER, Reference, rounded_up
-from pneudrive.control.references import beyond_stroke, check_reach, named_or_read
+from pneudrive.control.references import ReferenceOrFile, beyond_stroke, check_reach, named_or_read
 from pneudrive.control.scores import air_of, score_of
-from pneudrive.control.setup import CHANNEL_UNITS, Setup, read_setup, ready_setups, told
-from pneudrive.control.tuning import Controller, Plant, Tuning, alone, laws, tune
+from pneudrive.control.setup import CHANNEL_UNITS, Setup, SetupOrFile, read_setup, ready_setups, told
+from pneudrive.control.tuning import ControllerOrFile, Plant, Tuning, alone, laws, tune
 from pneudrive.describe.system import compiled
-from pneudrive.describe.tables.starts import start_table
 from pneudrive.errors import CommandError, PneudriveError, SimulationError, warn
 from pneudrive.files.inputs import INPUTS, inputs_of
 from pneudrive.platforms import is_platform
@@ -27,11 +26,10 @@ from pneudrive.views import VALUE, Finding, LeadingValue, ShownValue, State, Vie
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
-    from pathlib import Path
 
     import xarray as xr
 
-    from pneudrive.arrays import Array, NamedNumbers, Plain
+    from pneudrive.arrays import Array, NamedNumbers, Pair, Plain
     from pneudrive.control.own_law import RunningLaw
     from pneudrive.describe import Circuit
     from pneudrive.simulation.start import DriveOrCircuit, StartState
@@ -94,7 +92,7 @@ class Feasibility(Viewed):
     demand: Demand
     factor: float | None
     stroke_m: float
-    speeds_m_s: tuple[float, float]
+    speeds_m_s: Pair
     left_out: tuple[str, ...] = ()
 
     @property
@@ -225,7 +223,7 @@ FIND_SHAPE = "pneudrive identify DRIVE RECORDING --free valve.overlap,valve.leak
 CYCLE = "limit-cycle"
 
 
-def suitability(drive: DriveOrCircuit, setup: Setup | str | Path = "real") -> View:
+def suitability(drive: DriveOrCircuit, setup: SetupOrFile = "real") -> View:
     """Try each controller on a drive along R3, with the described mass and with half of it.
 
     Parameters
@@ -264,7 +262,7 @@ def suitability(drive: DriveOrCircuit, setup: Setup | str | Path = "real") -> Vi
 def _trial(
     drive: DriveOrCircuit,
     controller: Tuning | str,
-    setup: Setup | str | Path,
+    setup: SetupOrFile,
     deviations: Mapping[str, float | str],
 ) -> tuple[float, str]:
     """Run a drive that deviates from its description; return the largest error, m, and why it failed, or ""."""
@@ -286,7 +284,7 @@ def _trial(
     return error_m, f"misses by {1e3 * error_m:.3g} mm" if misses else ""
 
 
-def view_of_lag(drive: DriveOrCircuit, tuning: Tuning, setup: Setup | str | Path) -> View | None:
+def view_of_lag(drive: DriveOrCircuit, tuning: Tuning, setup: SetupOrFile) -> View | None:
     """Return the additional dead time that the controller tolerates, and the possible effect of zero valve parameters.
 
     Parameters
@@ -304,8 +302,7 @@ def view_of_lag(drive: DriveOrCircuit, tuning: Tuning, setup: Setup | str | Path
     """
     ranges = read_mismatch("standard")[0].ranges
     law, valve = tuning.law, tuning.plant.valves[0]
-    components = json.loads(tuning.belief.core_json())["components"]
-    numbers = next(own["numbers"] for own in components if own["name"] == valve)
+    numbers = tuning.belief.core_parts[valve]["numbers"]
     if "overlap" not in numbers:
         return None
     low_s, high_s = 0.0, LONGEST_LAG_S
@@ -360,7 +357,7 @@ class Prepared(NamedTuple):
     reference: Reference
     setup: Setup
     setup_name: str
-    start: dict[str, float]
+    start: NamedNumbers
     duration_s: float
     truth: Truth
     mismatch: str = ""
@@ -372,13 +369,13 @@ def run(
     drive: DriveOrCircuit,
     law: str | object | None = None,
     *,
-    reference: Reference | str | Path,
-    setup: Setup | str | Path = "real",
+    reference: ReferenceOrFile,
+    setup: SetupOrFile = "real",
     duration: str | float | None = None,
     seed: int = 1,
-    controller: Controller | Tuning | str | Path | None = None,
+    controller: ControllerOrFile | Tuning | None = None,
     believes: DriveOrCircuit | None = None,
-    mismatch: Mismatch | str | Path | None = None,
+    mismatch: MismatchOrFile | None = None,
     initial: StartState = None,
     allow_code: str | None = None,
     progress: Progress | None = None,
@@ -458,13 +455,13 @@ def run(
 def prepare(
     drive: DriveOrCircuit,
     law: str | object | None,
-    along: Reference | str | Path,
+    along: ReferenceOrFile,
     *,
-    setup: Setup | str | Path = "real",
+    setup: SetupOrFile = "real",
     duration: str | float | None = None,
-    controller: Controller | Tuning | str | Path | None = None,
+    controller: ControllerOrFile | Tuning | None = None,
     believes: DriveOrCircuit | None = None,
-    mismatch: Mismatch | str | Path | None = None,
+    mismatch: MismatchOrFile | None = None,
     initial: StartState = None,
     allow_code: str | None = None,
 ) -> Prepared:
@@ -498,7 +495,9 @@ def prepare(
         what = f"duration = {seconds:g} s at a period of {1e3 * tuning.period_s:g} ms gives {samples:.3g} samples"
         raise CommandError(what, rule=f"1 to {MOST_SAMPLES:.0e} samples")
     warnings = [*_missed(to_follow, read), *_beyond_switches(read, to_follow, plant.stroke_m)]
-    start = _start(drive, plant, float(to_follow.at([0.0])[0, 0]), initial)
+    names, given = circuit.start_names, dict(drive.circuit_values(initial))
+    usual, taken = plant.at_rest(float(to_follow.at([0.0])[0, 0])), {names.get(key) for key in given}
+    start = circuit.core_initial({key: value for key, value in usual.items() if names[key] not in taken} | given)
     truth, called = Truth(circuit.core_json(), {}, read, {}), ""
     if mismatch is not None:
         own, called = read_mismatch(mismatch)
@@ -533,12 +532,23 @@ def run_prepared(prepared: Prepared, seed: int, watch: Watch = UNWATCHED) -> Run
     said: Plain = {"air": air, "score": found.to_dict(), "events": events, "samples": len(named["time"])}
     if own is not None and own.failure is not None:  # the standby law has taken over
         said["law_failure"] = str(own.failure)
-    return Run(columns, _provenance(prepared, seed) | said, MEANINGS)
+    model, reference = tuning.belief.name, prepared.reference
+    named = {"points_missed_m": reference.points_missed_m, "model": None if model == circuit.name else model}
+    made = {key: value for key, value in named.items() if value is not None}
+    made |= provenance_of(circuit, tuning, (prepared.setup, prepared.setup_name), reference.text, seed)
+    made |= {
+        "factors": tuning.controller.factors.to_dict(),
+        "belief_hash": tuning.belief.description_hash,
+        "mismatch": prepared.mismatch,
+        "deviations": prepared.truth.values,
+        "motion": motion,
+    }
+    return Run(columns, made | said, MEANINGS)
 
 
 def run_axes(
     core_json: str,
-    start: Mapping[str, float],
+    start: NamedNumbers,
     axes: Sequence[tuple[Any, Any, Any]],
     outputs: list[str],
     seconds: float,
@@ -605,25 +615,6 @@ def _missed(along: Reference, setup: Setup) -> Iterator[str]:
         yield f"{along.text}: {missed}; errors refer to the curve"
 
 
-def _provenance(prepared: Prepared, seed: int) -> Plain:
-    circuit, tuning, reference = prepared.circuit, prepared.tuning, prepared.reference
-    model = tuning.belief.name
-    named = {"points_missed_m": reference.points_missed_m, "model": None if model == circuit.name else model}
-    known = {key: value for key, value in named.items() if value is not None}
-    setup = prepared.setup, prepared.setup_name
-    return (
-        known
-        | provenance_of(circuit, tuning, setup, reference.text, seed)
-        | {
-            "factors": tuning.controller.factors.to_dict(),
-            "belief_hash": tuning.belief.description_hash,
-            "mismatch": prepared.mismatch,
-            "deviations": prepared.truth.values,
-            "motion": reference.core(),
-        }
-    )
-
-
 def provenance_of(circuit: Circuit, tuning: Tuning, setup: tuple[Setup, str], reference: str, seed: int) -> Plain:
     """Return the provenance that runs of an axis and of a platform have in common."""
     read, name = setup
@@ -641,18 +632,3 @@ def provenance_of(circuit: Circuit, tuning: Tuning, setup: tuple[Setup, str], re
         "labels": dict(circuit.labels),
         INPUTS: inputs_of(tuning.belief),
     }
-
-
-def _start(drive: DriveOrCircuit, plant: Plant, position_m: float, initial: Any) -> NamedNumbers:  # noqa: ANN401
-    """Return the start state in the core's form; by default at the reference, with the piston in balance."""
-    circuit, cylinder = drive.circuit, plant.cylinder
-    pressure_a, pressure_b = (f"{pressure!r} Pa abs" for pressure in plant.rest_pressures_pa)
-    position = f"{position_m!r} m"
-    given = dict(start_table(initial))
-    if drive.system.names:
-        return drive.circuit_start({"position": position, "pressure_a": pressure_a, "pressure_b": pressure_b} | given)
-    names = circuit.start_names
-    usual = {f"{cylinder}.position": position}
-    usual |= {f"{cylinder}.a.pressure": pressure_a, f"{cylinder}.b.pressure": pressure_b}
-    taken = {names.get(key) for key in given}
-    return circuit.core_initial({key: value for key, value in usual.items() if names[key] not in taken} | given)

@@ -6,7 +6,7 @@ import json
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple
+from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple, TypeAlias
 
 import numpy as np
 from pydantic import Field
@@ -20,7 +20,7 @@ from pneudrive.describe.tables.friction import friction_laws, has_bristles, has_
 from pneudrive.errors import CommandError, WrongValueError, invalid
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Sequence
 
     from pneudrive.arrays import Interval, Keyed, NamedNumbers, Plain
     from pneudrive.control.tuning import Plant
@@ -157,6 +157,9 @@ class Mismatch(Described):
         return out
 
 
+#: A mismatch, the name of one of the package, or a TOML file.
+MismatchOrFile: TypeAlias = Mismatch | str | Path
+
 #: Parameters that a factor of the mismatch scales: of the cylinder's friction, and of components.
 _FRICTION = {
     "friction_level": ("coulomb", "breakaway"),
@@ -205,12 +208,12 @@ class Truth(NamedTuple):
     """
 
     core_json: str
-    start: dict[str, float]
+    start: NamedNumbers
     setup: Setup
-    values: dict[str, float]
+    values: NamedNumbers
 
 
-def mismatched(core_json: str, plant: Plant, setup: Setup, mismatch: Mismatch, drawn: Mapping[str, float]) -> Truth:
+def mismatched(core_json: str, plant: Plant, setup: Setup, mismatch: Mismatch, drawn: NamedNumbers) -> Truth:
     """Apply the sampled values of a mismatch to a drive in the core's form.
 
     Raises
@@ -223,10 +226,13 @@ def mismatched(core_json: str, plant: Plant, setup: Setup, mismatch: Mismatch, d
     cylinder, valves = named[plant.cylinder], [named[name] for name in plant.valves]
     conductance = valves[0]["numbers"]["conductance"]
     for name, value in drawn.items():
-        if name in _FRICTION:
-            _scale((cylinder["friction"] or {}).get("parameters", {}), _FRICTION[name], name, value)
-        if name in _CYLINDER:
-            _scale(cylinder["numbers"], _CYLINDER[name], name, value)
+        keys = _CYLINDER.get(name) or _FRICTION.get(name, ())
+        numbers = cylinder["numbers"] if name in _CYLINDER else (cylinder["friction"] or {}).get("parameters", {})
+        has = [key for key in keys if key in numbers]
+        if keys and not has:
+            raise invalid(name, "control.no_effect", name=name, keys=" and no ".join(keys))
+        for key in has:
+            numbers[key] *= value
         if name in OF_VALVE:
             if "frequency" not in valves[0]["numbers"]:
                 raise invalid(name, "control.no_spool", name=name, valve=valves[0]["name"])
@@ -247,14 +253,6 @@ def mismatched(core_json: str, plant: Plant, setup: Setup, mismatch: Mismatch, d
     return Truth(json.dumps(form, sort_keys=True), start, _sensors(setup, mismatch, drawn), values)
 
 
-def _scale(numbers: NamedNumbers, keys: tuple[str, ...], name: str, factor: float) -> None:
-    has = [key for key in keys if key in numbers]
-    if not has:
-        raise invalid(name, "control.no_effect", name=name, keys=" and no ".join(keys))
-    for key in has:
-        numbers[key] *= factor
-
-
 def _other_law(word: str, friction: Keyed) -> Plain:
     """Return friction with another law, which keeps the shared parameters. Formulas are dropped."""
     law, has = friction_laws()[word], dict(friction["parameters"])
@@ -267,15 +265,13 @@ def _other_law(word: str, friction: Keyed) -> Plain:
             parameters[name] = has[name]
         elif usual is None:
             raise invalid("friction_law", "control.law_needs", law=word, name=name)
-    lacks = {"formula", "elements"}
-    lacks |= set() if law["evolves"] else {"evolution"}
-    lacks |= set() if has_stribeck_curve(word) else {"stribeck_shape"}
-    lacks |= set() if has_bristles(word) else {"relaxation"}
-    kept = {key: value for key, value in friction.items() if key not in lacks}
+    fits = {"evolution": law["evolves"], "stribeck_shape": has_stribeck_curve(word), "relaxation": has_bristles(word)}
+    fits |= {"formula": False, "elements": False}
+    kept = {key: value for key, value in friction.items() if fits.get(key, True)}
     return kept | {"law": word, "parameters": parameters}
 
 
-def _supply(form: Plain, drawn: Mapping[str, float], conductance: float) -> NamedNumbers:
+def _supply(form: Plain, drawn: NamedNumbers, conductance: float) -> NamedNumbers:
     """Change the supply in place; return the start state of the volume downstream of it."""
     reservoirs = [one for one in form["components"] if one["kind"].startswith("reservoir")]
     for one in reservoirs:
@@ -299,7 +295,7 @@ def _supply(form: Plain, drawn: Mapping[str, float], conductance: float) -> Name
     return {f"{volume}.pressure_pa": pressure, f"{volume}.temperature_k": temperature}
 
 
-def _sensors(setup: Setup, mismatch: Mismatch, drawn: Mapping[str, float]) -> Setup:
+def _sensors(setup: Setup, mismatch: Mismatch, drawn: NamedNumbers) -> Setup:
     changed = setup.sensors
     for sensor, mark in (("pressure_a", ""), ("pressure_b", "_b")):
         own = getattr(changed, sensor)
@@ -326,7 +322,7 @@ def ready_mismatches() -> dict[str, Path]:
     return {path.stem: path for path in sorted(READY.glob("*.toml"))}
 
 
-def read_mismatch(given: Mismatch | str | Path) -> tuple[Mismatch, str]:
+def read_mismatch(given: MismatchOrFile) -> tuple[Mismatch, str]:
     """Read a mismatch: a name of the package, or a TOML file.
 
     Parameters

@@ -8,13 +8,16 @@ import math
 import reprlib
 import uuid
 from collections import namedtuple
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, field
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from pneudrive import _core, own_code
 from pneudrive.errors import CommandError, OwnLawError, nearest
+
+if TYPE_CHECKING:
+    from pneudrive.arrays import Keyed
 
 #: Name of all custom laws in the core.
 OWN = "own"
@@ -84,7 +87,17 @@ class OwnLaw:
 
     name: str
     digest: str
-    begin: Callable[[object, Mapping[str, Any], float], RunningLaw] = field(repr=False, compare=False)
+    given: Any = field(repr=False, compare=False)  # the law, or a class or a function that makes one for a run
+
+    def begin(self, model: object, motion: Keyed, period_s: float) -> RunningLaw:
+        """Start a run."""
+        name = self.name
+        law = own_code.guarded(name, CommandError, self.given) if callable(self.given) else self.given
+        inputs = _inputs(name, law)
+        own_code.guarded(name, CommandError, lambda: law.start(model, period_s) if hasattr(law, "start") else None)
+        make = namedtuple("Sample", inputs)._make
+        step, preview = law.step, _core.ControlReference(json.dumps(motion))
+        return RunningLaw(name, lambda values: step(values[0], make(values[1:]), preview), ["time", *inputs])
 
 
 def signals() -> dict[str, tuple[str, str]]:
@@ -124,7 +137,7 @@ def own_law(given: object, *, allow_code: str | None = None, found_in: str = "")
     """
     if not isinstance(given, str):
         kind = given if isinstance(given, type) else type(given)
-        return OwnLaw(kind.__name__, uuid.uuid4().hex, _python(kind.__name__, given))
+        return OwnLaw(kind.__name__, uuid.uuid4().hex, given)
     module, _ = own_code.split(given) or (given, "")
     if module.endswith((".so", ".dylib", ".dll")):
         raise CommandError.of("control.shared-library", given=given, rule=_RULE)
@@ -132,7 +145,7 @@ def own_law(given: object, *, allow_code: str | None = None, found_in: str = "")
         law = own_code.load_allowed(given, allow_code, found_in, "--law", CommandError)
     else:
         law = own_code.load(given, CommandError)
-    return OwnLaw(given, own_code.sha256(given) or uuid.uuid4().hex, _python(given, law))
+    return OwnLaw(given, own_code.sha256(given) or uuid.uuid4().hex, law)
 
 
 def _inputs(name: str, law: object) -> list[str]:
@@ -166,21 +179,3 @@ def _inputs(name: str, law: object) -> list[str]:
         except TypeError as error:
             raise CommandError(f"{name}: step cannot be called: {error}", rule=_RULE) from None
     return list(inputs)
-
-
-def _python(name: str, given: object) -> Callable[..., RunningLaw]:
-    """Return the function that starts a run of a Python law."""
-
-    def begin(model: object, motion: Mapping[str, Any], period_s: float) -> RunningLaw:
-        law: Any = own_code.guarded(name, CommandError, given) if callable(given) else given
-        inputs = _inputs(name, law)
-        own_code.guarded(name, CommandError, lambda: law.start(model, period_s) if hasattr(law, "start") else None)
-        make = namedtuple("Sample", inputs)._make
-        step, preview = law.step, _core.ControlReference(json.dumps(motion))
-
-        def call(values: tuple[float, ...]) -> object:
-            return step(values[0], make(values[1:]), preview)
-
-        return RunningLaw(name, call, ["time", *inputs])
-
-    return begin

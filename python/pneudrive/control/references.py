@@ -6,7 +6,7 @@ import re
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, TypeAlias
 
 import numpy as np
 from pydantic import Field, model_validator
@@ -33,6 +33,8 @@ FORMS = (
     "(.csv or .parquet with time_s and position_m)"
 )
 RECORDS = (".csv", ".parquet")
+#: A reference, its text, or a file.
+ReferenceOrFile: TypeAlias = motion.Reference | str | Path
 PROGRAM = re.compile(r"\.(gcode|nc|ngc)(:\w*)?$")
 
 
@@ -93,7 +95,7 @@ class ReferenceFile(Described):
         return self
 
 
-def reference(given: motion.Reference | str | Path) -> motion.Reference:
+def reference(given: ReferenceOrFile) -> motion.Reference:
     """Read a reference for a drive under control.
 
     Parameters
@@ -188,13 +190,12 @@ def _from_file(path: Path) -> motion.Reference:
     if all(one.duration_s is not None for one in read.moves):
         moves = [motion.ReferenceMove(one.at_s, one.duration_s, one.to_m) for one in read.moves]
         return _checked(str(path), read.start_m, moves)
-    limits = read.limits
-    asked = (limits.velocity_m_s, limits.acceleration_m_s2, limits.jerk_m_s3, limits.snap_m_s4)
+    limits = tuple(read.limits.stored().values())
     rows, free_s, at = [], 0.0, read.start_m
     for one in read.moves:
         _after(free_s, one.at_s, str(path))
         made = (
-            motion.within_limits(one.at_s, at, one.to_m, asked)
+            motion.within_limits(one.at_s, at, one.to_m, limits)
             if one.duration_s is None
             else motion.blended(one.at_s, one.duration_s, at, one.to_m)
         )
@@ -208,21 +209,14 @@ def _missing(made: motion.Reference, times: Any, points: Any) -> motion.Referenc
 
 
 def _of_record(path: Path) -> motion.Reference:
-    import polars as pl
-
-    from pneudrive.files.csv_tables import csv_names, read_csv
+    from pneudrive.files.csv_tables import csv_names
     from pneudrive.files.tables import open_table
 
-    names = ["time_s", "position_m"]
-    table = None if path.suffix.lower() == ".csv" else open_table(path, "parquet")
-    there = csv_names(path, RecordingError) if table is None else table.names
+    names, is_csv = ["time_s", "position_m"], path.suffix.lower() == ".csv"
+    there = csv_names(path, RecordingError) if is_csv else open_table(path, "parquet").names
     if not set(names) <= set(there):
         raise CommandError.of("control.record_columns", path=path, columns=", ".join(there))
-    if table is None:
-        frame = read_csv(path, dict.fromkeys(names, pl.Float64), RecordingError, names)
-        time, position = (frame[name].to_numpy() for name in names)
-    else:
-        time, position = read_columns(path, names, table=table).values()
+    time, position = read_columns(path, names).values()
     if len(time) <= motion.REST:
         raise CommandError.of("control.record_short", path=path, count=len(time), least=motion.REST)
     rises = np.diff(time, prepend=-1.0) > 0.0
@@ -342,7 +336,7 @@ def standard_references(stroke_m: float, speeds_m_s: Pair) -> dict[str, motion.R
     return {name: _standard(name, stroke_m, speeds_m_s) for name in NAMES}
 
 
-def named_or_read(given: motion.Reference | str | Path, stroke_m: float, speeds_m_s: Pair) -> motion.Reference:
+def named_or_read(given: ReferenceOrFile, stroke_m: float, speeds_m_s: Pair) -> motion.Reference:
     """Return a standard reference for a drive by its name, or read any other reference.
 
     Errors are those of `reference`.
@@ -354,25 +348,21 @@ def _standard(name: str, stroke_m: float, speeds_m_s: Pair) -> motion.Reference:
     step = min(0.06, _STROKE_SHARE * stroke_m)
     low, middle, right, left = (round(share * stroke_m, 6) for share in (0.46, 0.5, 0.8, 0.2))
     high = round(low + step, 6)
-    match name:
-        case "R1":
-            made = motion.sine(step, 0.5, middle)
-        case "R2":
-            made = motion.sine(step, 1.0, middle)
-        case "R3":
-            made = _moves(low, (1.0, 0.3, high), (3.0, 0.3, low), (5.0, 0.5, right), (7.0, 0.6, left))
-        case "R4":
-            made = _ramps(middle, stroke_m / RAMPS_STROKE_M)
-        case "R5":
-            made = _moves(low, (1.0, 0.3, high), rest_s=40.0)
-        case _:
-            made = _moves(left, (1.0, 0.25, right))
+    sines = {"R1": 0.5, "R2": 1.0}
+    moves = {
+        "R3": (low, ((1.0, 0.3, high), (3.0, 0.3, low), (5.0, 0.5, right), (7.0, 0.6, left)), motion.REST_S),
+        "R5": (low, ((1.0, 0.3, high),), 40.0),
+        "R6": (left, ((1.0, 0.25, right),), motion.REST_S),
+    }
+    if name in sines:
+        made = motion.sine(step, sines[name], middle)
+    elif name in moves:
+        start_m, each, rest_s = moves[name]
+        made = motion.stairs(start_m, [motion.ReferenceMove(*one) for one in each], rest_s)
+    else:
+        made = _ramps(middle, stroke_m / RAMPS_STROKE_M)
     share = made.reach(speeds_m_s).share
     return made.stretched(share / _SPEED_SHARE if share < motion.NEVER else 1.0)
-
-
-def _moves(start_m: float, *moves: tuple[float, float, float], rest_s: float = motion.REST_S) -> motion.Reference:
-    return motion.stairs(start_m, [motion.ReferenceMove(*one) for one in moves], rest_s)
 
 
 def _ramps(start_m: float, size: float) -> motion.Reference:

@@ -222,7 +222,7 @@ SCORED = (
 )
 
 
-def score_of(time: Array, of: Mapping[str, Array], motion: Keyed, air: Mapping[str, float] | None = None) -> Score:
+def score_of(time: Array, of: Mapping[str, Array], motion: Keyed, air: NamedNumbers | None = None) -> Score:
     """Score arrays over time, s, by name; `motion` is the reference in the core's form, `air` is from `air_of`."""
     x, command = of["position"], of["command"]
     error = of["reference"] - x

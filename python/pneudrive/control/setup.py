@@ -6,7 +6,7 @@ import math
 from functools import cache
 from itertools import pairwise
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, Literal, TypeVar
+from typing import Annotated, Any, ClassVar, Literal, TypeAlias, TypeVar
 
 from pydantic import Field, model_validator
 
@@ -254,13 +254,17 @@ class Setup(Described):
         }
 
 
+#: A setup, the name of one of the package, or a TOML file.
+SetupOrFile: TypeAlias = Setup | str | Path
+
+
 @cache
 def ready_setups() -> dict[str, Path]:
     """Return the files of the package's setups by name."""
     return {path.stem: path for path in sorted(SETUPS.glob("*.toml"))}
 
 
-def read_setup(given: Setup | str | Path) -> tuple[Setup, str]:
+def read_setup(given: SetupOrFile) -> tuple[Setup, str]:
     """Read a setup: a name of the package, or a TOML file.
 
     Parameters

@@ -7,11 +7,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 from pneudrive import __version__, _core
-from pneudrive.control.references import check_reach, named_or_read
-from pneudrive.control.setup import Setup, read_setup
+from pneudrive.control.references import ReferenceOrFile, check_reach, named_or_read
+from pneudrive.control.setup import Setup, SetupOrFile, read_setup
 from pneudrive.errors import CommandError, nearest, package_table
 from pneudrive.files.writing import make_result_folder
-from pneudrive.fmu.variables import FmuCode, FmuPlan, FmuVariable
+from pneudrive.fmu.variables import TIME, FmuCode, FmuPlan, FmuVariable
 from pneudrive.simulation.simulate import require
 from pneudrive.simulation.trajectory import write_whole
 
@@ -44,8 +44,8 @@ def export(
     to: Literal["c", "st", "fmu"],
     out: str | Path,
     *,
-    setup: Setup | str | Path = "real",
-    along: Reference | str | Path | None = None,
+    setup: SetupOrFile = "real",
+    along: ReferenceOrFile | None = None,
     version: str = "2.0",
     name: str | None = None,
     precision: Literal["double", "single"] = "double",
@@ -169,10 +169,7 @@ def code_plan(
     identifier = next(name for name, _ in files if name.endswith(".c")).removesuffix(".c")
     return FmuPlan(
         title=f"{tuning.law} for {tuning.belief.name}",
-        form={},
-        start={},
-        rtol=1e-6,
-        variables=(FmuVariable("time", "s", "time", "independent", {"role": "time"}), *given),
+        variables=(TIME, *given),
         code=FmuCode(identifier, tuple(files), tuning.core()["period_s"]),
     )
 
@@ -218,14 +215,10 @@ def law_plan(tuning: Tuning, reference: Reference, setup: Setup) -> FmuPlan:
     ]
     inputs = [FmuVariable(name, unit, what, "input", _role("input", name), start) for name, unit, what, start in given]
     outputs = [FmuVariable(name, unit, what, "output", _role("output", name)) for name, unit, what in _OUTPUTS]
-    time = FmuVariable("time", "s", "time", "independent", {"role": "time"})
     law = {"controller": tuning.core(), "motion": reference.core(), "position": form["position"]}
     return FmuPlan(
         title=f"{tuning.law} for {tuning.belief.name}",
-        form={},
-        start={},
-        rtol=1e-6,
-        variables=(time, *inputs, *outputs),
+        variables=(TIME, *inputs, *outputs),
         law=law,
     )
 

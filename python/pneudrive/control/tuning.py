@@ -5,11 +5,10 @@ from __future__ import annotations
 import json
 import math
 import os
-from contextlib import nullcontext
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, NamedTuple
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, NamedTuple, TypeAlias
 
 from pydantic import Field, model_validator
 
@@ -164,22 +163,9 @@ class Controller(Described):
         form |= {table: each for table, each in numbers.items() if each}
         return form | {"belief": json.loads(belief.core_json())}
 
-    def supervision_core(self, ambient_pa: float) -> Plain:
-        """Return the supervisor in the core's form, in SI with absolute pressures."""
-        limits, motion, fault = self.limits, self.motion, self.on_fault
-        rules = {
-            "position_m": limits.position,
-            "speed_m_s": limits.speed_m_s,
-            "pressure_pa": limits.pressure and [own.absolute_pa(ambient_pa) for own in limits.pressure],
-            "stop_deceleration_m_s2": limits.stop_deceleration_m_s2,
-            "motion": [motion.tolerance_m, motion.settled_for_s, motion.timeout_s],
-            "on_position": fault.position,
-            "on_pressure": fault.pressure,
-            "on_valve": fault.valve,
-            "on_supply": fault.supply,
-        }
-        given = {key: value for key, value in rules.items() if value is not None}
-        return {"supervision": given, "standby": fault.law}
+
+#: A controller, or its TOML file.
+ControllerOrFile: TypeAlias = Controller | str | Path
 
 
 def gain_quantity(unit: str) -> Quantity:
@@ -266,6 +252,12 @@ class Plant(Shown):
     left_out: list[str]
     pressure_decay_1_s: list[float]
     least_force_shares: list[float]
+
+    def at_rest(self, position_m: float) -> dict[str, str]:
+        """Return start values of the cylinder at a position, with the piston in balance."""
+        ends = zip("ab", self.rest_pressures_pa, strict=True)
+        pressures = {f"{self.cylinder}.{end}.pressure": f"{pressure!r} Pa abs" for end, pressure in ends}
+        return {f"{self.cylinder}.position": f"{position_m!r} m"} | pressures
 
     def rows(self) -> list[tuple[str, str]]:
         """Return name and value with unit of each number."""
@@ -365,7 +357,21 @@ class Tuning(Viewed):
         word, controller = self.law if self.own is None else OWN, self.controller
         gains, valves = ({one.key: one.value for one in own} for own in (self.gains, self.valves))
         form = controller.core(word, self.belief, gains=gains, valves=valves, factors=controller.factors.changed)
-        return form | controller.supervision_core(self.belief.ambient.pressure_pa)
+        limits, motion, fault = controller.limits, controller.motion, controller.on_fault
+        ambient_pa = self.belief.ambient.pressure_pa
+        rules = {
+            "position_m": limits.position,
+            "speed_m_s": limits.speed_m_s,
+            "pressure_pa": limits.pressure and [own.absolute_pa(ambient_pa) for own in limits.pressure],
+            "stop_deceleration_m_s2": limits.stop_deceleration_m_s2,
+            "motion": [motion.tolerance_m, motion.settled_for_s, motion.timeout_s],
+            "on_position": fault.position,
+            "on_pressure": fault.pressure,
+            "on_valve": fault.valve,
+            "on_supply": fault.supply,
+        }
+        given = {key: value for key, value in rules.items() if value is not None}
+        return form | {"supervision": given, "standby": fault.law}
 
     def to_toml(self, folder: str | Path = "") -> str:
         """Return the text of a controller file for a folder, with meaning and rule of each gain."""
@@ -467,8 +473,8 @@ def tune(
     drive: DriveOrCircuit,
     law: str | object | None = None,
     *,
-    setup: instrumentation.Setup | str | Path = "real",
-    controller: Controller | str | Path | None = None,
+    setup: instrumentation.SetupOrFile = "real",
+    controller: ControllerOrFile | None = None,
     believes: DriveOrCircuit | None = None,
     allow_code: str | None = None,
 ) -> Tuning:
@@ -510,7 +516,7 @@ def tune(
     table, folder, path, text = _table(law if own is None else own, controller)
     if own is None and is_own(table.law):
         own = own_law(_beside(table.law, folder), allow_code=allow_code, found_in=path)
-    with toml.locating(path, text) if path else nullcontext():
+    with toml.locating(path, text):
         word = table.law if own is None else OWN
         believed = drive if believes is None else believes
         tuning = _tuned(table, word, believed, folder, is_told=believes is not None)
@@ -526,7 +532,7 @@ def alone(tuning: Tuning, **others: object) -> Tuning:
     return tuning
 
 
-def _table(law: object, controller: Controller | str | Path | None) -> tuple[Controller, Path, str, str]:
+def _table(law: object, controller: ControllerOrFile | None) -> tuple[Controller, Path, str, str]:
     """Return a controller, its folder, and path and text of its file."""
     if controller is None:
         word = OWN if isinstance(law, OwnLaw) else law or DEFAULT_LAW
@@ -626,7 +632,7 @@ def believed_by(controller: str | None) -> DriveOrCircuit:
     table, folder, path, text = _table(None, controller)
     if table.drive is None:
         raise CommandError("no drive is named", where=path or None, remedy="Name one: --drive DRIVE.")
-    with toml.locating(path, text) if path else nullcontext():
+    with toml.locating(path, text):
         return _believed(table.drive, folder)[0]
 
 

@@ -103,7 +103,7 @@ def description(plan: FmuPlan, version: str) -> bytes:
     is_structured = all(map(_STRUCTURED.fullmatch, places))
     text = rendered(
         TEMPLATE,
-        {"quoted": _quoted, "real": lambda number: repr(float(number))},
+        {"quoted": lambda text: f'"{escape(text, _ESCAPES)}"', "real": lambda number: repr(float(number))},
         plan=plan,
         version=version,
         is_two=version == "2.0",
@@ -121,11 +121,6 @@ def description(plan: FmuPlan, version: str) -> bytes:
         events=[places[one.name] for one in plan.variables if one.role["role"] == "event"],
     )
     return _FOREIGN.sub("\ufffd", text).encode()
-
-
-def _quoted(text: str) -> str:
-    """Return a text as the value of an attribute."""
-    return f'"{escape(text, _ESCAPES)}"'
 
 
 def compiled_files(code: FmuCode, version: str) -> tuple[str, ...]:
@@ -480,10 +475,9 @@ def write_fmu(plan: FmuPlan, target: Path, version: str) -> FmuFile:
             entry.external_attr = _EXECUTABLE if name == place else 0o644 << 16
             entry.compress_type = zipfile.ZIP_DEFLATED
             archive.writestr(entry, content)
-    by = {
-        kind: tuple(one for one in plan.variables if one.causality == kind) for kind in ("input", "output", "parameter")
-    }
-    return FmuFile(target, version, by["input"], by["output"], by["parameter"], plan.token, plan.notes)
+    kinds = ("input", "output", "parameter")
+    each = (tuple(one for one in plan.variables if one.causality == kind) for kind in kinds)
+    return FmuFile(target, version, *each, plan.token, plan.notes)
 
 
 # --- A drive for C programs: a folder with the header, the library, the plan and an example.

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import uuid
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 from pneudrive.describe.components import parameter_quantity
@@ -63,6 +63,9 @@ class FmuVariable:
     nominal: float | None = None
 
 
+TIME = FmuVariable("time", "s", "time", "independent", {"role": "time"})
+
+
 @dataclass(frozen=True)
 class FmuCode:
     """Source code of an FMU: a controller in C99.
@@ -88,13 +91,13 @@ class FmuPlan:
     Attributes
     ----------
     title : str
-    form : dict
-        The circuit in the core's form.
-    start : dict
-        Start values by the core's names, SI.
-    rtol : float
     variables : tuple of FmuVariable
         The index of a variable is its value reference.
+    form : dict
+        The circuit in the core's form; empty for a controller.
+    start : dict
+        Start values by the core's names, SI; empty for a controller.
+    rtol : float
     is_actuator : bool
         Whether position and velocity of the piston are inputs.
     notes : tuple of str
@@ -106,10 +109,10 @@ class FmuPlan:
     """
 
     title: str
-    form: Plain
-    start: dict[str, float]
-    rtol: float
     variables: tuple[FmuVariable, ...]
+    form: Plain = field(default_factory=dict)
+    start: NamedNumbers = field(default_factory=dict)
+    rtol: float = 1e-6
     is_actuator: bool = False
     notes: tuple[str, ...] = ()
     law: Plain | None = None
@@ -174,14 +177,18 @@ def plan_of(
     from pneudrive.describe.system import compiled
 
     if actuator:
-        described = _as_actuator(described)
+        if not isinstance(described, Drive):
+            raise DescriptionError("an actuator is made of a drive", remedy="Export a drive file.")
+        # The other tool models force and spring of the load.
+        load = described.carried.model_copy(update={"force_n": 0.0, "spring": None})
+        described = described.model_copy(update={"carried": load})
     form = json.loads(described.circuit.core_json())
     if actuator:
         next(one for one in form["components"] if one["name"] == "cylinder")["numbers"].pop("incline", None)
     start, age_s = described.circuit_start(initial), described.read_start(initial).get("contact_age_s", 0.0)
     session = compiled(json.dumps(form, sort_keys=True)).start(start, rtol)
     is_short = described.system.names is not None
-    variables = [FmuVariable("time", "s", "time", "independent", {"role": "time"})]
+    variables = [TIME]
     variables += _inputs(session, form, is_short, actuator)
     named, results = {one.name for one in variables}, list(_results(session, described, actuator))
     taken = {one.name for one in results}
@@ -195,15 +202,7 @@ def plan_of(
     names = [one.name for one in variables]
     assert len(set(names)) == len(names), "names of variables are unique"
     notes = (*compiled(described.circuit.core_json()).warnings, *described.assumed())
-    return FmuPlan(described.name, form, start, rtol, tuple(variables), actuator, notes)
-
-
-def _as_actuator(described: DriveOrCircuit) -> Drive:
-    """Check that a description is a drive, and remove force and spring of the load, which the other tool models."""
-    if not isinstance(described, Drive):
-        raise DescriptionError("an actuator is made of a drive", remedy="Export a drive file.")
-    load = described.carried.model_copy(update={"force_n": 0.0, "spring": None})
-    return described.model_copy(update={"carried": load})
+    return FmuPlan(described.name, tuple(variables), form, start, rtol, actuator, notes)
 
 
 def _named(core: str, is_short: bool) -> tuple[str, str, str]:

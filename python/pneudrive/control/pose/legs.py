@@ -14,12 +14,12 @@ import numpy as np
 from pneudrive import units
 from pneudrive.control.axis import supply_of
 from pneudrive.control.loop import MEANINGS, provenance_of, run_axes
-from pneudrive.control.mismatch import Mismatch, mismatched, read_mismatch
+from pneudrive.control.mismatch import MismatchOrFile, mismatched, read_mismatch
 from pneudrive.control.motion import POWERS, Reference, speed_shares
 from pneudrive.control.pose.path import PosePath, PoseScore, Tracked, pose_path
 from pneudrive.control.scores import LAST_S, air_of
-from pneudrive.control.setup import Setup, read_setup, told
-from pneudrive.control.tuning import Controller, Tuning, tune
+from pneudrive.control.setup import Setup, SetupOrFile, read_setup, told
+from pneudrive.control.tuning import ControllerOrFile, Tuning, tune
 from pneudrive.describe.circuit import Circuit
 from pneudrive.errors import CommandError, warn
 from pneudrive.files.inputs import INPUTS, inputs_of
@@ -100,9 +100,7 @@ def demands(platform: Platform, path: PosePath, duration_s: float) -> Demands:
     )
 
 
-def check_path(
-    platform: Platform, tunings: list[Tuning], needs: Demands, least: float = LEAST_SINGULAR_VALUE
-) -> NamedNumbers:
+def check_path(platform: Platform, tunings: list[Tuning], needs: Demands) -> NamedNumbers:
     """Return the smallest margins of a path, and reject a path that a leg cannot follow.
 
     Returns
@@ -118,9 +116,9 @@ def check_path(
     """
     times = needs.times_s
     row = int(np.argmin(needs.singular_values))
-    if needs.singular_values[row] < least:
-        smallest = {"at_s": times[row], "size": needs.singular_values[row]}
-        raise CommandError.of("control.singular", platform=platform.name, **smallest, least=least)
+    if needs.singular_values[row] < LEAST_SINGULAR_VALUE:
+        smallest = {"at_s": times[row], "size": needs.singular_values[row], "least": LEAST_SINGULAR_VALUE}
+        raise CommandError.of("control.singular", platform=platform.name, **smallest)
     coupled = float(np.abs(needs.couplings).max())
     if coupled > MOST_COUPLED:
         said = f"up to {100.0 * coupled:.0f} % of the force of a leg of {platform.name} acts on another leg"
@@ -133,8 +131,7 @@ def check_path(
         out, back = tuning.speeds_m_s
         remedy = "Make the path slower, or take a larger valve."
         _within(name, "velocity", "m/s", v, (-back, out), times, remedy)
-        form = json.loads(tuning.belief.core_json())
-        cylinder = next(one for one in form["components"] if one["name"] == tuning.plant.cylinder)
+        cylinder = tuning.belief.core_parts[tuning.plant.cylinder]
         viscous = float(((cylinder["friction"] or {}).get("parameters") or {}).get("viscous", 0.0))
         friction = tuning.plant.coulomb_n * np.sign(v) + viscous * v
         force, (area_a, area_b) = needs.legs.forces_n[:, i] + friction, platform.legs[i].areas_m2
@@ -186,10 +183,9 @@ def leg_circuit(circuit: Circuit, platform: Platform, leg: int, mass_kg: float, 
     mass_kg, load_n : float
         Mass that the leg moves, and force on it in +x.
     """
-    form = json.loads(circuit.core_json())
-    kinds = {one["name"]: one["kind"] for one in form["components"]}
+    kinds = {name: one["kind"] for name, one in circuit.core_parts.items()}
     beside: dict[str, set[str]] = defaultdict(set)
-    for joint in form["joints"]:
+    for joint in circuit.wiring.core():
         named = {port.rpartition(".")[0] for port in joint} & kinds.keys()
         for name in named:
             beside[name] |= named - {name}
@@ -241,7 +237,7 @@ def leg_tunings(
     needs: Demands,
     law: str | None,
     setup: Setup,
-    controller: Controller | str | Path | None = None,
+    controller: ControllerOrFile | None = None,
 ) -> list[Tuning]:
     """Return a controller for each leg, tuned for mass and load of the leg at the beginning of a path.
 
@@ -273,12 +269,12 @@ def run_pose(
     law: str | None = None,
     *,
     reference: PosePath | Mapping[str, str] | str | Path,
-    setup: Setup | str | Path = "real",
+    setup: SetupOrFile = "real",
     duration: str | float | None = None,
     seed: int = 1,
-    controller: Controller | str | Path | None = None,
+    controller: ControllerOrFile | None = None,
     payload: str | Sequence[str] | None = None,
-    mismatch: Mismatch | str | Path | None = None,
+    mismatch: MismatchOrFile | None = None,
     dynamics: str = "full",
     progress: Progress | None = None,
     cancel: Flag | None = None,
@@ -376,7 +372,7 @@ class _Legs:
     is_full: bool
 
     def run(
-        self, payload: str | None, mismatch: Mismatch | str | Path | None, seed: int, watch: Watch
+        self, payload: str | None, mismatch: MismatchOrFile | None, seed: int, watch: Watch
     ) -> tuple[Columns, float, list[Plain]]:
         """Return columns, consumed air, kg, and events of one run with a payload."""
         loaded = json.loads(self.circuit.core_json())
@@ -402,7 +398,10 @@ class _Legs:
             own_setup = setup.core(seed, ambient_pa) | {"step_repeats": 1, "member": i}
             axes.append((tuning.core(), form, own_setup))
         outputs = [name for names in pose_columns(self.platform) for name in names]
-        begun = self._start() | start
+        given: dict[str, str] = {}  # at rest on the path, each piston in balance
+        for tuning, x in zip(self.tunings, self.needs.legs.positions_m[0].tolist(), strict=True):
+            given |= tuning.plant.at_rest(x)
+        begun = self.circuit.core_initial(given) | start
         each, poses, mass_kg = run_axes(core_json, begun, axes, outputs, self.seconds, watch)
         columns = {"time_s": each[0]["time_s"]}
         columns |= {name: np.ascontiguousarray(poses[:, k]) for k, name in enumerate(outputs)}
@@ -416,13 +415,12 @@ class _Legs:
             needed = np.interp(columns["time_s"], self.needs.times_s, self.needs.legs.forces_n[:, i])
             columns[f"{leg.name}.required_force_n"] = needed
             columns |= {f"{leg.name}.{end}.pressure_pa": own[f"pressure_{end}_pa"] for end in "ab"}
-            several = [name for name in tuning.plant.valves if f"{name}.command" in own]
-            columns |= {f"{name}.command": own[f"{name}.command"] for name in several}
-            columns |= {} if several else {f"{tuning.plant.valves[0]}.command": own["command"]}
+            commands = [f"{name}.command" for name in tuning.plant.valves]
+            columns |= {name: own[name] for name in commands if name in own} or {commands[0]: own["command"]}
             events += [{"leg": leg.name} | event for event in told(own["events"])]
         return columns, mass_kg, events
 
-    def score(self, columns: Mapping[str, Array], mass_kg: float, margins: Mapping[str, float]) -> PoseScore:
+    def score(self, columns: Mapping[str, Array], mass_kg: float, margins: NamedNumbers) -> PoseScore:
         """Score a run."""
         time, period = columns["time_s"], self.path.period_s
         scored = time >= (0.0 if period is None else time[-1] - max(LAST_S, period) + 0.5 * time[1])
@@ -435,9 +433,8 @@ class _Legs:
 
         own = self.platform.name
         legs = [leg.name for leg in self.platform.legs]
-        reached = [columns[f"{leg.name}.position_m"] for leg in self.platform.legs]
-        ends = zip(reached, self.platform.legs, strict=True)
-        hit = [float(x.min()) <= 0.0 or float(x.max()) >= leg.stroke_m for x, leg in ends]
+        reached = ((columns[f"{leg.name}.position_m"], leg.stroke_m) for leg in self.platform.legs)
+        hit = [x.min() <= 0.0 or x.max() >= stroke_m for x, stroke_m in reached]
         commands = [columns[f"{valve}.command"] for tuning in self.tunings for valve in tuning.plant.valves]
         ambient = self.circuit.ambient
         gas = self.circuit.gas.heat_capacity_ratio, self.circuit.gas.gas_constant_j_kg_k
@@ -460,12 +457,3 @@ class _Legs:
 
     def _coordinates(self) -> list[tuple[str, str]]:
         return list(zip(self.platform.coordinates, self.platform.units, strict=True))
-
-    def _start(self) -> NamedNumbers:
-        """Return the start at rest on the path, each piston in balance."""
-        given: dict[str, str] = {}
-        for leg, tuning, x in zip(self.platform.legs, self.tunings, self.needs.legs.positions_m[0], strict=True):
-            given[f"{leg.name}.position"] = f"{float(x)!r} m"
-            for end, pressure in zip("ab", tuning.plant.rest_pressures_pa, strict=True):
-                given[f"{leg.name}.{end}.pressure"] = f"{pressure!r} Pa abs"
-        return self.circuit.core_initial(given)

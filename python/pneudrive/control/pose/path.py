@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterator, Mapping
-from contextlib import nullcontext
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import NamedTuple
@@ -156,7 +155,7 @@ def pose_path(given: PosePath | Mapping[str, str] | str | Path, platform: Platfo
         tables = dict(given)
         text = ""
         name = "; ".join(f"{key}: {line}" for key, line in given.items())
-    with toml.locating(name, text) if text else nullcontext():
+    with toml.locating(name, text):
         tables.pop("schema", None)
         unknown = next((key for key in tables if key not in platform.coordinates), None)
         if unknown is not None:
