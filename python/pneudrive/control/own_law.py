@@ -8,16 +8,13 @@ import math
 import reprlib
 import uuid
 from collections import namedtuple
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from pneudrive import _core, own_code
 from pneudrive.errors import CommandError, OwnLawError, nearest
-
-if TYPE_CHECKING:
-    from pneudrive.arrays import Keyed
 
 #: Name of all custom laws in the core.
 OWN = "own"
@@ -89,7 +86,7 @@ class OwnLaw:
     digest: str
     given: Any = field(repr=False, compare=False)  # the law, or a class or a function that makes one for a run
 
-    def begin(self, model: object, motion: Keyed, period_s: float) -> RunningLaw:
+    def begin(self, model: object, motion: Mapping[str, Any], period_s: float) -> RunningLaw:
         """Start a run."""
         name = self.name
         law = own_code.guarded(name, CommandError, self.given) if callable(self.given) else self.given

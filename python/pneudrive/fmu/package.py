@@ -476,8 +476,8 @@ def write_fmu(plan: FmuPlan, target: Path, version: str) -> FmuFile:
             entry.compress_type = zipfile.ZIP_DEFLATED
             archive.writestr(entry, content)
     kinds = ("input", "output", "parameter")
-    each = (tuple(one for one in plan.variables if one.causality == kind) for kind in kinds)
-    return FmuFile(target, version, *each, plan.token, plan.notes)
+    inputs, outputs, parameters = (tuple(one for one in plan.variables if one.causality == kind) for kind in kinds)
+    return FmuFile(target, version, inputs, outputs, parameters, plan.token, plan.notes)
 
 
 # --- A drive for C programs: a folder with the header, the library, the plan and an example.

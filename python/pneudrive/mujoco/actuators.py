@@ -12,7 +12,7 @@ import numpy as np
 
 from pneudrive import units
 from pneudrive._core import ControlSensors, close_step
-from pneudrive.control.setup import Setup, read_setup
+from pneudrive.control.setup import Setup, SetupOrFile, read_setup
 from pneudrive.describe.system import PISTON, compiled
 from pneudrive.errors import CommandError, SimulationError, nearest, warn
 from pneudrive.simulation.command import Commands, inputs
@@ -22,7 +22,6 @@ from pneudrive.views import ShownValue, View, Viewed
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
-    from pathlib import Path
 
     from pneudrive.arrays import Array, Columns, Keyed, NamedNumbers, Plain
     from pneudrive.describe import Circuit, Drive
@@ -143,19 +142,18 @@ def _places(model: Any, ids: Array) -> Array | None:  # noqa: ANN401
 
 def _actuator(model: Any, name: str) -> int:  # noqa: ANN401
     """Return the index of the actuator with this name, or of the actuator at the joint or tendon with this name."""
-    found = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_ACTUATOR, name)
-    if found >= 0:
-        return found
-    objects, transmissions = mujoco.mjtObj, mujoco.mjtTrn
-    kinds = (("joint", objects.mjOBJ_JOINT, transmissions.mjTRN_JOINT),)
-    kinds += (("tendon", objects.mjOBJ_TENDON, transmissions.mjTRN_TENDON),)
-    of_name = [(word, kind, mujoco.mj_name2id(model, of, name)) for word, of, kind in kinds]
-    word, kind, found = next((one for one in of_name if one[2] >= 0), ("", None, -1))
-    if found < 0:
+    objects, kinds = mujoco.mjtObj, mujoco.mjtTrn
+    named = {"actuator": objects.mjOBJ_ACTUATOR, "joint": objects.mjOBJ_JOINT, "tendon": objects.mjOBJ_TENDON}
+    ids = {word: mujoco.mj_name2id(model, of, name) for word, of in named.items()}
+    word = next((word for word, found in ids.items() if found >= 0), "")
+    if word == "actuator":
+        return ids[word]
+    if not word:
         counts = ((model.actuator, model.nu), (model.joint, model.njnt), (model.tendon, model.ntendon))
         known = [get(i).name for get, count in counts for i in range(count)]
         raise CommandError(f"the model has no actuator, joint or tendon {name!r}", remedy=nearest(name, known))
-    at = (model.actuator_trntype == kind) & (model.actuator_trnid[:, 0] == found)
+    kind = kinds.mjTRN_JOINT if word == "joint" else kinds.mjTRN_TENDON
+    at = (model.actuator_trntype == kind) & (model.actuator_trnid[:, 0] == ids[word])
     if np.count_nonzero(at) != 1:
         remedy = f'Add <motor {word}="{name}"/> to <actuator>, or name the actuator.'
         raise CommandError(f"the {word} {name!r} has {np.count_nonzero(at)} actuators", rule="one", remedy=remedy)
@@ -351,7 +349,7 @@ class Actuators:
         zero: Mapping[str, str | float] | None = None,
         initial: Keyed | None = None,
         couplings: Mapping[str, str | float] | None = None,
-        setup: Setup | str | Path = "real",
+        setup: SetupOrFile = "real",
     ) -> None:
         for given in (zero, initial, couplings):
             for name in given or {}:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
@@ -11,6 +10,7 @@ import numpy as np
 
 from pneudrive import units
 from pneudrive.describe.system import compiled
+from pneudrive.describe.tables.geometry import piston_areas
 from pneudrive.describe.tables.starts import angles, coordinate_keys, coordinates, pose_text, singular_values
 from pneudrive.errors import CommandError, nearest
 from pneudrive.lazy_names import upper
@@ -65,8 +65,7 @@ class Leg:
         """Return the leg with the component of this name."""
         own = vars(circuit.components[name]) if name in circuit.components else {}
         bore, rod = own.get("bore_m", np.nan), own.get("rod_diameter_m") or 0.0
-        through = rod if own.get("kind") == "cylinder/through-rod" else 0.0
-        areas = tuple(0.25 * np.pi * (bore**2 - of**2) for of in (through, rod))
+        areas = piston_areas(own.get("kind", "").partition("/")[2], bore, rod)
         dead = tuple(own.get(f"dead_volume_{end}_m3", np.nan) for end in "ab")
         return cls(name, own.get("stroke_m", np.nan), areas, dead)
 
@@ -116,8 +115,8 @@ class Platform(Viewed):
         self.legs = tuple(Leg.of(circuit, name) for name in core.legs)
         self.ambient_pa = circuit.ambient.pressure_pa
         self.heat_capacity_ratio = circuit.gas.core()["heat_capacity_ratio"]
-        components = json.loads(circuit.core_json())["components"]
-        supplies = [one["numbers"]["pressure"] for one in components if one["kind"].startswith("reservoir")]
+        parts = circuit.core_parts.values()
+        supplies = [one["numbers"]["pressure"] for one in parts if one["kind"].startswith("reservoir")]
         self.supply_pa = max(supplies, default=np.nan)
         middle = np.nan_to_num([0.5 * leg.stroke_m for leg in self.legs])
         self.home = angles(core, core.locate(middle[None])[0])[0]
@@ -209,12 +208,9 @@ class Platform(Viewed):
         rows = np.atleast_2d(self.pose(pose))
         u = np.zeros_like(rows) if rates is None else np.atleast_2d(np.asarray(rates, dtype=float))
         slopes = self._slopes(rows)
-        own = self.core.evaluate(coordinates(self.core, rows), u * slopes)
-        own["jacobian"] = own["jacobian"] * slopes[:, None, :]
-        own["twist"] = own["twist"] * slopes[:, None, :]
-        own["forces"] = own["forces"] * slopes
-        own["mass"] = own["mass"] * slopes[:, None, :] * slopes[:, :, None]
-        return own
+        own, across = self.core.evaluate(coordinates(self.core, rows), u * slopes), slopes[:, None, :]
+        own |= {"jacobian": own["jacobian"] * across, "twist": own["twist"] * across}
+        return own | {"forces": own["forces"] * slopes, "mass": own["mass"] * across * slopes[:, :, None]}
 
     def _slopes(self, rows: Array) -> Array:
         """Return the derivatives of the core's coordinates with respect to the coordinates of the pose."""
@@ -375,8 +371,8 @@ class Platform(Viewed):
 
     def workspace(self) -> PoseLimits:
         """Return the limits of each coordinate by strokes, reach and singular poses, from the pose `home`."""
-        ends = [[_limit(self, k, sign) for sign in (-1.0, 1.0)] for k in range(len(self.legs))]
-        return PoseLimits({key: (low, high) for key, (low, high) in zip(self.coordinates, ends, strict=True)})
+        each = enumerate(self.coordinates)
+        return PoseLimits({key: (_limit(self, k, -1.0), _limit(self, k, 1.0)) for k, key in each})
 
     def text(self, pose: ArrayLike) -> str:
         """Return a pose in words."""
@@ -421,16 +417,14 @@ def _limit(platform: Platform, k: int, sign: float) -> Limit:
     wrong = next((i for i, pose in enumerate(poses) if _reason(platform, pose)), None)
     if wrong is None:
         return Limit(float(poses[-1, k]), "none found")
-    if wrong == 0:
-        return Limit(float(platform.home[k]), _reason(platform, poses[0]))
-    inside, outside = poses[wrong - 1], poses[wrong]
+    inside, outside = poses[max(wrong - 1, 0)], poses[wrong]
     for _ in range(HALVINGS):
         middle = 0.5 * (inside + outside)
         inside, outside = (inside, middle) if _reason(platform, middle) else (middle, outside)
     return Limit(float(inside[k]), _reason(platform, outside))
 
 
-def _reason(platform: Platform, pose: np.ndarray) -> str:
+def _reason(platform: Platform, pose: Array) -> str:
     """Return the reason why a pose is outside the workspace, or an empty text."""
     with np.errstate(invalid="ignore"):
         positions = platform.evaluate(pose)["positions"][0]

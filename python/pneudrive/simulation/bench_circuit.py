@@ -110,9 +110,9 @@ class Dragged:
     def __init__(
         self,
         friction: Keyed,
-        piston: Mapping[str, float],
-        sensor: Mapping[str, float],
-        carriage: Mapping[str, float] | None = None,
+        piston: NamedNumbers,
+        sensor: NamedNumbers,
+        carriage: NamedNumbers | None = None,
         ambient_pa: float = STANDARD_ATMOSPHERE_PA,
         temperature_k: float = ANR_TEMPERATURE_K,
     ) -> None:
@@ -129,7 +129,7 @@ class Dragged:
         self.add("piston", "piston", piston, {"a": "a", "b": "b", "rod": "rod"})
         self.components[-1]["friction"] = friction
 
-    def add(self, name: str, kind: str, numbers: Mapping[str, float], ports: Mapping[str, str]) -> None:
+    def add(self, name: str, kind: str, numbers: NamedNumbers, ports: Mapping[str, str]) -> None:
         """Add a component, with the joint at each of its ports."""
         self.components.append({"name": name, "kind": kind, "numbers": dict(numbers)})
         for port, joint in ports.items():

@@ -17,8 +17,6 @@ from pneudrive.describe.tables.starts import angles, coordinates, pose_text
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    import numpy as np
-
     from pneudrive.arrays import Array, Keyed
     from pneudrive.simulation.start import DriveOrCircuit
 
@@ -185,7 +183,7 @@ WATER, ICE = (611.2, 17.62, 243.12), (611.2, 22.46, 272.62)
 SATURATED = 1.01
 
 
-def saturation_pressure(temperature_k: np.ndarray | float) -> np.ndarray:
+def saturation_pressure(temperature_k: Array | float) -> Array:
     """Return the saturation pressure of water vapour, Pa: over water, below 0 degC over ice.
 
     Parameters

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     import numpy as np
 
     from pneudrive._core import Session as CoreSession
+    from pneudrive.arrays import Array, Pair
 
 LEAST_PART = 1e-6  # of a period that is no rounding
 #: Types of a compiled controller: result, then time and outputs.
@@ -65,16 +66,16 @@ class Linear(Shown):
         State x0, its rates and its outputs.
     """
 
-    A: np.ndarray
-    B: np.ndarray
-    C: np.ndarray
-    D: np.ndarray
+    A: Array
+    B: Array
+    C: Array
+    D: Array
     states: tuple[str, ...]
     inputs: tuple[str, ...]
     outputs: tuple[str, ...]
-    state: np.ndarray
-    rates: np.ndarray
-    output: np.ndarray
+    state: Array
+    rates: Array
+    output: Array
 
 
 class Session:
@@ -148,7 +149,7 @@ class Session:
         except (TypeError, ValueError, RuntimeError) as error:
             self._refuse(error, [name], value)
 
-    def schedule(self, name: str, entries: Iterable[tuple[float, float]]) -> None:
+    def schedule(self, name: str, entries: Iterable[Pair]) -> None:
         """Set an input at future times. The integration ends exactly at each of these times.
 
         Parameters

@@ -56,11 +56,9 @@ class Run(Shown):
         for column, values in self.columns.items():
             name, attrs = _label(column, self.meanings.get(column))
             variables[name] = xr.Variable(("time",), values, dict(attrs), fastpath=True)
-        found = _dataset(variables, dict(self.provenance))
-        return found if self.sensitivities is None else found.assign(self._sensitivities(self.sensitivities))
-
-    def _sensitivities(self, found: Sensitivities) -> Plain:
-        """Name the derivatives and their dimensions."""
+        made, found = _dataset(variables, dict(self.provenance)), self.sensitivities
+        if found is None:
+            return made
         out: Plain = {
             "parameter": ("parameter", [parameter.name for parameter in found.parameters]),
             "parameter_units": ("parameter", [parameter.unit for parameter in found.parameters]),
@@ -73,7 +71,7 @@ class Run(Shown):
                 "long_name": f"derivative: {said['long_name']}",
             }
             out[f"sensitivity_{name}"] = (("parameter", "time"), found.derivatives[:, i].T, about)
-        return out
+        return made.assign(out)
 
 
 def _dataset(variables: dict[str, xr.Variable], attrs: Plain) -> xr.Dataset:

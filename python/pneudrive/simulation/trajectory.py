@@ -22,15 +22,15 @@ from pneudrive.units import without_unit
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping
 
-    import numpy as np
     import polars as pl
     import xarray as xr
 
+    from pneudrive.arrays import Array, Columns, Keyed, Plain
     from pneudrive.files.tables import Table
 
 MOST_SAMPLES = 50_000_000  # of a run: its trajectory takes about 6 GB
 #: Names, units and meanings of columns.
-TABLE: dict[str, Any] = package_table(__file__, "columns.toml")
+TABLE: Plain = package_table(__file__, "columns.toml")
 #: Column of a file -> variable, unit, long name.
 MEANING: dict[str, tuple[str, str, str]] = {column: tuple(about) for column, about in TABLE["columns"].items()}
 _UNITS = tuple(TABLE["units"])
@@ -63,7 +63,7 @@ def meaning(column: str) -> tuple[str, str, str]:
     return name, unit, name.replace("_", " ")
 
 
-def columns(run: xr.Dataset) -> dict[str, np.ndarray]:
+def columns(run: xr.Dataset) -> Columns:
     """Return the columns of a trajectory's file, time first. Variables with other dimensions than time are left out.
 
     Raises
@@ -177,7 +177,7 @@ def save(run: xr.Dataset, path: str | Path) -> Path:
     return save_columns(columns(run), run.attrs, target)
 
 
-def save_columns(table: Mapping[str, np.ndarray], provenance: Mapping[str, Any], path: str | Path) -> Path:
+def save_columns(table: Mapping[str, Array], provenance: Keyed, path: str | Path) -> Path:
     """Write columns, whose names carry their units, as Parquet or CSV."""
     import polars as pl
 
@@ -228,7 +228,7 @@ def columns_in(path: str | Path, asked: Iterable[str]) -> list[str]:
 
 def read_columns(
     path: str | Path, wanted: Iterable[str], rows: tuple[int, int] | None = None, table: Table | None = None
-) -> dict[str, np.ndarray]:
+) -> Columns:
     """Read columns of a file that `save` wrote.
 
     Parameters
@@ -258,11 +258,12 @@ def read_columns(
     from pneudrive.files.tables import open_table
 
     path, wanted = Path(path), list(wanted)
-    if path.suffix == ".csv":
+    suffix = path.suffix.lower()
+    if suffix == ".csv":
         frame = read_csv(path, dict.fromkeys(wanted, pl.Float64), RecordingError, wanted)
         return {name: frame[name].to_numpy() for name in wanted}
     names = {name: _name_in(path, name) for name in wanted}
-    found = (table or open_table(path, TABLES[path.suffix])).get(names.values(), rows)
+    found = (table or open_table(path, TABLES[suffix])).get(names.values(), rows)
     for values in found.values():
         if values.ndim != 1 or values.dtype.kind not in "iuf":
             shown = f"{values.dtype}, {values.shape}"
@@ -275,7 +276,7 @@ def _name_in(path: Path, column: str) -> str:
     return meaning(column)[0] if path.suffix == ".nc" else column
 
 
-def attributes(run: xr.Dataset) -> dict[str, Any]:
+def attributes(run: xr.Dataset) -> Plain:
     """Return the attributes of a run in the form of `pneudrive.simulate`, even for a run from netCDF.
 
     netCDF stores lists and tables as JSON.

@@ -28,9 +28,7 @@ def test_forces_along_and_across_legs_are_those_of_multipliers(kind):
         machine = platforms.random_machine(kind, rng)
         circuit = _core.Circuit(json.dumps(platforms.circuit(machine)))
         air = SimpleNamespace(pressure_pa=1e5)
-        surroundings = SimpleNamespace(
-            components={}, ambient=air, gas=gas, core_json=lambda: json.dumps({"components": []})
-        )
+        surroundings = SimpleNamespace(components={}, ambient=air, gas=gas, core_parts={})
         own = pn.platforms.Platform(circuit.platforms[0], surroundings)
         names = [name for row in pose_columns(own) for name in row]
         for _ in range(10):

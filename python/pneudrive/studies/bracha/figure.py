@@ -18,7 +18,7 @@ from pneudrive.rig.interface import Move, Step
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from pneudrive.arrays import Array, Columns, Keyed, Plain
+    from pneudrive.arrays import Array, Columns, Keyed, NamedNumbers, Plain
     from pneudrive.campaign.storage.folder import Campaign
     from pneudrive.rig import Envelope, Identity
     from pneudrive.rig.machine import Machine, Past
@@ -78,7 +78,7 @@ def run_experiment(protocol: str, rig: str, into: str, seed: int) -> Campaign:
     bench, path = load_rig(rig, seed=seed), Path(into) / TRUE_STROKES
     strokes: dict[str, list] = read_json(path, CampaignError) if path.exists() else {}
 
-    def observe(machine: Machine, before: Past, step: Step, motion: Motion, true: dict[str, np.ndarray]) -> None:
+    def observe(machine: Machine, before: Past, step: Step, motion: Motion, true: Columns) -> None:
         if isinstance(step, Move):
             stroke = (step.speed_m_s, _friction_n(step, motion, true))
             strokes.setdefault(before.key, []).append(stroke)
@@ -91,7 +91,7 @@ def run_experiment(protocol: str, rig: str, into: str, seed: int) -> Campaign:
     return run_campaign(protocol, bench, into, options=Options(yes=True), subscribers=(store,)).campaign
 
 
-def _friction_n(step: Move, motion: Motion, true: dict[str, np.ndarray]) -> float | None:
+def _friction_n(step: Move, motion: Motion, true: Columns) -> float | None:
     """Return the mean true friction of a stroke while its commanded speed is constant; None for a short stroke."""
     direction = 1.0 if step.to_m > motion.start_m else -1.0
     commanded = motion.at(true["time_s"])[1] * direction
@@ -195,7 +195,7 @@ class PaperFigure:
     title: str
     claims: tuple[Claim, ...]
     measured: str
-    quantities: dict[str, float]
+    quantities: NamedNumbers
     columns: dict[str, Array] = field(repr=False)
     assumed: str = ""
     rig: tuple[Identity, Envelope] | None = field(default=None, repr=False)
