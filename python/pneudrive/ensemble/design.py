@@ -658,16 +658,15 @@ def design_of(vary: Keyed | EnsembleDesign, n: int | None = None, seed: int | No
     }
     if len(kinds) > 1:
         raise CommandError.of("ensemble.mixed", kinds=" and ".join(sorted(kinds)))
-    (kind,) = kinds
-    if kind == "distributions":
+    if kinds == {"distributions"}:
         return EnsembleDesign("sobol", each, n, seed or 0)
-    design = EnsembleDesign("grid" if kind == "a grid" else "table", each)
-    sizes = {name: len(one) for name, one in each.items()} if kind == "values" else {}
-    if n is not None and kind == "values" and set(sizes.values()) != {n}:
+    if kinds == {"a grid"}:
+        if n is not None:
+            raise CommandError("a grid has one member for each combination", remedy="Leave n out.")
+        return EnsembleDesign("grid", each)
+    if n is not None and {len(one) for one in each.values()} != {n}:
         raise CommandError(f"n = {n} does not fit the values of vary", rule="leave out n if values are given")
-    if n is not None and kind == "a grid":
-        raise CommandError("a grid has one member for each combination", remedy="Leave n out.")
-    return design
+    return EnsembleDesign("table", each)
 
 
 def _distribution(name: str, one: Any) -> Distribution:  # noqa: ANN401

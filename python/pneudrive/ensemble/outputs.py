@@ -91,20 +91,16 @@ class MemberPlans:
             Durations, s, shape (1,) or (members,).
         """
         longest = max((len(each) for each in self.steps.values()), default=1)
-        if longest == 1:
-            plans = [(name, list(each[0][0]), np.array(each[0][1])) for name, each in self.steps.items()]
-            yield slice(None), plans, self.durations
-            return
-        every = {name: each * longest if len(each) == 1 else each for name, each in self.steps.items()}
         groups: dict[tuple[tuple[float, ...], ...], list[int]] = {}
         for place in range(longest):
-            groups.setdefault(tuple(each[place][0] for each in every.values()), []).append(place)
+            groups.setdefault(tuple(each[place % len(each)][0] for each in self.steps.values()), []).append(place)
         for times, own in groups.items():
-            plans = [
-                (name, list(at), np.array([each[place][1] for place in own]))
-                for (name, each), at in zip(every.items(), times, strict=True)
-            ]
-            yield np.array(own), plans, self.durations if len(self.durations) == 1 else self.durations[own]
+            plans = []
+            for (name, each), at in zip(self.steps.items(), times, strict=True):
+                values = np.array([each[place % len(each)][1] for place in own])
+                plans.append((name, list(at), values if longest > 1 else values[0]))
+            durations = self.durations if 1 in (longest, len(self.durations)) else self.durations[own]
+            yield slice(None) if longest == 1 else np.array(own), plans, durations
 
     def about(self) -> Plain:
         """Describe commands and durations as plain data. Long data are represented by their SHA-256."""
@@ -357,7 +353,7 @@ class SignalNames:
     """
 
     def __init__(self, columns: Sequence[str], towards_b: bool | None = None, states: Sequence[str] = STATE) -> None:
-        self.columns = {column: column for column in columns} | {meaning(column)[0]: column for column in columns}
+        self.columns = {key: column for column in columns for key in (column, meaning(column)[0])}
         self.towards_b = towards_b
         self.states = [signal for signal in states if signal in self.columns]
 

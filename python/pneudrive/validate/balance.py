@@ -219,17 +219,14 @@ class Signals:
     @classmethod
     def of(cls, recording: DriveRecording) -> Signals:
         """Resample a recording to a uniform time base; a uniform recording keeps its samples."""
-        time = recording.time_s
-        steps = np.diff(time)
-        step = float(recording.duration_s / (time.size - 1))
-        channels = ("position_m", "pressure_a_pa", "pressure_b_pa")
-        if np.abs(steps - step).max() <= 1e-3 * step:
-            return cls(recording, step, time, recording["command"], *(recording[c] for c in channels))
-        step = np.median(steps)
-        even: Array = np.arange(round(recording.duration_s / step) + 1, dtype=float) * step
+        time = even = recording.time_s
+        steps, step = np.diff(time), float(recording.duration_s / (time.size - 1))
+        if np.abs(steps - step).max() > 1e-3 * step:
+            step = np.median(steps)
+            even = np.arange(round(recording.duration_s / step) + 1, dtype=float) * step
         held = recording["command"][np.searchsorted(time, even, side="right") - 1]
-        x, a, b = (np.asarray(np.interp(even, time, recording[c]), dtype=float) for c in channels)
-        return cls(recording, step, even, held, x, a, b)
+        channels = ("position_m", "pressure_a_pa", "pressure_b_pa")
+        return cls(recording, step, even, held, *(np.interp(even, time, recording[c]) for c in channels))
 
     @property
     def half(self) -> int:
@@ -696,7 +693,7 @@ def breakaways(drive: Drive, signals: Signals) -> tuple[RecordedBreakaway, ...]:
     way. The first samples of a stop are left out, because smoothing mixes them with the motion before the stop.
     """
     still, touching = ~signals.moving, near_stops(drive, signals)
-    edges = np.flatnonzero(np.diff(np.r_[False, still, False].astype(int)))
+    edges = np.flatnonzero(np.diff(still, prepend=False, append=False))
     least = round(LEAST_STOP_S / signals.step_s)
     rests = [
         (start, onset)

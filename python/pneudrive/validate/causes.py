@@ -218,9 +218,7 @@ def _ratio(drive: Drive, amount: float) -> Plain:
     return {"valve.critical_pressure_ratio": float(np.clip(drive.valve.critical_pressure_ratio + amount, *RATIO))}
 
 
-def _supply(scene: Scene, amount: float) -> Scene:
-    changed = {"supply.pressure": f"{scene.drive.supply_pressure_pa + amount!r} Pa abs"}
-    return replace(scene, drive=scene.drive.replace(changed))
+_supply = _drive(lambda drive, amount: {"supply.pressure": f"{drive.supply_pressure_pa + amount!r} Pa abs"})
 
 
 def _opened(how: Callable[[Array, Array], Array], *edges: int) -> Change:

@@ -267,9 +267,8 @@ class _Regression:
         """Return the root mean square of each balance; NaN for a balance without usable samples."""
         sums = np.bincount(self.places, weights=e * e, minlength=len(BALANCES))
         counts = np.bincount(self.places, minlength=len(BALANCES))
-        counted = zip(sums.tolist(), counts, strict=True)
-        means = [float(np.sqrt(total / n)) if n else np.nan for total, n in counted]
-        return by_name(BALANCES, means)
+        with np.errstate(invalid="ignore"):
+            return by_name(BALANCES, np.sqrt(sums / counts).tolist())
 
     def is_dirty(self, e: Array) -> bool:
         """Return whether a residual is large enough to look for causes."""

@@ -190,9 +190,8 @@ def _of_map(drive: Drive, path: Path) -> list[FrictionCurve]:
             if not mine.size:
                 continue
             order = mine[np.argsort(np.abs(velocity[mine]))]
-            gauge_a, gauge_b = (float(g[order].mean()) for g in gauges)
             speed = np.abs(velocity[order])
-            model = _model(drive, direction, speed, gauge_a, gauge_b)
+            model = _model(drive, direction, speed, *(float(g[order].mean()) for g in gauges))
             low, high = friction[order] - band[order], friction[order] + band[order]
             name = f"a {a / 10:g} bar, b {b / 10:g} bar gauge"
             out.append(FrictionCurve(name, direction, speed, friction[order], low, high, model))
@@ -431,7 +430,6 @@ def _doubts(recording: Recording, sliding: _Sliding, share: float, *, brakes: bo
 # --- Validation of a circuit along recorded motions: only start and delay of each recording are fitted.
 
 PRESSURE, CLOSURE = 0.01, 0.01  # targets: shares of the ranges of pressure and force (assumed)
-LATE_S = 0.05  # delay of the pressures that is named as a difference of clocks, if its interval excludes 0
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -559,10 +557,9 @@ def validate_motion(
 def _late(records: tuple[motions.FollowRecord, ...]) -> list[str]:
     """Return notes on data loggers whose clock differs from that of the position."""
     return [
-        f"{r.name}: the pressures come {abs(r.delay_s[0]):.3f} ± {r.delay_s[1]:.3f} s "
-        f"{'after' if r.delay_s[0] > 0 else 'before'} the position: the clocks of the loggers differ"
+        f"{r.name}: {delay}: the clocks of the loggers differ"
         for r in records
-        if abs(r.delay_s[0]) > max(LATE_S, r.delay_s[1]) and max(r.rms) < motions.POOR
+        if (delay := PressureDelay(*r.delay_s)).is_clear and max(r.rms) < motions.POOR
     ]
 
 
