@@ -18,7 +18,6 @@ from pneudrive.constants import ZERO_CELSIUS_K
 from pneudrive.errors import RigError
 from pneudrive.estimate.estimates import Estimate
 from pneudrive.figures import Axis, Band, Figure, Line, Look, Markers, Panel, Rule, ends, look, stack
-from pneudrive.friction.campaign.compare import about_of
 from pneudrive.friction.friction_map import BOTH, CHAMBERS, PA_PER_BAR, conditions_of
 from pneudrive.friction.sentences import Statement, flag_table
 from pneudrive.numbers import plain, with_u
@@ -519,7 +518,7 @@ def _medians(stops: pl.DataFrame) -> Iterator[tuple[object, ...]]:
 
 def run(found: CampaignCharacteristics) -> Section:
     """Return the section on protocol, rig, operator and numbers of cycles."""
-    topic, about, rig = Topic("campaign", "run"), about_of(found), found.identity
+    topic, about, rig = Topic("campaign", "run"), found.about, found.identity
     kinds = Counter(found.cycles["kind"]) + Counter({"stop": len(found.stops)})
     counts = ", ".join(f"{plural(n, kind)} ({KINDS.get(kind, kind)})" for kind, n in kinds.items())
     envelope = None
@@ -588,7 +587,7 @@ def sources(found: CampaignCharacteristics) -> Section:
     """Return the section on software, protocol as run, and sources of methods."""
     rows = [
         ("pneudrive, this report", __version__),
-        ("pneudrive, the campaign", str(about_of(found).get("version", "not stated"))),
+        ("pneudrive, the campaign", str(found.about.get("version", "not stated"))),
         *page.software(),
         ("raw data", f"{found.folder.name}/cycles, one Parquet file per cycle"),
     ]

@@ -109,7 +109,7 @@ def _labels(found: CampaignCharacteristics) -> str:
 
 def _curves(c: Comparison, curves: CurveComparison) -> Section:
     topic = Topic("comparison", "curves")
-    first, second = (int(curves["count"][curves["campaign"] == k].sum()) for k in (0, 1))
+    first, second = (int(curves.cycles.filter(campaign=k)["count"].sum()) for k in (0, 1))
     rows = (
         (
             Condition(point["gauge_a_pa"], point["gauge_b_pa"], point["title"]).label(0.0),

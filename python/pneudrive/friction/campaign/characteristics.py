@@ -30,7 +30,7 @@ from pneudrive.progress import Flag, Progress, Watch
 from pneudrive.signals.load import recordings_in
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Mapping, Sequence
+    from collections.abc import Iterator, Mapping, Sequence
 
     import polars as pl
     import xarray as xr
@@ -90,11 +90,10 @@ def campaign_friction(
     with one_thread():
         found = _characterise(reading, choice)
         watch.tell(2, STEPS, f"{task} (stops)")
-        if any(file.head.cycle.kind == "stop" for file in reading.files):
-            stops, lost = find_stops(opened, processes, reading.files)
-            dwell, said = dwell_law.fit_dwell(stops, opened.identity.ambient_pressure_pa)
-            skipped, statements_ = (*found.skipped, *lost), (*found.statements, *said)
-            found = replace(found, stops=stops, dwell=dwell, skipped=skipped, statements=statements_)
+        stops, lost = find_stops(opened, processes, reading.files)
+        dwell, said = dwell_law.fit_dwell(stops, opened.identity.ambient_pressure_pa)
+        skipped, statements_ = (*found.skipped, *lost), (*found.statements, *said)
+        found = replace(found, stops=stops, dwell=dwell, skipped=skipped, statements=statements_)
     watch.tell(STEPS, STEPS, task)
     return found
 
@@ -182,6 +181,7 @@ def _characterise(reading: CampaignData, choice: SampleChoice) -> CampaignCharac
     found = CampaignCharacteristics(
         name=reading.name,
         folder=reading.source,
+        about=reading.about,
         identity=rig,
         protocol=choice.name,
         cycles=cycles,
@@ -310,17 +310,15 @@ def dependences_of(found: CampaignCharacteristics, viscous_n_s_m: float, levels:
 
 def _written(estimates: Mapping[str, Estimate]) -> dict[str, object]:
     """Return values for a drive file; those without a unit are numbers."""
-    texts = {name: f"{one.value:.6g} {one.unit}" for name, one in estimates.items()}
-    return {name: round(one.value, 6) if one.unit == "1" else texts[name] for name, one in estimates.items()}
+    return {n: round(e.value, 6) if e.unit == "1" else f"{e.value:.6g} {e.unit}" for n, e in estimates.items()}
 
 
-def _weighted(estimates: Iterable[Estimate]) -> Estimate:
+def _weighted(estimates: list[Estimate]) -> Estimate:
     """Return the mean of estimates, each weighted by its variance."""
-    every = list(estimates)
-    weights = np.array([1.0 / max(one.stderr, 1e-300) ** 2 for one in every])
-    value = float(weights @ [one.value for one in every] / weights.sum())
-    freedom = max((one.degrees_of_freedom for one in every), default=1.0)
-    return Estimate.of(value, float(weights.sum() ** -0.5), freedom, every[0].unit)
+    weights = np.array([1.0 / max(one.stderr, 1e-300) ** 2 for one in estimates])
+    value = float(weights @ [one.value for one in estimates] / weights.sum())
+    freedom = max(one.degrees_of_freedom for one in estimates)
+    return Estimate.of(value, float(weights.sum() ** -0.5), freedom, estimates[0].unit)
 
 
 # --- direction and position ----------------------------------------------------------------------------------------
@@ -424,8 +422,8 @@ def _relaxation(stops: pl.DataFrame, notes: list[str]) -> Iterator[Part]:
     """Return relaxed fraction and time constant of a held force, if one time constant describes its decay."""
     import polars as pl
 
-    known = stops.filter(pl.col("relaxation_n").is_not_nan())
-    held = known.filter((pl.col("relaxation_n_low") > 0.0) | (pl.col("relaxation_n_high") < 0.0))
+    differs = (pl.col("relaxation_n_low") > 0.0) | (pl.col("relaxation_n_high") < 0.0)
+    held = stops.filter(pl.col("relaxation_n").is_not_nan(), differs)
     if len(held) < dwell_law.FEWEST_STOPS:
         return
     of_one_time = held.filter(relaxation_form="exponential")

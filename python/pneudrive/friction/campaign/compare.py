@@ -14,16 +14,15 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from itertools import product
+from math import isclose
 from operator import attrgetter
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
+import polars as pl
 
-from pneudrive.campaign.storage.folder import Campaign
 from pneudrive.constants import ZERO_CELSIUS_K
-from pneudrive.describe.files.toml import read
-from pneudrive.errors import CampaignError
+from pneudrive.errors import package_table
 from pneudrive.estimate.autocorrelation import cells, centred_walk, levels
 from pneudrive.estimate.estimates import CHANCE, Estimate, FTest, one_thread
 from pneudrive.estimate.mixed import MixedModel, RandomEffect, independent
@@ -37,17 +36,12 @@ from pneudrive.views import View, Viewed
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    import polars as pl
-    from numpy.typing import NDArray
-
-    from pneudrive.arrays import Array, Row
+    from pneudrive.arrays import Array, Ints
     from pneudrive.friction.campaign.result import CampaignCharacteristics
     from pneudrive.friction.campaign.stops.dwell_law import DwellSeries
 
     Both = tuple[CampaignCharacteristics, CampaignCharacteristics]
-
-
-TABLE = Path(__file__).with_name("checks.toml")
+    Pairs = tuple[tuple[DwellSeries, DwellSeries], ...]
 
 
 @dataclass(frozen=True)
@@ -69,24 +63,22 @@ class Check:
     consequence: str = ""
 
 
-def checks_of(both: Both, abouts: list[Row]) -> Iterator[Check]:
+def _checks(both: Both) -> Iterator[Check]:
     """Compare rigs and protocols of two campaigns; values that were not measured are left out."""
-    computed = list(map(_shared, both, abouts))
-    for what, row in read(TABLE)[0].items():
-        ends = zip(both, computed, strict=True)
-        a, b = (attrgetter(row["of"])(found) if "of" in row else own[what] for found, own in ends)
+    for what, row in package_table(__file__, "checks.toml").items():
+        a, b = (attrgetter(row["of"])(found) if "of" in row else _shared(found)[what] for found in both)
         same = a == b
         if isinstance(a, float) and isinstance(b, float):
             if not np.isfinite([a, b]).all():
                 continue
-            same = abs(a - b) <= max(row.get("share", 0.0) * max(abs(a), abs(b)), row.get("by", 0.0))
+            same = isclose(a, b, rel_tol=row.get("share", 0.0), abs_tol=row.get("by", 0.0))
         shown, other_shown = ("not stated" if v is None else row.get("written", "{}").format(v) for v in (a, b))
         yield Check(what, shown, other_shown, same, row["consequence"])
 
 
-def _shared(found: CampaignCharacteristics, about: Row) -> dict[str, str | float | None]:
+def _shared(found: CampaignCharacteristics) -> dict[str, str | float | None]:
     """Return the compared values; NaN if not measured."""
-    rig, stated = found.identity, about.get("filter")
+    rig, stated = found.identity, found.about.get("filter")
     rates = found.stops["sample_rate_hz"].to_numpy() if len(found.stops) else np.zeros(0)
     rates = rates[np.isfinite(rates)]
     average = stated.get("average", 1) if isinstance(stated, dict) else 1
@@ -98,7 +90,7 @@ def _shared(found: CampaignCharacteristics, about: Row) -> dict[str, str | float
         "ambient pressure": rig.ambient_pressure_pa / PA_PER_BAR,
         "filter": "none" if average == 1 else f"moving average of {average}",
         "temperature": sum(found.ranges.temperature_k) / 2.0 - ZERO_CELSIUS_K,
-        "samples at restarts": float(np.median(rates)) if rates.size else np.nan,
+        "samples at restarts": np.median(rates) if rates.size else np.nan,
     }
 
 
@@ -109,58 +101,27 @@ BEND_SPEEDS = 4  # least number of speeds for a bend over speed
 DRIFT_CYCLES = 8  # least number of cycles of a campaign for a drift
 USUAL = 0.02  # relative scatter that is usual
 MOST_POINTS = 300  # points that are tested: more are thinned evenly
-KINDS = ("sweep", "sentinel")
 KEY = ("title", "gauge_a_pa", "gauge_b_pa", "speed_m_s")  # what a point is, apart from tolerances
 
 
 @dataclass(frozen=True, eq=False)
-class CommonPoints:
-    """Cycles of both campaigns at common points.
+class CurveComparison:
+    """Difference of friction at common points: second campaign minus first.
 
     Attributes
     ----------
     cycles : polars.DataFrame
-        A row for each cycle; in large campaigns, for neighbouring repeats at one point. Columns: ``campaign`` (0 or 1),
-        ``point``, ``log_n`` (logarithm of friction), ``noise`` (its variance), ``count`` (cycles of the row), ``order``
-        (relative position in the campaign, 0 to 1).
-    block : ndarray, shape (rows, blocks)
-        Fraction of the cycles of a row that belong to each block of both campaigns.
+        A row for each cycle at common points; in large campaigns, for neighbouring repeats at one point. Columns:
+        ``campaign`` (0 or 1), ``point``, ``log_n`` (logarithm of friction), ``noise`` (its variance), ``count`` (cycles
+        of the row), ``order`` (relative position in the campaign, 0 to 1).
     points : polars.DataFrame
-        A row for each point: `KEY`. The title names mounting, seal and drive.
+        A row for each point: `KEY`, ``first_n``, ``second_n`` and ``corrected_p``. The title names mounting, seal and
+        drive. Forces are the means of each campaign. ``corrected_p`` is the probability of the difference after Holm's
+        correction for the number of points [holm1979].
     left_out : int
         Number of further common points.
-    """
-
-    cycles: pl.DataFrame
-    block: Array
-    points: pl.DataFrame
-    left_out: int
-
-    def __getitem__(self, name: str) -> NDArray:
-        """Return a column of the cycles."""
-        return self.cycles[name].to_numpy()
-
-    @property
-    def blocks(self) -> list[int]:
-        """Number of blocks of each campaign."""
-        return [int((self.block[self["campaign"] == k] > 0.0).any(axis=0).sum()) for k in (0, 1)]
-
-    @property
-    def several_blocks(self) -> bool:
-        """Whether both campaigns have more than one block: the tests then include differences of blocks."""
-        return min(self.blocks) > 1
-
-
-@dataclass(frozen=True, eq=False)
-class CurveComparison(CommonPoints):
-    """Difference of friction: second campaign minus first.
-
-    Further columns of ``points`` are ``first_n``, ``second_n`` and ``corrected_p``. The first two are the mean of each
-    campaign. The third is the probability of the difference after Holm's correction for the number of points
-    [holm1979].
-
-    Attributes
-    ----------
+    several_blocks : bool
+        Whether both campaigns have more than one block: the tests then include differences of blocks.
     difference : tuple of Estimate
         Relative difference of friction at each common point.
     mean : Estimate
@@ -171,6 +132,10 @@ class CurveComparison(CommonPoints):
         Probability for a difference in the effect of pressure.
     """
 
+    cycles: pl.DataFrame
+    points: pl.DataFrame
+    left_out: int
+    several_blocks: bool
     difference: tuple[Estimate, ...]
     mean: Estimate
     shape: FTest
@@ -198,19 +163,18 @@ def compare_curves(
     CurveComparison or str
         A string gives the reason if they cannot be compared.
     """
-    common = common_points(first, second)
-    point, campaign, count = (common[name] for name in ("point", "campaign", "count"))
-    m = common.points.height
+    cycles, points, left_out = _common_points((first, second))
+    m, parts = points.height, cycles.partition_by("campaign")
     if not m:
         return "no speed at the same pressures was run in both campaigns"
-    cycles = [count[campaign == k].sum() for k in (0, 1)]
-    if min(cycles) < FEWEST_CYCLES // 2 or sum(cycles) < FEWEST_CYCLES:
+    if min(part.height for part in parts) < FEWEST_CYCLES // 2 or cycles.height < FEWEST_CYCLES:
         return "too few cycles at common speeds and pressures"
-    u, u_log = np.sqrt(2.0) * gain, np.log10(common.points["speed_m_s"].to_numpy())
-    sign = (campaign.astype(float) - 0.5)[:, None]
-    dummies = np.eye(m)[point]
-    away = u_log - u_log.mean()
-    speeds, bar = np.unique(np.round(away, 2)).size, common.points.select(KEY[1:3]).to_numpy(order="c") / 1e5
+    table, blocks = _condensed(cycles)
+    names = ("point", "campaign", "count", "log_n", "noise")
+    point, campaign, count, log_n, noise = (table[name].to_numpy() for name in names)
+    u, u_log = np.sqrt(2.0) * gain, np.log10(points["speed_m_s"].to_numpy())
+    sign, dummies, away = (campaign - 0.5)[:, None], np.eye(m)[point], u_log - u_log.mean()
+    speeds, bar = np.unique(np.round(away, 2)).size, points.select(KEY[1:3]).to_numpy(order="c") / 1e5
     # Level, slope and bend over log speed; pressures of both chambers, or their sum if they are always equal.
     shape = np.column_stack([np.ones(m), away, away**2 - np.mean(away**2)])
     shape = shape[:, : 1 + (speeds > 1) + (speeds >= BEND_SPEEDS)]
@@ -218,37 +182,38 @@ def compare_curves(
     pressure = (bar - bar.mean(axis=0))[:, : 1 if always_equal else 2]
     x = np.c_[dummies, shape[point] * sign, pressure[point] * sign]
     kept = independent(x)
-    rows = np.eye(x.shape[1])[:, kept]
-    of_shape, of_pressure = kept[(kept >= m) & (kept < m + shape.shape[1])], kept[kept >= m + shape.shape[1]]
+    rows, of_pressure = np.eye(kept.size), kept >= m + shape.shape[1]
     cell = m * campaign + point
-    total, number = (np.bincount(cell, count * v, 2 * m) for v in (common["log_n"], np.ones(cell.size)))
-    means = np.exp(total / number).reshape(2, m)
+    means = np.exp(np.bincount(cell, count * log_n, 2 * m) / np.bincount(cell, count, 2 * m)).reshape(2, m)
     with one_thread():
-        fit, each = (_model(common, columns).fit() for columns in (x[:, kept], np.c_[dummies, dummies * sign]))
+        model = MixedModel(log_n, x[:, kept], noise, tuple(_scatter(table, blocks)))
+        fit, each = model.fit(), replace(model, x=np.c_[dummies, dummies * sign]).fit()
         difference = tuple(each.contrast(row, unit="").widened(u) for row in np.eye(2 * m)[m:])
         p = holm(np.array([e.p for e in difference]))
-        points = common.points.with_columns(first_n=means[0], second_n=means[1], corrected_p=p)
         return CurveComparison(
-            **vars(replace(common, points=points)),
+            cycles=table,
+            points=points.with_columns(first_n=means[0], second_n=means[1], corrected_p=p),
+            left_out=left_out,
+            several_blocks=min(part["block"].n_unique() for part in parts) > 1,
             difference=difference,
             mean=fit.contrast(rows[m], unit="").widened(u),
-            shape=fit.f_test(rows[of_shape], u**2),
-            pressure=fit.f_test(rows[of_pressure]) if of_pressure.size else None,
+            shape=fit.f_test(rows[(kept >= m) & ~of_pressure], u**2),
+            pressure=fit.f_test(rows[of_pressure]) if of_pressure.any() else None,
         )
 
 
-def _model(common: CommonPoints, x: Array) -> MixedModel:
-    components = []
+def _scatter(table: pl.DataFrame, blocks: Array) -> Iterator[RandomEffect]:
+    """Yield the random effects of rows of cycles: cycle and drift of each campaign, and their blocks."""
+    campaign, count, order = (table[name].to_numpy() for name in ("campaign", "count", "order"))
     for k in (0, 1):
-        own = (common["campaign"] == k).astype(float)
-        components.append(RandomEffect(f"cycle {k + 1}", own / common["count"], USUAL))
-        if own.sum() >= DRIFT_CYCLES:
-            kernel, members = np.zeros((own.size, own.size)), np.flatnonzero(own)
-            kernel[np.ix_(members, members)] = centred_walk(common["order"][members])
-            components.append(RandomEffect(f"drift {k + 1}", kernel, USUAL))
-    if max(common.blocks) > 1:
-        components.append(RandomEffect("block", common.block @ common.block.T, USUAL))
-    return MixedModel(common["log_n"], x, common["noise"], tuple(components))
+        yield RandomEffect(f"cycle {k + 1}", (campaign == k) / count, USUAL)
+        members = np.flatnonzero(campaign == k)
+        if members.size >= DRIFT_CYCLES:
+            kernel = np.zeros((campaign.size, campaign.size))
+            kernel[np.ix_(members, members)] = centred_walk(order[members])
+            yield RandomEffect(f"drift {k + 1}", kernel, USUAL)
+    if blocks.shape[1] > 2:  # at least one campaign has several
+        yield RandomEffect("block", blocks @ blocks.T, USUAL)
 
 
 def holm(p: Array) -> Array:
@@ -261,72 +226,53 @@ def holm(p: Array) -> Array:
     """
     order = np.argsort(p)
     steps = np.maximum.accumulate(p[order] * (p.size - np.arange(p.size)))
-    out = np.empty(p.size)
-    out[order] = np.minimum(steps, 1.0)
-    return out
+    return np.minimum(steps, 1.0)[np.argsort(order)]
 
 
-def common_points(first: CampaignCharacteristics, second: CampaignCharacteristics) -> CommonPoints:
-    """Collect the cycles at speeds and pressures that both campaigns have."""
-    import polars as pl
-
-    parts = [_usable(found, k) for k, found in enumerate((first, second))]
-    titles = [set(part["title"]) for part in parts]
-    cycles = pl.concat(parts)
+def _common_points(both: Both) -> tuple[pl.DataFrame, pl.DataFrame, int]:
+    """Return the cycles at speeds and pressures that both campaigns have, these points, and the number left out."""
+    cycles = pl.concat([_usable(found, k) for k, found in enumerate(both)])
+    titles = [set(cycles.filter(campaign=k)["title"]) for k in (0, 1)]
     if not titles[0] & titles[1] or max(map(len, titles)) == 1:  # levels in common are no question
         cycles = cycles.with_columns(title=pl.lit(""))
-    place = np.zeros(0, dtype=np.int64)
-    if cycles.height:  # equal numbers for cycles at the same levels, pressures and speed
-        near = (levels(cycles[side].to_numpy(), SAME_PRESSURE_PA) for side in ("gauge_a_pa", "gauge_b_pa"))
-        speeds = levels(np.log(cycles["speed_m_s"].to_numpy()), np.log1p(SAME_SPEED))
-        place = cells(np.unique(cycles["title"].to_list(), return_inverse=True)[1], *near, speeds)
+    # Equal numbers for cycles at the same levels, pressures and speed.
+    near = (levels(cycles[side].to_numpy(), SAME_PRESSURE_PA) for side in KEY[1:3])
+    speeds = levels(np.log(cycles["speed_m_s"].to_numpy()), np.log1p(SAME_SPEED))
+    place = cells(np.unique(cycles["title"], return_inverse=True)[1], *near, speeds)
     cycles = cycles.with_columns(place=pl.Series(place, dtype=pl.Int64))
-    of_point = cycles.group_by("place", maintain_order=True).agg(pl.col(KEY).first(), pl.col("campaign").n_unique())
-    common = of_point.filter(campaign=2).drop("campaign").sort(KEY)
+    cycles = cycles.filter(pl.col("campaign").n_unique().over("place") == 2)
+    common = cycles.group_by("place", maintain_order=True).agg(pl.col(KEY).first()).sort(KEY)
     chosen = np.linspace(0, common.height - 1, min(common.height, MOST_POINTS)).round().astype(int)
     points = common[chosen].with_row_index("point")
     cycles = cycles.join(points.select("place", "point"), on="place", maintain_order="left")
+    return cycles, points.select(KEY), common.height - points.height
+
+
+def _condensed(cycles: pl.DataFrame) -> tuple[pl.DataFrame, Array]:
+    """Return `CurveComparison.cycles`, and the fraction of the cycles of a row that belong to each block."""
     campaign, point = (cycles[name].to_numpy().astype(np.int64) for name in ("campaign", "point"))
-    blocks = cycles.select(pl.struct("campaign", "block").rank("dense")).to_series().to_numpy().astype(np.int64)
-    groups = [[i] for i in range(cycles.height)]
-    if cycles.height > MOST_CELLS:  # a row for several neighbouring repeats at one point
-        begin = np.array([blocks[campaign == k].min() for k in (0, 1)])
-        where = (2 * point + campaign, blocks - begin[campaign], np.zeros_like(point))
-        groups = grouped(*where, rows=MOST_CYCLES, most=MOST_CELLS)[0]
+    block = cells(campaign, cycles["block"].to_numpy())
+    stretch = block - campaign * block[campaign == 1].min()  # from 0 in each campaign
+    rows = MOST_CYCLES if cycles.height > MOST_CELLS else cycles.height
+    groups = grouped(2 * point + campaign, stretch, np.zeros_like(point), rows=rows, most=MOST_CELLS)[0]
     heads, count = [group[0] for group in groups], np.array([len(group) for group in groups], dtype=float)
-    friction, stderr = cycles["friction_n"].to_numpy(), cycles["stderr_n"].to_numpy()
-
-    def mean(values: Array) -> Array:
-        return np.array([np.mean(values[group]) for group in groups], dtype=float)
-
-    rows = {
-        "campaign": campaign[heads],
-        "point": point[heads],
-        "log_n": mean(np.log(friction)),
-        "noise": mean((stderr / friction) ** 2) / count,
-        "count": count,
-        "order": mean(cycles["order"].to_numpy()),
-    }
-    shares = shares_of([blocks[group].tolist() for group in groups])
-    return CommonPoints(pl.DataFrame(rows), shares, points.select(KEY), common.height - points.height)
+    friction, stderr, order = (cycles[name].to_numpy() for name in ("friction_n", "stderr_n", "order"))
+    columns = {"log_n": np.log(friction), "noise": (stderr / friction) ** 2, "order": order}
+    means = {name: np.array([np.mean(values[group]) for group in groups]) for name, values in columns.items()}
+    means |= {"noise": means["noise"] / count, "count": count}
+    table = pl.DataFrame({"campaign": campaign[heads], "point": point[heads]} | means)
+    return table, shares_of([block[group].tolist() for group in groups])
 
 
 def _usable(found: CampaignCharacteristics, campaign: int) -> pl.DataFrame:
     """Return the cycles for F(v): positive friction, both directions, not excluded from the curves."""
-    import polars as pl
-
     reasons, ambient = {p.reason for c in found.curves for p in c.excluded}, found.identity.ambient_pressure_pa
-    finite = pl.col("friction_n", "stderr_n").is_finite()
-    cycles = found.cycles.filter(pl.col("kind").is_in(KINDS), pl.col("friction_n") > 0.0, finite)
+    cycles = found.cycles.filter(pl.col("friction_n") > 0.0, pl.col("friction_n", "stderr_n").is_finite())
     cycles = cycles.filter([not reasons.intersection(flags) for flags in cycles["flags"].to_list()])
-    sides = {f"gauge_{side}_pa": [round(p - ambient, -2) for p in cycles[f"pressure_{side}_pa"]] for side in "ab"}
-    titles = [", ".join(filter(None, row)) for row in cycles.select(LEVELS).iter_rows()]
-    return cycles.with_columns(
-        campaign=pl.lit(campaign, pl.Int64),
-        title=pl.Series(titles, dtype=pl.String),
-        order=pl.Series(cycles["index"].to_numpy() / (cycles["index"].max() or 1), dtype=pl.Float64),
-        **{name: pl.Series(values, dtype=pl.Float64) for name, values in sides.items()},
-    )
+    columns = {f"gauge_{side}_pa": np.round(cycles[f"pressure_{side}_pa"].to_numpy() - ambient, -2) for side in "ab"}
+    columns["order"] = cycles["index"].to_numpy() / (cycles["index"].max() or 1)
+    title = pl.concat_str(pl.col(LEVELS).replace("", None), separator=", ", ignore_nulls=True)
+    return cycles.hstack(pl.DataFrame(columns)).with_columns(title=title, campaign=pl.lit(campaign, pl.Int64))
 
 
 @dataclass(frozen=True)
@@ -374,7 +320,7 @@ class Comparison(Viewed):
     checks: tuple[Check, ...]
     tests: tuple[Test, ...]
     curves: CurveComparison | None
-    dwell: tuple[tuple[DwellSeries, DwellSeries], ...]
+    dwell: Pairs
     statements: tuple[Statement, ...] = ()
 
     @property
@@ -412,52 +358,59 @@ def compare_campaigns(first: CampaignCharacteristics, second: CampaignCharacteri
     -------
     Comparison
     """
-    both, abouts = (first, second), [about_of(found) for found in (first, second)]
-    found, pairs = compare_curves(*both, _gain(both, abouts)), tuple(_pairs(both))
+    both = first, second
+    found, pairs = compare_curves(*both, _gain(both)), tuple(_pairs(both))
     why, curves = (found, None) if isinstance(found, str) else ("", found)
-    tests = [
-        *(() if curves is None else _curve_tests(curves)),
-        *(test for pair in pairs for test in _dwell_tests(*pair)),
-        *_drift_test(both),
-    ]
+    tests = list(_tests(both, curves, pairs))
     known = [i for i, test in enumerate(tests) if np.isfinite(test.p)]
     for i, p in zip(known, holm(np.array([tests[i].p for i in known])).tolist(), strict=True):
         tests[i] = replace(tests[i], adjusted_p=p, different=p < CHANCE)
-    compared = Comparison(first, second, tuple(checks_of(both, abouts)), tuple(tests), curves, pairs)
+    compared = Comparison(first, second, tuple(_checks(both)), tuple(tests), curves, pairs)
     return replace(compared, statements=tuple(_statements(compared, why)))
 
 
-def about_of(found: CampaignCharacteristics) -> Row:
-    """Return ``campaign.json`` of a campaign; empty if the folder cannot be opened."""
-    try:
-        return Campaign.open(found.folder).about
-    except CampaignError:
-        return {}
-
-
-def _gain(both: Both, abouts: list[Row]) -> float:
+def _gain(both: Both) -> float:
     """Return the relative uncertainty of the ratio of both force sensors' gains; 0 for the same sensor.
 
     Simulated sensors differ between seeds.
     """
     a, b = (found.identity for found in both)
-    drawn = a.synthetic and abouts[0].get("seed") != abouts[1].get("seed")
+    drawn = a.synthetic and both[0].about.get("seed") != both[1].about.get("seed")
     same = a.name == b.name and a.calibration == b.calibration and a.force_calibration == b.force_calibration
     if same and not drawn:
         return 0.0
-    return float(np.hypot(stated_gain(a) or 0.0, stated_gain(b) or 0.0) / np.sqrt(2.0))
+    return np.hypot(stated_gain(a) or 0.0, stated_gain(b) or 0.0) / np.sqrt(2.0)
 
 
-# --- tests ---------------------------------------------------------------------------------------------------------
-
-
-def _curve_tests(curves: CurveComparison) -> Iterator[Test]:
-    mean = curves.mean.scaled(float(curves.friction_n.mean()), "N")
-    note = f"mean of {curves.points.height} common points, {100 * curves.mean.value:+.2g} % of friction"
-    yield Test("friction over speed", mean, curves.shape.p, note=note)
-    if curves.pressure is not None:
-        note = "growth of friction with pressure, as a fraction of friction"
-        yield Test("relative effect of pressure", None, curves.pressure.p, note=note)
+def _tests(both: Both, curves: CurveComparison | None, dwell: Pairs) -> Iterator[Test]:
+    if curves is not None:
+        mean = curves.mean.scaled(float(curves.friction_n.mean()), "N")
+        note = f"mean of {curves.points.height} common points, {100 * curves.mean.value:+.2g} % of friction"
+        yield Test("friction over speed", mean, curves.shape.p, note=note)
+        if curves.pressure is not None:
+            note = "growth of friction with pressure, as a fraction of friction"
+            yield Test("relative effect of pressure", None, curves.pressure.p, note=note)
+    for a, b in dwell:
+        durations = [series.stops["dwell_s"].to_numpy() for series in (a, b)]
+        low, high = max(some.min() for some in durations), min(some.max() for some in durations)
+        if not high > low:
+            continue
+        at = a.reference_s if low < a.reference_s < high else np.sqrt(low * high)
+        found = []
+        for series, of in zip((a, b), _common(a, b), strict=True):
+            assert series.curve is not None
+            row = np.zeros((1, len(series.conditions)))
+            row[0, of] = 1.0 / len(of)
+            parts = series.curve.values(np.log10([at])), series.curve.gains(np.log10(low), np.log10(high))
+            found.append([part.combine(row).estimates()[0] for part in parts])
+        level, slope = (after - before for before, after in zip(*found, strict=True))
+        span = f"mean from {low:.3g} to {high:.3g} s"
+        yield Test("breakaway after a stop", level, level.p, note=f"{a.name}, at {at:.3g} s")
+        yield Test("slope of breakaway per decade of stop", slope, slope.p, note=f"{a.name}, {span}")
+    before, after = (found.drift.per_hour if found.drift is not None else None for found in both)
+    if before is not None and after is not None:
+        difference = after - before
+        yield Test("drift over time", difference, difference.p, note="change of friction, linear in time")
 
 
 def _pairs(both: Both) -> Iterator[tuple[DwellSeries, DwellSeries]]:
@@ -465,42 +418,14 @@ def _pairs(both: Both) -> Iterator[tuple[DwellSeries, DwellSeries]]:
     single = all(len({series.levels for series in found.dwell}) == 1 for found in both)
     for a, b in product(*(found.dwell for found in both)):
         same = a.released == b.released and abs(a.speed_m_s - b.speed_m_s) < 0.01 * a.speed_m_s
-        if same and (single or a.levels == b.levels) and a.curve is not None and b.curve is not None and _common(a, b):
+        if same and (single or a.levels == b.levels) and a.curve and b.curve and _common(a, b)[0].size:
             yield a, b
 
 
-def _common(a: DwellSeries, b: DwellSeries) -> list[tuple[int, int]]:
-    """Return the conditions of both series with the same pressures."""
-    pressures = (np.array([(c.pressure_a_pa, c.pressure_b_pa) for c in s.conditions]) for s in (a, b))
-    one, two = (p.reshape(-1, 1, 2) for p in pressures)
-    near = (np.abs(one - two.swapaxes(0, 1)) < SAME_PRESSURE_PA).all(axis=2)
-    return [(int(i), int(j)) for i, j in np.argwhere(near)]
-
-
-def _dwell_tests(a: DwellSeries, b: DwellSeries) -> Iterator[Test]:
-    low = max(float(np.min(series.stops["dwell_s"].to_numpy())) for series in (a, b))
-    high = min(float(np.max(series.stops["dwell_s"].to_numpy())) for series in (a, b))
-    if not high > low:
-        return
-    at = a.reference_s if low < a.reference_s < high else float(np.sqrt(low * high))
-    slopes, levels = [], []
-    for series, of in zip((a, b), zip(*_common(a, b), strict=True), strict=True):
-        assert series.curve is not None
-        row = np.zeros((1, len(series.conditions)))
-        row[0, list(of)] = 1.0 / len(of)
-        slopes.append(series.curve.gains(np.log10(low), np.log10(high)).combine(row).estimates()[0])
-        levels.append(series.curve.values(np.log10([at])).combine(row).estimates()[0])
-    level, slope = levels[1] - levels[0], slopes[1] - slopes[0]
-    where, span = f"{a.name}, at {at:.3g} s", f"{a.name}, mean from {low:.3g} to {high:.3g} s"
-    yield Test("breakaway after a stop", level, level.p, note=where)
-    yield Test("slope of breakaway per decade of stop", slope, slope.p, note=span)
-
-
-def _drift_test(both: Both) -> Iterator[Test]:
-    before, after = (found.drift.per_hour if found.drift is not None else None for found in both)
-    if before is not None and after is not None:
-        difference = after - before
-        yield Test("drift over time", difference, difference.p, note="change of friction, linear in time")
+def _common(a: DwellSeries, b: DwellSeries) -> tuple[Ints, ...]:
+    """Return the indices of the conditions of both series with the same pressures."""
+    one, two = (np.array([(c.pressure_a_pa, c.pressure_b_pa) for c in s.conditions]).reshape(-1, 2) for s in (a, b))
+    return np.nonzero((np.abs(one[:, None] - two) < SAME_PRESSURE_PA).all(axis=2))
 
 
 def _statements(found: Comparison, not_comparable: str) -> Iterator[Statement]:

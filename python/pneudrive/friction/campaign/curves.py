@@ -121,18 +121,15 @@ def _without_wild(points: CurvePoints, tares: CycleTable) -> Fits | None:
     rows = np.flatnonzero(points.use)
     found, readings = smooth.wild_cycles(fits.friction.data)
     if found:
-        wild = set(rows[found].tolist())
         reason = points["reason"].copy()
-        reason[list(wild)] = OUTLIER
+        reason[rows[found]] = OUTLIER
         fits = _fit_points(points.having(reason=reason), tares)
     if fits is None or not readings:
         return fits
     left = np.flatnonzero(fits.points.use)
     among = [np.searchsorted(left, rows[some]) for some in readings]
-    both = smooth.with_doubt(
-        fits.friction, among, smooth.WILD_SPREAD * fits.friction.data.level, smooth.WILD / (1.0 - smooth.WILD)
-    )
-    return replace(fits, friction=both, doubtful=tuple(rows[readings[-1]].tolist()))
+    doubtful = tuple(rows[readings[-1]].tolist())
+    return replace(fits, friction=smooth.with_doubt(fits.friction, among), doubtful=doubtful)
 
 
 def _fit_points(points: CurvePoints, tares: CycleTable) -> Fits | None:

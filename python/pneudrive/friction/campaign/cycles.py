@@ -114,7 +114,7 @@ def reduce_cycle(motion: RecordedMotion, edges_m: Array, *, uses_window: bool) -
     if speeds.max() - speeds.min() > SAME_SPEED * speeds.max():
         raise RecordingError.of("friction.speeds", where=name, slowest=1e3 * speeds.min(), fastest=1e3 * speeds.max())
     grid = grid_of(edges_m)
-    table = Strokes.of(motion, motion.strokes, (float(edges_m[0]), float(edges_m[-1])), grid)
+    table = Strokes.of(motion, motion.strokes, (edges_m[0], edges_m[-1]), grid)
     sides, _ = table.sides(uses_window=uses_window)
     if not sides:
         raise RecordingError.of("friction.settled", where=name, strokes=len(motion.strokes))
@@ -137,7 +137,7 @@ def cycle_row(motion: RecordedMotion, grid: Grid, sides: Mapping[int, Side], row
     recording, only = motion.recording, next(iter(sides.values()))
     return {
         "sides": {way: _side_row(motion, side, grid, rows[way]) for way, side in sides.items()},
-        "duration_s": float(recording.time_s[-1] - recording.time_s[0]),
+        "duration_s": recording.time_s[-1] - recording.time_s[0],
         **stated_shares(recording, *(sides.get(way, only) for way in WAYS), late_s=motion.late_s),
     }
 
@@ -160,7 +160,7 @@ def _side_row(motion: RecordedMotion, side: Side, grid: Grid, rows: Array) -> Ro
         **{name: known[name] for name in OF_SIDES if name in known},
         "balance_n": means,
         "air_n": np.where(covered, binned(air), np.nan),
-        "scatter_n": float(np.sqrt(max(squares.mean(), 0.0))),
+        "scatter_n": np.sqrt(max(squares.mean(), 0.0)),
         "swing_n": swing_of(motion.position_m, motion.balance_n, side.used),
     }
 

@@ -105,15 +105,15 @@ def standing_row(file: CycleFile, recording: Recording, samples: Samples, ambien
         raise RecordingError("too few samples at rest", where=recording.name, value=int(standing.sum()))
     vented = max(abs(p - ambient_pa) for p in (cycle.pressure_a_pa, cycle.pressure_b_pa)) < PRESSURE_STEP_PA
     force = (recording.balance_n() + recording.weight_n if vented else recording.force_n)[standing]
-    row: Row = {"sides": {}, "duration_s": float(recording.time_s[-1] - recording.time_s[0])}
+    row: Row = {"sides": {}, "duration_s": recording.time_s[-1] - recording.time_s[0]}
     for side in "ab":
         values = getattr(recording, f"pressure_{side}_pa")[standing]
         if vented and np.ptp(values) > 0:
             first, second = np.array_split(values, 2)
-            row[f"open_{side}_pa"], row[f"open_{side}_stderr_pa"] = float(values.mean()), stderr_of_mean(values)
-            row[f"open_{side}_change_pa"] = float(second.mean() - first.mean())
-    at_rest = {"standing_n": float(force.mean()), "standing_stderr_n": stderr_of_mean(force)}
-    return row | at_rest | {"standing_sd_n": float(force.std())}
+            row[f"open_{side}_pa"], row[f"open_{side}_stderr_pa"] = values.mean(), stderr_of_mean(values)
+            row[f"open_{side}_change_pa"] = second.mean() - first.mean()
+    at_rest = {"standing_n": force.mean(), "standing_stderr_n": stderr_of_mean(force), "standing_sd_n": force.std()}
+    return row | at_rest
 
 
 BINS = 60  # bins over the way of a campaign
@@ -135,6 +135,8 @@ class CampaignData:
     source : Path
         Folder of the campaign, or of the recordings.
     identity : Identity
+    about : dict
+        ``campaign.json``; empty for recordings.
     files : tuple of CycleFile
         All usable files in running order; empty for recordings.
     sliding, tares : CycleTable
@@ -158,6 +160,7 @@ class CampaignData:
     skipped: tuple[Skipped, ...]
     edges_m: Array
     several: bool
+    about: Row = field(default_factory=dict)
     files: tuple[CycleFile, ...] = ()
     gain: cycles.Gain = field(default_factory=cycles.Gain)
     pressure_zeros: dict[str, cycles.PressureZero] = field(default_factory=dict)
@@ -213,6 +216,7 @@ def read_campaign(campaign: Campaign, choice: SampleChoice, processes: int | Non
         name=str(campaign.about.get("name", campaign.path.name)),
         source=campaign.path,
         identity=campaign.identity,
+        about=campaign.about,
         files=tuple(files),
         sliding=cycles.without_zeros(cycles.corrected(sliding, gain), zeros, campaign.identity),
         tares=cycles.without_zeros(cycles.corrected(tares, gain), zeros, campaign.identity),
@@ -280,7 +284,7 @@ def read_part(files: Sequence[CycleFile], identity: Identity, choice: SampleChoi
         else:
             row = cycles.reduce_cycle(_motion(recording, choice), edges_m, uses_window=choice.uses_window)
         known = samples.temperature_k[np.isfinite(samples.temperature_k)]
-        return row | {"flags": flags, "temperature_k": float(known.mean()) if known.size else np.nan}
+        return row | {"flags": flags, "temperature_k": known.mean() if known.size else np.nan}
 
     found: list[Read] = []
     for file, samples in zip(files, read_samples(files, STANDING), strict=True):

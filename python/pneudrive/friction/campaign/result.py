@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     import polars as pl
     import xarray as xr
 
-    from pneudrive.arrays import Array, Bools, Interval, Ints
+    from pneudrive.arrays import Array, Bools, Interval, Ints, Row
     from pneudrive.friction.campaign.cycles import Loop
     from pneudrive.friction.campaign.stops.dwell_law import DwellSeries
     from pneudrive.friction.sentences import Statement
@@ -395,6 +395,8 @@ class CampaignCharacteristics(Viewed):
     ----------
     name : str
     folder : pathlib.Path
+    about : dict
+        ``campaign.json``; empty for recordings.
     identity : Identity
         Identity and calibration of the rig.
     protocol : str
@@ -422,6 +424,7 @@ class CampaignCharacteristics(Viewed):
 
     name: str
     folder: Path
+    about: Row
     identity: Identity
     protocol: str
     cycles: pl.DataFrame

@@ -258,7 +258,7 @@ def either_chance(fitted: CurveFit) -> CurveFit:
     return _described(fitted.data, fit, 1.0 - weight if fitted.logarithmic else weight)
 
 
-def with_doubt(fitted: CurveFit, readings: Sequence[NDArray[np.intp]], spread: float, odds: float) -> CurveFit:
+def with_doubt(fitted: CurveFit, readings: Sequence[NDArray[np.intp]]) -> CurveFit:
     """Average over several hypotheses: all suspect cycles are good, or some are outliers.
 
     Parameters
@@ -267,15 +267,11 @@ def with_doubt(fitted: CurveFit, readings: Sequence[NDArray[np.intp]], spread: f
         Fit that treats all suspect cycles as good.
     readings : sequence of ndarray of int
         Rows of the data that are outliers, for each other hypothesis.
-    spread : float
-        Standard deviation of an outlier, in the unit of the response.
-    odds : float
-        Prior odds of an outlier.
     """
-    model, number = fitted.fit.model, np.arange(len(fitted.data))
-    noises = (model.noise + spread**2 * np.isin(number, rows) for rows in readings)
+    model, spread = fitted.fit.model, WILD_SPREAD * fitted.data.level
+    noises = (model.noise + spread**2 * np.isin(np.arange(model.y.size), rows) for rows in readings)
     others = (replace(model, noise=noise).fit() for noise in noises)
-    fit, _ = fitted.fit.averaged(*others, odds=[odds**rows.size for rows in readings])
+    fit, _ = fitted.fit.averaged(*others, odds=[(WILD / (1.0 - WILD)) ** rows.size for rows in readings])
     return _described(fitted.data, fit, fitted.relative)
 
 

@@ -15,9 +15,8 @@ from pneudrive.friction.sentences import NAMED, Statement, named, say
 from pneudrive.signals.motion import straight_line
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterator, Sequence
 
-    from pneudrive.arrays import Interval
     from pneudrive.friction.campaign.curves import Fits
     from pneudrive.friction.campaign.reading import CampaignData
     from pneudrive.friction.campaign.result import CampaignCharacteristics, Drift, Repeatability
@@ -69,18 +68,14 @@ def _data(found: CampaignCharacteristics, reading: CampaignData, points: CurvePo
 
 
 def _ranges(found: CampaignCharacteristics) -> Iterator[Statement]:
-    (slowest, fastest), a, b = found.ranges.speed_m_s, found.ranges.gauge_a_pa, found.ranges.gauge_b_pa
+    slowest, fastest = found.ranges.speed_m_s
     if not np.isfinite(slowest):
         return
-    yield say("range.measured", slowest=1e3 * slowest, fastest=1e3 * fastest, a=_bar(a), b=_bar(b))
-    highest = max(a[1], b[1]) / PA_PER_BAR
+    a, b = ([p / PA_PER_BAR for p in span] for span in (found.ranges.gauge_a_pa, found.ranges.gauge_b_pa))
+    yield say("range.measured", slowest=1e3 * slowest, fastest=1e3 * fastest, a=_span(a, "g"), b=_span(b, "g"))
+    highest = max(a + b)
     if highest < SERVICE_BAR[0]:
         yield say("range.below_service", highest=highest, service=SERVICE_BAR)
-
-
-def _bar(span: Interval) -> str:
-    low, high = (round(p / PA_PER_BAR, 2) + 0.0 for p in span)
-    return f"{low:g}" if low == high else f"{low:g} to {high:g}"
 
 
 def _curves(found: CampaignCharacteristics, fits: Fits) -> Iterator[Statement]:
@@ -246,9 +241,9 @@ def _air(found: CampaignCharacteristics) -> Iterator[Statement]:
         yield say("air.bound", where=where, speed=speed, air=_span([s.air_bound_n[-1] for s in shares]))
 
 
-def _span(values: list[float]) -> str:
-    low, high = (f"{round(v, 2) + 0.0:.2f}" for v in (min(values), max(values)))  # no "-0.00"
-    return low if low == high else f"{low} to {high}"
+def _span(values: Sequence[float], form: str = ".2f") -> str:
+    ends = (format(round(v, 2) + 0.0, form) for v in (min(values), max(values)))  # no "-0.00"
+    return " to ".join(dict.fromkeys(ends))
 
 
 def _position(found: CampaignCharacteristics) -> Iterator[Statement]:

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pneudrive.estimate.autocorrelation import cells, centred_walk, moderate, projection, stderrs_of_means
-from pneudrive.estimate.estimates import CHANCE, NORMAL_95, Estimate, FTest, mean_estimate, student
+from pneudrive.estimate.estimates import CHANCE, NORMAL_95, Estimate, mean_estimate, student
 from pneudrive.estimate.mixed import MixedFit, MixedModel, RandomEffect, independent
 from pneudrive.friction.campaign.points import FREEDOM_PER_CYCLE, CurvePoints, shares_of
 from pneudrive.friction.campaign.result import Drift, PositionPattern, PositionWave, PressureEffects, Repeatability
@@ -350,7 +350,7 @@ FOLLOWS_TIME = 0.1
 
 @dataclass(frozen=True, eq=False)
 class _Design:
-    """Cycles of one set of levels, marked by `used` among all points.
+    """Cycles of one set of levels, marked by `used` among all points, and their `points`.
 
     Pressures are in bar, gauge. ``kind`` names the determined slopes: both, a, b, sum or line.
     ``equal`` has a column for each set of repeated cycles at other speeds, such as control runs. Their pressure is
@@ -358,13 +358,12 @@ class _Design:
     """
 
     used: Bools
+    points: CurvePoints
     kind: str
     speeds: Array
     level: Ints
     gauge: Array
-    place: Array
     equal: Array
-    order: Array
     pairs: tuple[tuple[float, float], ...]
 
     @property
@@ -378,7 +377,7 @@ class _Design:
 
     def over_speed(self, columns: list[Array]) -> list[Array]:
         """Return the columns, and the product of each with the logarithm of speed."""
-        tilt = self.centred(self.place)
+        tilt = self.centred(np.log(self.points["speed_m_s"]))
         return [*columns, *(c * tilt for c in columns)] if self.speeds.size > 1 else columns
 
 
@@ -402,16 +401,18 @@ def _effects(ambient_pa: float, fits: Fits, members: Bools, title: str) -> Press
     if x.shape[0] <= x.shape[1] + 1:  # too few cycles for a slope at each speed: one common slope
         count, x = 1, np.hstack([base, *(p[:, None] for p in gauges.values())])
     # An interaction is neither scatter nor drift: slopes are estimated with it, at the mean pressures.
-    together = _together(design, x) if design.kind == "both" else np.zeros((x.shape[0], 0))
+    product = [np.prod([design.centred(p) for p in gauges.values()], axis=0)] if design.kind == "both" else []
+    wide = _widened(design, x, product)
+    together = wide[:, x.shape[1] :] if x.shape[0] > wide.shape[1] + 1 else x[:, :0]
     x = np.hstack([together, x])
     fit = _fit(fits, design, x)
     if fit is None:
         return None
-    used, hidden_n = fits.points.at(design.used), 0.0
+    used, hidden_n = design.points, 0.0
     # Standard uncertainty of a change of friction between pressures from the sensors, N.
     u = float(np.mean(np.hypot(used["u_gain_n"], used["u_hysteresis_n"])))
     # A steady change by 1 N from the first cycle to the last looks like these coefficients of the pressure columns.
-    of_order = np.linalg.lstsq(fit.model.x, design.order - design.order.mean(), rcond=None)[0]
+    of_order = np.linalg.lstsq(fit.model.x, used["order"] - used["order"].mean(), rcond=None)[0]
     if fits.drift_share >= CARRIED:  # else the design determines a drift, which is then in the model
         hidden_n = HIDDEN_CHANGE * float(np.abs(fit.model.y).mean())
 
@@ -432,7 +433,10 @@ def _effects(ambient_pa: float, fits: Fits, members: Bools, title: str) -> Press
         rows = np.eye(x.shape[1])[: together.shape[1]]
         interaction, joint = fit.f_test(rows), fit.contrast(rows[0]).scaled(PA_PER_BAR**-2, "N/Pa2")
     if not hidden_n:
-        curvature = _curvature(fits, x, design, [design.centred(p) ** 2 * design.compared for p in gauges.values()])
+        squares = [design.centred(p) ** 2 * design.compared for p in gauges.values()]
+        wide = _widened(design, x, [square for square in squares if np.ptp(square) > 0.0])
+        bent = _fit(fits, design, wide) if wide.shape[1] > x.shape[1] else None
+        curvature = None if bent is None else bent.f_test(np.eye(wide.shape[1])[x.shape[1] :])
     found = PressureEffects(
         levels=title,
         speed_m_s=design.speeds if count > 1 else design.speeds.mean(keepdims=True),
@@ -465,13 +469,12 @@ def _design(ambient_pa: float, fits: Fits, members: Bools) -> _Design | None:
     used = compared | equal
     return _Design(
         used=used,
+        points=points.at(used),
         kind=classify_pressures(pairs),
         speeds=points.level_speeds_m_s[kept],
         level=np.where(compared[used], np.searchsorted(kept, level[used]), -1),
         gauge=np.where(compared[used, None], gauge[used], 0.0),
-        place=np.log(points["speed_m_s"][used]),
         equal=(cell[used][:, None] == sets[counts > 1]) & equal[used][:, None],
-        order=points["order"][used],
         pairs=tuple((float(a), float(b)) for a, b in pairs),
     )
 
@@ -480,8 +483,7 @@ def _fit(fits: Fits, design: _Design, x: Array) -> MixedFit | None:
     """Fit fixed effects with the random effects of the curves' model; None with too few cycles."""
     if x.shape[0] <= x.shape[1] + 1 or independent(x).size < x.shape[1]:
         return None
-    here = fits.points.at(design.used)
-    y = here["friction_n"]
+    y = design.points["friction_n"]
     # A relative source is proportional to friction as predicted by the fixed effects, not to
     # the values themselves, which such a source would explain exactly.
     steady = projection(y, x)
@@ -491,37 +493,23 @@ def _fit(fits: Fits, design: _Design, x: Array) -> MixedFit | None:
     outer, own = np.outer(share, share), relative * level**2 + 1.0 - relative
     components = [RandomEffect("cycle", own / fits.points.count[design.used], usual)]
     if fits.drift_share < CARRIED:
-        components.append(RandomEffect("drift", outer * centred_walk(design.order), usual))
+        components.append(RandomEffect("drift", outer * centred_walk(design.points["order"]), usual))
     if fits.blocks is not None:
         blocks = fits.blocks[design.used[fits.points.use]]
         if blocks.any(axis=0).sum() > 1:
             components.append(RandomEffect("block", outer * (blocks @ blocks.T), usual))
-    return MixedModel(y, x, here["friction_stderr_n"] ** 2, tuple(components)).fit()
+    return MixedModel(y, x, design.points["friction_stderr_n"] ** 2, tuple(components)).fit()
 
 
-def _together(design: _Design, x: Array) -> Array:
-    """Return the columns of the product of both pressures: its mean over speeds, and its change with log speed.
+def _widened(design: _Design, x: Array, columns: list[Array]) -> Array:
+    """Return x with further columns and their products with log speed; x alone if a column is not independent.
 
-    The product is centred, so that the slopes apply at the mean of the other pressure. It is left out if the design
-    does not determine the interaction.
+    Columns are the product of both centred pressures (slopes then apply at the mean of the other pressure), or their
+    squares: mean over speeds, and change with log speed.
     """
-    product = design.centred(design.gauge[:, 0]) * design.centred(design.gauge[:, 1])
-    columns = [c for c in design.over_speed([product]) if np.ptp(c) > 0.0]
-    kept = [k - x.shape[1] for k in independent(np.column_stack([x, *columns])).tolist() if k >= x.shape[1]]
-    if 0 not in kept or x.shape[0] <= x.shape[1] + len(kept) + 1:
-        return np.zeros((x.shape[0], 0))
-    return np.column_stack([columns[k] for k in kept])
-
-
-def _curvature(fits: Fits, x: Array, design: _Design, squares: list[Array]) -> FTest | None:
-    """Test the squares of the pressures: mean over speeds, and change with log speed."""
-    columns = [p for p in squares if np.ptp(p) > 0.0]
     wide = np.column_stack([x, *design.over_speed(columns)])
     kept = independent(wide)
-    if not columns or np.isin(x.shape[1] + np.arange(len(columns)), kept, invert=True).any():
-        return None
-    fit = _fit(fits, design, wide[:, kept])
-    return None if fit is None else fit.f_test(np.eye(kept.size)[x.shape[1] :])
+    return wide[:, kept] if np.isin(x.shape[1] + np.arange(len(columns)), kept).all() else x
 
 
 def _sentences(design: _Design, found: PressureEffects, with_time: list[str], u: float) -> Iterator[Statement]:

@@ -59,7 +59,7 @@ def test_large_campaigns_are_condensed_and_say_the_same(tmp_path, monkeypatch):
     assert abs(found.mean.value - whole.mean.value) < 0.2 * whole.mean.stderr
     assert 0.7 < found.mean.stderr / whole.mean.stderr < 1.4
     monkeypatch.setattr(compare, "MOST_POINTS", 4)
-    few = compare.common_points(*both)
+    few = compare_curves(*both)
     assert (few.points.height, few.left_out) == (4, 3)
     assert few.points["speed_m_s"][0] == found.points["speed_m_s"][0]
     assert few.points["speed_m_s"][-1] == found.points["speed_m_s"][-1]

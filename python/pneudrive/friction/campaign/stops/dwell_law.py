@@ -299,6 +299,8 @@ RATE_SPREAD, RATE_CORRELATION = 0.2, 0.5
 
 def dwell_statements(series: DwellSeries, stops: pl.DataFrame) -> Iterator[Statement]:
     """Return statements on the values that the stops of a series determine."""
+    import polars as pl
+
     where = f"Stops ({series.name})"
     flags = Counter(flag for raised in stops["flags"].to_list() for flag in raised if flag in SPOILING)
     if flags:
@@ -315,12 +317,10 @@ def dwell_statements(series: DwellSeries, stops: pl.DataFrame) -> Iterator[State
         numbers = {"slope": slope, "reference": series.reference_s, "stops": len(series.stops), "durations": durations}
         yield say(f"stops.{'slope' if slope.differs else 'slope_not_shown'}", where=where, share=share, **numbers)
     # Peaks of both directions, from cells with both.
-    cells: dict[tuple, dict[int, list[float]]] = {}
-    columns = series.stops.select("stop_s", "direction", "increment_n").iter_rows()
-    for condition, (stop_s, direction, increment) in zip(conditions_of(series.stops), columns, strict=True):
-        cells.setdefault((condition, round(stop_s, 6)), {1: [], -1: []})[direction].append(increment)
-    both = ((cell[1], cell[-1]) for cell in cells.values() if cell[1] and cell[-1])
-    pairs = np.array([float(np.mean(out) - np.mean(back)) for out, back in both])
+    cell = ("pressure_a_pa", "pressure_b_pa", pl.col("stop_s").round(6))
+    cells = series.stops.group_by(*cell, maintain_order=True)
+    out, back = (pl.col("increment_n").filter(direction=way).mean() for way in (1, -1))
+    pairs = cells.agg(difference=out - back)["difference"].drop_nulls().to_numpy()
     if pairs.size >= FEWEST_PAIRS and (found := mean_estimate(pairs)).differs:
         yield say("stops.directions", where=where, found=found)
     if slope is None or slope.differs:  # else there is no effect
