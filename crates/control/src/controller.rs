@@ -42,7 +42,8 @@ impl Controller {
         let Controller { follower, supervisor } = self;
         if let Some(Effort { mass, load, .. }) = reference.effort(sample.time) {
             // A law that predicts would let the deviations of now last through its horizon, and swing with the others.
-            let load = if follower.law.features().predicts { load } else { load + follower.coupling };
+            follower.coupled = follower.coupled.filter(|_| !follower.law.features().predicts);
+            let load = load + follower.coupled.map_or(0.0, |own| own.loads[0]);
             match &mut follower.adaptation {
                 Some(adaptation) => adaptation.expect(&mut follower.model, mass, load),
                 None => (follower.model.mass, follower.model.load) = (mass, load),

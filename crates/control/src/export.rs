@@ -232,7 +232,7 @@ impl LawRecorder<'_> {
             observer: Some(observer.at_rest()),
             friction: Some(Traced::zero()),
             push: Traced::zero(),
-            coupling: 0.0,
+            coupled: None,
         }
     }
 

@@ -13,7 +13,7 @@ use crate::observer::{Noise, Observer};
 use crate::own::Seen;
 use crate::reference::{Effort, Reference, Wanted};
 use crate::thresholds::{COUNT_DEVIATIONS, FARTHEST, LEAST_UNKNOWN, PUSH_BOUND, PUSH_SLIPS};
-use crate::types::{Edges, Moment, Plant, Sample, State};
+use crate::types::{Coupled, Edges, Moment, Plant, Sample, State};
 use crate::valves::{Commands, Valves};
 pub(crate) use takeover::Takeover;
 
@@ -43,8 +43,8 @@ pub struct Follower<L = AnyLaw, S = f64> {
     pub(crate) friction: Option<S>,
     /// Force that breaks a resting drive away, N.
     pub(crate) push: S,
-    /// Load by which other axes of the run deviate from their plans, N in +x. It needs a reference with efforts.
-    pub coupling: f64,
+    /// Influence of other axes of the run. It needs a reference with efforts.
+    pub coupled: Option<Coupled>,
 }
 
 /// Wanted state now and when the command acts, whether the drive rests in between, and the reference.
@@ -70,6 +70,8 @@ pub struct Answer<S: Number = f64> {
     pub disturbance: S,
     /// It holds.
     pub holds: S::Mask,
+    /// See [`Law::feedback`].
+    pub feedback: [S; 2],
 }
 
 impl Follower {
@@ -96,7 +98,7 @@ impl Follower {
             observer: None,
             friction: None,
             push: 0.0,
-            coupling: 0.0,
+            coupled: None,
         })
     }
 
@@ -196,15 +198,19 @@ impl Follower {
         }
     }
 
-    /// Returns the deviation of the force of gas less friction at the last sample from the plan of a reference with
-    /// efforts, N in +x.
-    pub fn deviation(&self, reference: &Reference) -> Option<f64> {
+    /// Returns the deviation of the force of gas less friction from the plan of a reference with efforts, N in +x. It is
+    /// predicted half way to the next sample, and half way from that to the time at which its command acts.
+    pub fn deviations(&self, reference: &Reference) -> Option<[f64; 2]> {
         let (observer, model) = (self.observer.as_ref()?, &self.model);
-        let Effort { mass, load, .. } = reference.effort(observer.time)?;
-        let State { position, velocity, friction, pressures, .. } = observer.state;
-        let [_, viscous] = model.friction_levels([position, velocity], pressures);
-        let planned = mass * reference.at(observer.time).acceleration - load;
-        Some(model.gas_force(pressures) - friction - viscous * velocity - planned)
+        let at = |time: f64| {
+            let Effort { mass, load, .. } = reference.effort(time)?;
+            let (own, _) = observer.predict(model, time, self.period, 0.0);
+            let [_, viscous] = model.friction_levels([own.position, own.velocity], own.pressures);
+            let planned = mass * reference.at(time).acceleration - load;
+            Some(model.gas_force(own.pressures) - own.friction - viscous * own.velocity - planned)
+        };
+        let next = observer.time + self.period;
+        Some([at(next - 0.5 * self.period)?, at(next + 0.5 * self.ahead())?])
     }
 
     /// Returns the state at the last sample.
@@ -220,7 +226,7 @@ impl Follower {
     /// Returns the predicted state at the next sample, and the openings of the edges halfway.
     pub(crate) fn foresee(&self, time: f64) -> Option<(State, Edges<f64>)> {
         let observer = self.observer.as_ref()?;
-        let (state, _) = observer.predict(&self.model, time, self.period);
+        let (state, _) = observer.predict(&self.model, time, self.period, 0.0);
         Some((state, observer.spool.clone().edges(&self.model, observer.time, time)))
     }
 
@@ -234,7 +240,7 @@ impl Follower {
     /// Returns the outputs for a given command, without the law: this command and the estimates of the observer.
     pub(crate) fn rest(&self, wanted: Wanted, command: f64) -> Answer {
         let (velocity, disturbance) = self.state().map_or((0.0, 0.0), |own| (own.velocity, own.disturbance));
-        Answer { command, wanted, velocity, disturbance, holds: false }
+        Answer { command, wanted, velocity, disturbance, holds: false, feedback: [0.0; 2] }
     }
 }
 
@@ -281,7 +287,8 @@ impl<S: Number, L: Law<S>> Follower<L, S> {
         let (Some(observer), Some(along), model) = (&self.observer, &mut self.friction, &self.model) else {
             unreachable!("a sample comes first")
         };
-        let (mut state, spool) = observer.predict(model, acts, period);
+        let coming = self.coupled.map_or(0.0, |own| own.loads[1] - own.loads[0]);
+        let (mut state, spool) = observer.predict(model, acts, period, coming);
         let wanted = ahead.then;
         let [level, viscous] = model.friction_levels([wanted.position, wanted.velocity], state.pressures);
         let rate = model.stick_rate(wanted.velocity, *along, level, period);
@@ -312,7 +319,9 @@ impl<S: Number, L: Law<S>> Follower<L, S> {
             acts,
             spool: &spool,
             preview: ahead.preview,
+            coupled: self.coupled,
         };
+        let feedback = self.law.feedback(&tick).map(|own| S::select(holds, S::zero(), own));
         let of_law = |law: &mut L| {
             let asked = law.step(&tick);
             law.given(asked, &tick);
@@ -321,7 +330,7 @@ impl<S: Number, L: Law<S>> Follower<L, S> {
         let share = S::either(holds, &mut self.law, |_| tick.opening_for(held), of_law);
         let command = model.command_for(share);
         let State { velocity, disturbance, .. } = observer.state;
-        Answer { command, wanted: ahead.now, velocity, disturbance, holds }
+        Answer { command, wanted: ahead.now, velocity, disturbance, holds, feedback }
     }
 
     /// Returns the force that breaks a resting drive away, N, a period later:

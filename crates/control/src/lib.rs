@@ -38,5 +38,5 @@ pub use observer::{Noise, Observer};
 pub use own::{Own, OwnLaw, SIGNALS, Seen, Signal};
 pub use reference::{COEFFICIENTS, Effort, Efforts, Move, Piece, Reference, Wanted, blend};
 pub use supervisor::{Event, EventKind, Inputs, Log, MotionRules, Reaction, Rules, Supervisor};
-pub use types::{Armature, Arrangement, Edges, MOST_VALVES, Plant, Sample, State};
+pub use types::{Armature, Arrangement, Coupled, Edges, MOST_VALVES, Plant, Sample, State};
 pub use valves::{Commands, Pair, Pulses, Seven, Three, Valves};

@@ -210,17 +210,19 @@ impl<S: Number> Observer<S> {
         correct(model, &mut self.state, sample.position, self.gain);
     }
 
-    /// Predicts state and spool at a later time, s, under the commands given so far.
-    pub fn predict(&self, model: &Model<S>, to: f64, step: f64) -> (State<S>, Spool<S>) {
+    /// Predicts state and spool at a later time, s, under the commands given so far and a further load, N.
+    pub fn predict(&self, model: &Model<S>, to: f64, step: f64, load: f64) -> (State<S>, Spool<S>) {
         // Rounding of times must not change the number of steps.
         let n = ((to - self.time) / step - 1e-6).ceil().max(1.0);
         let h = (to - self.time) / n;
         let (mut state, mut spool) = (self.state, self.spool.clone());
+        state.disturbance += S::c(load);
         for k in 0..n as usize {
             let begin = self.time + h * k as f64;
             let edges = spool.edges(model, begin, begin + h);
             model.advance(&mut state, edges, h, None);
         }
+        state.disturbance -= S::c(load);
         (state, spool)
     }
 }

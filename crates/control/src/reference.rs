@@ -129,9 +129,10 @@ pub struct Efforts {
     pub period: f64,
     /// One entry for each time.
     pub rows: Vec<Effort>,
-    /// For each time, the part of the force of each axis of the run that acts on this axis as a load. Empty: none.
+    /// For each time, two numbers for each axis of the run: the part of its force that acts on this axis as a load, and
+    /// the force on this axis for each m/s2 of that one, kg. Empty: none.
     #[serde(default)]
-    pub others: Vec<Vec<f64>>,
+    pub others: Vec<Vec<[f64; 2]>>,
 }
 
 /// Moving mass and load of a drive at one time. A file has mass, load and rate as a list.
@@ -300,8 +301,8 @@ impl Reference {
         }
     }
 
-    /// Returns the part of the force of each axis of a run that acts on this axis as a load, at a time, s.
-    pub fn others(&self, t: f64) -> &[f64] {
+    /// Returns [`Efforts::others`] at a time, s.
+    pub fn others(&self, t: f64) -> &[[f64; 2]] {
         match self {
             Reference::Pieces { efforts: Some(own), .. } => {
                 let last = own.others.len().saturating_sub(1);

@@ -150,6 +150,20 @@ impl Arrangement {
     }
 }
 
+/// Influence of other axes that move the same body, at one sample. The accelerations a of all axes need the forces
+///
+///   F_i = sum A_ij a_j,   A = J^-T M J^-1
+///
+/// while an axis alone would need m_i a_i.
+#[derive(Clone, Copy, Debug)]
+pub struct Coupled {
+    /// Load by which the forces of the others deviate from their plans, N in +x: before the sample, and until the command
+    /// of the sample acts.
+    pub loads: [f64; 2],
+    /// Force, N, and its rate, N/s, on this axis that the feedback of all axes needed at the last sample.
+    pub feedback: [f64; 2],
+}
+
 /// Valves of a drive at most.
 pub const MOST_VALVES: usize = 4;
 

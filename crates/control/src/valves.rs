@@ -162,7 +162,7 @@ impl Valves {
             observer.spool.command(acts, command);
             return Commands::of([command]);
         }
-        let (state, _) = observer.predict(model, acts, period);
+        let (state, _) = observer.predict(model, acts, period, 0.0);
         let share = model.share_of(command);
         let reach = Reach::of(model, &state);
         let spool = &mut observer.spool;

@@ -5,7 +5,7 @@ use crate::faults::Faults;
 use crate::sensors::Sensors;
 use crate::{refuse, specification};
 use circuit::{Error, Look, Session};
-use control::{Answer, AnyLaw, Controller, Inputs, Reference, Rules, Sample, Valves};
+use control::{Answer, AnyLaw, Controller, Coupled, Inputs, Reference, Rules, Sample, Valves};
 use std::time::Instant;
 
 /// Names of the columns of a run; SI units.
@@ -87,18 +87,23 @@ pub fn run_together(
         }
     }
     let (mut rows, mut others) = (vec![Rows::new(); axes.len()], vec![]);
-    let mut turns = Vec::with_capacity(axes.len());
+    let (mut turns, mut feedback) = (Vec::with_capacity(axes.len()), vec![[0.0; 2]; axes.len()]);
     for tick in 0..=ticks {
-        turns.clear();
         let deviations: Vec<_> =
-            axes.iter().map(|own| own.controller.deviation(own.reference).unwrap_or(0.0)).collect();
+            axes.iter().map(|own| own.controller.deviations(own.reference).unwrap_or_default()).collect();
         for own in &mut *axes {
-            let parts = own.reference.others(tick as f64 * own.controller.period);
-            own.controller.coupling = parts.iter().zip(&deviations).map(|(part, by)| part * by).sum();
+            let others = own.reference.others(tick as f64 * own.controller.period);
+            let sum = |part: usize, of: &[[f64; 2]]| {
+                [0, 1].map(|k| others.iter().zip(of).map(|(own, of)| own[part] * of[k]).sum())
+            };
+            let coupled = Coupled { loads: sum(0, &deviations), feedback: sum(1, &feedback) };
+            own.controller.coupled = (!others.is_empty()).then_some(coupled);
         }
+        turns.clear();
         for Led { servo, controller, reference } in &mut *axes {
             turns.push(servo.observe(session, tick, controller, reference, look)?);
         }
+        feedback = turns.iter().map(|own: &Turn| own.answer.feedback).collect();
         others.push(columns.iter().map(|&column| session.read(column)).collect());
         for ((own, turn), rows) in axes.iter_mut().zip(&turns).zip(&mut rows) {
             rows.push(own.servo.give(session, own.controller, turn, turn.answer.command)?);

@@ -351,7 +351,7 @@ fn a_prediction_agrees_with_the_circuit_over_its_horizon() {
         session.set(input.expect("a command"), command).expect("within bounds");
         let mut never = |_| false;
         session.go_on(0.04, &mut Look::new(&mut never)).expect("it runs");
-        let (state, _) = observer.predict(&model, 0.04, 1e-3);
+        let (state, _) = observer.predict(&model, 0.04, 1e-3, 0.0);
         let column =
             |name: &str| session.assembly.columns().iter().position(|own| own == name).expect("a column");
         let [x, a, b] =

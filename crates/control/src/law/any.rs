@@ -73,6 +73,10 @@ macro_rules! laws {
                 match self { $(AnyLaw::$name(law) => law.step(tick),)* AnyLaw::Own(_) => 0.0 }
             }
 
+            fn feedback(&self, tick: &Tick) -> [f64; 2] {
+                match self { $(AnyLaw::$name(law) => law.feedback(tick),)* AnyLaw::Own(_) => [0.0; 2] }
+            }
+
             fn given(&mut self, asked: f64, tick: &Tick) {
                 match self { $(AnyLaw::$name(law) => law.given(asked, tick),)* AnyLaw::Own(_) => () }
             }

@@ -6,7 +6,7 @@ use crate::model::Model;
 use crate::number::{Memory, Number};
 use crate::reference::Wanted;
 use crate::spool::Spool;
-use crate::types::{Plant, State};
+use crate::types::{Coupled, Plant, State};
 
 /// Inputs of a law for one sample.
 #[derive(Clone, Copy, Debug)]
@@ -33,6 +33,8 @@ pub struct Tick<'a, S = f64> {
     pub spool: &'a Spool<S>,
     /// Course of the drive.
     pub preview: &'a Course<'a>,
+    /// Influence of other axes that move the same body.
+    pub coupled: Option<Coupled>,
 }
 
 impl<S: Number> Tick<'_, S> {
@@ -104,6 +106,11 @@ pub trait Law<S: Number = f64>: Memory<S> {
 
     /// Returns the fraction of opening, before the overlap is added. It may exceed -1 .. 1.
     fn step(&mut self, tick: &Tick<S>) -> S;
+
+    /// Returns acceleration, m/s2, and jerk, m/s3, that the law adds to those of the reference, if it inverts a model.
+    fn feedback(&self, _tick: &Tick<S>) -> [S; 2] {
+        [S::zero(); 2]
+    }
 
     /// Called with the requested fraction of opening after saturation, for anti-windup.
     fn given(&mut self, _asked: S, _tick: &Tick<S>) {}

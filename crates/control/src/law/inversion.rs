@@ -2,7 +2,7 @@ use super::base::{Features, Law, Tick, Tuned};
 use crate::gains::law;
 use crate::model::Model;
 use crate::number::Number;
-use crate::types::Plant;
+use crate::types::{Coupled, Plant};
 use physics::{above, at_least};
 
 law! {
@@ -12,7 +12,8 @@ law! {
     ///   F_d' = M (j_d + 2 lambda e'' + lambda^2 e') + F_fr'
     ///   F'   = F_d' + k_f (F_d - F),   k_f = 1.5 lambda,   lambda = 0.22/lag
     ///
-    /// F_fr the friction along the reference, and the opening under which the force of the gas changes at the rate F'.
+    /// F_fr the friction along the reference, and the opening under which the force of the gas changes at the rate F'. Where
+    /// several axes move one body, the feedback of all of them replaces M times that of this one, see [`Coupled`].
     pub struct Inversion {
         bandwidth: "rad/s", above(0.0), "lambda", rule "0.22/lag, with a lag of at least 3 ms", factor "gain";
         force_gain: "1/s", at_least(0.0), "k_f", rule "1.5 lambda";
@@ -36,12 +37,24 @@ impl<S: Number> Law<S> for Inversion<S> {
         let (l, model) = (self.bandwidth, tick.model);
         let [friction, friction_rate] = tick.friction;
         let wanted = &tick.wanted;
-        let force = (wanted.acceleration + l.times(2.0) * e1 + l * l * e) * model.mass
+        let mut force = (wanted.acceleration + l.times(2.0) * e1 + l * l * e) * model.mass
             - S::c(model.load)
             - tick.state.disturbance
             + friction;
-        let rate = (wanted.jerk + l.times(2.0) * e2 + l * l * e1) * model.mass + friction_rate;
+        let mut rate = (wanted.jerk + l.times(2.0) * e2 + l * l * e1) * model.mass + friction_rate;
         let gas = model.gas_force(tick.state.pressures);
+        if let Some(Coupled { loads: [load, _], feedback: [every, every_rate] }) = tick.coupled {
+            let [own, own_rate] = self.feedback(tick).map(|own| own * model.mass);
+            force += S::c(every + load) - own;
+            rate += S::c(every_rate) + l.times(2.0 * load) - own_rate;
+        }
         tick.opening_for(rate + self.force_gain * (force - gas))
+    }
+
+    fn feedback(&self, tick: &Tick<S>) -> [S; 2] {
+        let ([e, e1, _], l) = (tick.errors(), self.bandwidth);
+        let twice = l.times(2.0);
+        let unknown = tick.state.disturbance / tick.model.mass;
+        [twice * e1 + l * l * e - unknown, l * l * e1 - twice * unknown]
     }
 }

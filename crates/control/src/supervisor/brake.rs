@@ -73,7 +73,7 @@ fn brakes_before(
         return None;
     }
     let acts = observer.time + model.valve.delay;
-    let (state, spool) = observer.predict(model, acts, period);
+    let (state, spool) = observer.predict(model, acts, period, 0.0);
     let way_to = |mut state: State, mut spool: Spool, brake: f64| {
         spool.command(acts, command);
         spool.command(acts + period, brake);
