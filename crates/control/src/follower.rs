@@ -162,7 +162,7 @@ impl Follower {
     /// Changes to another law without a bump: its first command equals the last one of the previous law.
     pub fn switch(&mut self, law: AnyLaw) {
         self.law = law;
-        self.takeover.begin();
+        self.takeover.begins = true;
     }
 
     /// Multiplies the gains of a law that has not started by [`FACTORS`](crate::FACTORS). Factors out of bounds, or
@@ -192,7 +192,7 @@ impl Follower {
     pub(crate) fn begin_anew(&mut self, command: f64) {
         self.push = 0.0;
         self.friction = self.observer.as_ref().map(|own| own.state.friction);
-        self.takeover.begin_from(command);
+        (self.takeover.last, self.takeover.begins) = (command, true);
         if let Some(hold) = &mut self.hold {
             *hold = Hold::new(hold.band, hold.after);
         }
