@@ -133,12 +133,6 @@ impl<S: Number> Signals<S> {
         let [f3, a3] = self.band[2].follow([f2, a2], period / (period + slow));
         [f2 - f3, a2 - a3]
     }
-
-    /// Adds the inertial force of a sample in this band, N, and returns its effective value, N.
-    fn effective(&mut self, inertia: S, period: f64) -> S {
-        self.power += (inertia * inertia - self.power).times(period / (period + LEARN_BAND[1]));
-        self.power.sqrt()
-    }
 }
 
 /// Coulomb and viscous friction and the moving mass are estimated relative to the description. The valve's conductance
@@ -147,11 +141,8 @@ impl<S: Number> Signals<S> {
 /// directions does, too.
 #[derive(Clone, Debug)]
 pub struct Adaptation<S = f64> {
-    /// The model as described, before any learning.
+    /// The model as described, before any learning, with its load at first.
     described: Model,
-    /// Load of that model at first, N.
-    load: f64,
-    balance: ForceBalance,
     /// Factors of Coulomb and viscous friction, the constant force, and the factor of the mass.
     friction: Fit<S, 4>,
     /// Factor of the mass in the band of a swing.
@@ -175,8 +166,6 @@ impl<S: Number> Adaptation<S> {
         let d = model.valve.overlap;
         Adaptation {
             described: model.clone(),
-            load: model.load,
-            balance: ForceBalance::of(model),
             friction: Fit::new([1.0, 1.0, 0.0, 1.0]),
             mass: Fit::new([1.0]),
             valve: Fit::new([1.0 / (1.0 - d), -d / (1.0 - d)]),
@@ -236,7 +225,8 @@ impl<S: Number> Adaptation<S> {
                 let [level, _] = self.described.friction_levels(place, state.pressures);
                 let before = fit.theta[0];
                 let force = way * level * before - state.disturbance;
-                self.balance.learn(fit, [way * level, zero, zero], force, level, S::c(1.0 / LEARN_REVERSAL));
+                let terms = [way * level, zero, zero];
+                learn_balance(&self.described, fit, terms, force, level, S::c(1.0 / LEARN_REVERSAL));
                 (fit.theta[0] - before) * way * level
             },
             |_| zero,
@@ -281,7 +271,7 @@ impl<S: Number> Adaptation<S> {
         change(learns, &mut self.friction, |fit| {
             // Slower motion is not learned. The bound avoids a division by zero in exported code.
             let factor = (S::c(LEARN_FAST) / v.abs().max(S::c(LEARN_SLIDES))).max(one);
-            self.balance.learn(fit, [coulomb, viscous, inertia], force, level, factor);
+            learn_balance(&self.described, fit, [coulomb, viscous, inertia], force, level, factor);
         });
         // Inertia is part of the balance, so it is not mistaken for friction. Other errors look like mass, too.
         let [coulomb, viscous, ..] = self.friction.theta;
@@ -303,13 +293,15 @@ impl<S: Number> Adaptation<S> {
         }
         let v = state.velocity;
         let [level, viscous] = model.friction_levels([state.position, v], state.pressures);
-        let growth = S::c(model.load - self.load);
+        let growth = S::c(model.load - self.described.load);
         let force = model.gas_force(state.pressures) - state.friction - viscous * v + growth;
         let [force, a] = self.signals.in_band([force, v], period);
         let inertia = a.times(self.described.mass);
         let [moves, creeps] = LEARN_SWINGS.map(S::c);
         let least = S::select(speed.lt(S::c(LEARN_SLIDES)), creeps, moves);
-        let is_weak = self.signals.effective(inertia, period).lt(least * level);
+        let power = &mut self.signals.power;
+        *power += (inertia * inertia - *power).times(period / (period + LEARN_BAND[1]));
+        let is_weak = power.sqrt().lt(least * level);
         let learned = |fit: &mut Fit<S, 1>| {
             let deviation = level.times(LEARN_SWING_DEVIATION);
             fit.observe([inertia / deviation], force / deviation);
@@ -374,44 +366,28 @@ impl<S: Number> Adaptation<S> {
     }
 }
 
-/// Deviation of the force balance, unit of its constant force, and weight of the load, N.
-#[derive(Clone, Copy, Debug)]
-struct ForceBalance {
-    deviation: f64,
-    offset: f64,
-    weight: f64,
-}
-
-impl ForceBalance {
-    fn of(described: &Model) -> Self {
-        let area = 0.5 * described.sides.iter().map(|side| side.area).sum::<f64>();
-        let deviation = LEARN_FORCE_DEVIATION.max(LEARN_PRESSURE_DEVIATION * area);
-        let weight = described.load.abs();
-        ForceBalance {
-            deviation,
-            offset: LEARN_OFFSET * (deviation / LEARN_FORCE_DEVIATION) + weight,
-            weight,
-        }
-    }
-
-    /// Learns from a force balance. Its terms are described Coulomb friction, viscous friction and inertia, N, the force
-    /// of gas and load, N, the friction level, and a factor of the balance's deviation.
-    fn learn<S: Number>(
-        &self,
-        fit: &mut Fit<S, 4>,
-        [coulomb, viscous, inertia]: [S; 3],
-        force: S,
-        level: S,
-        factor: S,
-    ) {
-        let deviation = factor.times(self.deviation);
-        let rest = (LEARN_MASS_WITHIN[1] - 1.0) * self.weight;
-        let most = (level + S::c(rest)) / S::c(self.offset);
-        let phi = [coulomb, viscous, S::c(self.offset), inertia].map(|own| own / deviation);
-        fit.observe(phi, force / deviation);
-        let of_friction = LEARN_FRICTION_WITHIN.map(S::c);
-        fit.project([of_friction, of_friction, [-most, most], LEARN_MASS_WITHIN.map(S::c)]);
-    }
+/// Learns from a force balance. Its terms are described Coulomb friction, viscous friction and inertia, N, the force of
+/// gas and load, N, the friction level, and a factor of the balance's deviation.
+fn learn_balance<S: Number>(
+    described: &Model,
+    fit: &mut Fit<S, 4>,
+    [coulomb, viscous, inertia]: [S; 3],
+    force: S,
+    level: S,
+    factor: S,
+) {
+    let area = 0.5 * described.sides.iter().map(|side| side.area).sum::<f64>();
+    let usual = LEARN_FORCE_DEVIATION.max(LEARN_PRESSURE_DEVIATION * area);
+    let weight = described.load.abs();
+    // Unit of the constant force, N.
+    let offset = LEARN_OFFSET * (usual / LEARN_FORCE_DEVIATION) + weight;
+    let deviation = factor.times(usual);
+    let rest = (LEARN_MASS_WITHIN[1] - 1.0) * weight;
+    let most = (level + S::c(rest)) / S::c(offset);
+    let phi = [coulomb, viscous, S::c(offset), inertia].map(|own| own / deviation);
+    fit.observe(phi, force / deviation);
+    let of_friction = LEARN_FRICTION_WITHIN.map(S::c);
+    fit.project([of_friction, of_friction, [-most, most], LEARN_MASS_WITHIN.map(S::c)]);
 }
 
 /// Choked flow per unit of conductance at a usual supply pressure, Pa/K^0.5: a scale (assumed).
