@@ -32,20 +32,16 @@ const LOOKS: u64 = 4096;
 /// Number of times at which the direction of a reference is sampled.
 const MOMENTS: u32 = 2000;
 
-/// Returns the force that the supply can produce in +x and in -x, N.
-fn highest_forces(model: &Model) -> [f64; 2] {
-    let gauge = model.supply.pressure - model.ambient.pressure;
-    model.sides.each_ref().map(|side| side.area * gauge)
+/// Returns a force, N, as a fraction of the force that the supply can produce in its direction.
+fn force_share(model: &Model, force: f64) -> f64 {
+    let side = if force > 0.0 { &model.sides[0] } else { &model.sides[1] };
+    force.abs() / (side.area * (model.supply.pressure - model.ambient.pressure))
 }
 
 /// Returns the fractions of the supply's force that weight and friction at rest need in +x and in -x, at a position, m.
 pub fn least_forces(model: &Model, x: f64) -> [f64; 2] {
     let [level, _] = model.friction_levels([x, 0.0], model.rest_pressures());
-    let highest = highest_forces(model);
-    [level, -level].map(|friction| {
-        let force = friction - model.load;
-        force.abs() / if force > 0.0 { highest[0] } else { highest[1] }
-    })
+    [level, -level].map(|friction| force_share(model, friction - model.load))
 }
 
 /// Fraction of the force that friction and weight need at any speed of the reference.
@@ -85,7 +81,6 @@ pub fn demand(
     stop: &mut dyn FnMut(f64) -> bool,
 ) -> Demand {
     let step = (factor * reference.shortest() / FEASIBLE_PIECES).clamp(FEASIBLE_LEAST_STEP, FEASIBLE_STEP);
-    let highest = highest_forces(model);
     let first = reference.slowed(0.0, factor);
     let mut state = State {
         position: first.position,
@@ -110,8 +105,7 @@ pub fn demand(
             (found.opening, found.opening_time) = (share, t);
         }
         found.exceeded += if share > 1.0 { step } else { 0.0 };
-        let high = if force > 0.0 { highest[0] } else { highest[1] };
-        found.force = found.force.max(force.abs() / high);
+        found.force = found.force.max(force_share(model, force));
         let [a, b] = now.pressures;
         found.pressures = [found.pressures[0].min(a).min(b), found.pressures[1].max(a).max(b)];
         let open = model.opened_by(way * share.min(1.0));
@@ -132,20 +126,13 @@ pub fn least_factor(
     stop: &mut dyn FnMut(f64) -> bool,
 ) -> Option<f64> {
     let mut fits = |factor| demand(model, reference, duration, factor, stop).most() <= share;
-    if fits(1.0) {
-        return Some(1.0);
-    }
-    let (mut low, mut high) = (1.0, 2.0);
-    let mut found = fits(high);
-    if !found && least_force(model, reference, duration) > share {
-        return None;
-    }
-    while !found {
+    let (mut low, mut high) = (1.0, 1.0);
+    while !fits(high) {
+        let is_in_vain = high == 2.0 && least_force(model, reference, duration) > share;
         (low, high) = (high, 2.0 * high);
-        if high > FEASIBLE_SLOWEST {
+        if is_in_vain || high > FEASIBLE_SLOWEST {
             return None;
         }
-        found = fits(high);
     }
     while high / low > 1.0 + FEASIBLE_FOUND {
         let middle = (low * high).sqrt();

@@ -39,11 +39,8 @@ impl LawProgram {
         own.guard[..GUARD].copy_from_slice(guard);
         let mut results = vec![0.0; RESULTS.len()];
         if *opens > 0.5 {
-            let seen = if *begins > 0.5 {
-                self.begin.run(&[inputs, &parameters, &own.kept].concat())
-            } else {
-                self.observe.run(&[inputs, &parameters, &own.kept].concat())
-            };
+            let sample = if *begins > 0.5 { &self.begin } else { &self.observe };
+            let seen = sample.run(&[inputs, &parameters, &own.kept].concat());
             results = self.command.run(&[inputs, &parameters, &seen].concat());
             own.kept = results.split_off(RESULTS.len());
         }
