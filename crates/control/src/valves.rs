@@ -176,18 +176,18 @@ impl Valves {
             }
             Valves::Three(armature, own) => {
                 let stays = samples(own.shortest_pulse.max(armature.arrives()), period);
-                let rules = Choosing { stays, period, dead_band: own.dead_band, share: 0.0 };
-                let before = own.switched.mode[0];
-                let [now, _] = own.switched.choose(&reach, reach.wanted(share, None), &THREE, rules);
+                let (before, weights) = (own.switched.mode[0], [own.dead_band, 0.0]);
+                let wanted = reach.wanted(share, None);
+                let [now, _] = own.switched.choose(&reach, wanted, &THREE, weights, stays, period);
                 switch_three(spool, armature, time, [before, now]);
                 Commands::of([now])
             }
             Valves::Seven(armature, own) => {
                 let wanted = reach.wanted(share, Some([own.stiffness, own.rate]));
                 let stays = samples(own.shortest_pulse.max(armature.arrives()), period);
-                let rules = Choosing { stays, period, dead_band: own.dead_band, share: own.stiffness_share };
+                let weights = [own.dead_band, own.stiffness_share];
                 let before = own.switched.mode.map(edges);
-                let now = own.switched.choose(&reach, wanted, &SEVEN, rules).map(edges);
+                let now = own.switched.choose(&reach, wanted, &SEVEN, weights, stays, period).map(edges);
                 for edge in 0..MOST_VALVES {
                     let [was, is] = [before, now].map(|mode| mode[edge / 2][edge % 2]);
                     if was != is {
@@ -227,23 +227,18 @@ memory! {
     }
 }
 
-/// Inputs of the choice of a mode.
-#[derive(Clone, Copy, Debug)]
-struct Choosing {
-    /// Samples for which a mode stays.
-    stays: f64,
-    /// Period, s.
-    period: f64,
-    /// Force that is missing when a valve switches, N.
-    dead_band: f64,
-    /// Weight of the stiffness relative to the force.
-    share: f64,
-}
-
 impl Switched<f64> {
-    /// The mode of a sample, for rates of both chambers' forces that are wanted, N/s.
-    fn choose(&mut self, reach: &Reach, wanted: [f64; 2], modes: &[[f64; 2]], rules: Choosing) -> [f64; 2] {
-        let Choosing { stays, period, dead_band, share } = rules;
+    /// The mode of a sample, for rates of both chambers' forces that are wanted, N/s. Weights are the force that is
+    /// missing when a valve switches, N, and that of the stiffness relative to the force. A mode stays for some samples.
+    fn choose(
+        &mut self,
+        reach: &Reach,
+        wanted: [f64; 2],
+        modes: &[[f64; 2]],
+        [dead_band, share]: [f64; 2],
+        stays: f64,
+        period: f64,
+    ) -> [f64; 2] {
         let span = stays * period;
         let left = |mode: [f64; 2], span: f64| {
             [0, 1].map(|i| self.missing[i] + (wanted[i] - reach.rate(i, mode[i])) * span)

@@ -124,7 +124,17 @@ impl Gas {
         // Nothing is learned from a resting reading. A chamber whose sensor is lost continues by the model.
         found.modelled = chambers.iter().any(|own| own.rests_for(period));
         let mut replaced = foreseen.pressures;
-        self.find_stuck(believed.at, &mut chambers, &mut replaced, &mut found, log);
+        let stuck = chambers.map(|own| own.is_stuck(period) && !own.is_lost && !self.valve_told);
+        if stuck == [true; 2] {
+            // Both readings rest while the model moves.
+            (self.valve_told, found.valve) = (true, true);
+            log.tell(time, EventKind::Valve, chambers[0].moved.abs().max(chambers[1].moved.abs()));
+        } else if let Some(i) = stuck.iter().position(|is_stuck| *is_stuck) {
+            let own = &mut chambers[i];
+            (own.is_lost, found.sensor) = (true, true);
+            log.tell(time, EventKind::PressureLost, i as f64);
+            replaced[i] = own.last + own.moved;
+        }
         self.chambers = Some(chambers);
         self.watch_flows(believed, &chambers, &mut found, log);
         for ((own, reading), replaced) in chambers.iter().zip(readings).zip(&replaced) {
@@ -134,27 +144,6 @@ impl Gas {
             }
         }
         found
-    }
-
-    /// Finds readings that rest while the model moves. If both rest, the valve does not react.
-    fn find_stuck(
-        &mut self,
-        at: Moment,
-        chambers: &mut [Chamber; 2],
-        replaced: &mut [f64; 2],
-        found: &mut GasFindings,
-        log: &mut Log,
-    ) {
-        let stuck = chambers.map(|own| own.is_stuck(at.period) && !own.is_lost && !self.valve_told);
-        if stuck == [true; 2] {
-            (self.valve_told, found.valve) = (true, true);
-            log.tell(at.time, EventKind::Valve, chambers[0].moved.abs().max(chambers[1].moved.abs()));
-        } else if let Some(i) = stuck.iter().position(|is_stuck| *is_stuck) {
-            let own = &mut chambers[i];
-            (own.is_lost, found.sensor) = (true, true);
-            log.tell(at.time, EventKind::PressureLost, i as f64);
-            replaced[i] = own.last + own.moved;
-        }
     }
 
     /// Watches valve and supply by the changes q of the pressures by flow. The valve does not react if neither chamber

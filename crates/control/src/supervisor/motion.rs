@@ -129,18 +129,18 @@ impl Motion {
         if self.told {
             return;
         }
-        if self.waits >= rules.timeout {
-            let (kind, value) = held(model, &state, e, no_air);
-            log.tell(time, kind, value);
-            self.told = true;
-        } else if self.stands >= rules.timeout && !self.settled {
-            let [low, high] = self.range.unwrap_or([x; 2]);
-            let swings = high - low > 2.0 * rules.tolerance;
-            let (kind, value) =
-                if swings { (EventKind::LimitCycle, high - low) } else { (EventKind::NotSettled, e) };
-            log.tell(time, kind, value);
-            self.told = true;
-        }
+        let [low, high] = self.range.unwrap_or([x; 2]);
+        let (kind, value) = if self.waits >= rules.timeout {
+            held(model, &state, e, no_air)
+        } else if self.settled || self.stands < rules.timeout {
+            return;
+        } else if high - low > 2.0 * rules.tolerance {
+            (EventKind::LimitCycle, high - low)
+        } else {
+            (EventKind::NotSettled, e)
+        };
+        log.tell(time, kind, value);
+        self.told = true;
     }
 }
 

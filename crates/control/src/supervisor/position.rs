@@ -4,7 +4,7 @@ use super::event::{EventKind, Log};
 use super::rules::Believed;
 use crate::model::Model;
 use crate::thresholds::*;
-use crate::types::{Edges, Moment, State};
+use crate::types::{Moment, State};
 
 /// State of a position sensor.
 #[derive(Clone, Debug, Default)]
@@ -30,13 +30,6 @@ struct Twin {
     rubbing: Model,
     rubs: State,
     free: State,
-}
-
-/// Advances a state by a model for a period, while it returns to `seen`.
-fn go_on(own: &mut State, model: &Model, seen: &State, edges: Edges<f64>, period: f64) {
-    let share = period / (period + POSITION_RETURNS);
-    *own = own.zip(seen, |own, seen| own + share * (seen - own));
-    model.advance(own, edges, period, None);
 }
 
 /// A reading, and the state of its sensor and of the drive.
@@ -148,7 +141,10 @@ impl Position {
             rubbing.friction_shares[0] *= POSITION_FRICTION[usize::from(!by_gas)];
             Twin { rubbing, rubs: *seen, free: *seen }
         });
-        go_on(&mut twin.rubs, &twin.rubbing, seen, edges, period);
+        // It returns to the observed state.
+        let share = period / (period + POSITION_RETURNS);
+        twin.rubs = twin.rubs.zip(seen, |own, seen| own + share * (seen - own));
+        twin.rubbing.advance(&mut twin.rubs, edges, period, None);
         twin.free = State { pressures: seen.pressures, temperatures: seen.temperatures, ..twin.free };
         let gone = twin.rubs.position - reading;
         let room = if gone > 0.0 { model.stroke - reading } else { reading };
