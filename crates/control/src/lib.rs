@@ -35,7 +35,7 @@ pub use law::{AnyLaw, GAINS, LAWS, Law, Nmpc, Tick, Tuned, sugeno};
 pub use model::{ConstantGas, Model, Openings, Side, Slip, Valve};
 pub use number::{Memory, Number};
 pub use observer::{Noise, Observer};
-pub use own::{Own, OwnLaw, SIGNALS, Seen, Signal};
+pub use own::{Own, OwnLaw, SIGNALS, Seen};
 pub use reference::{COEFFICIENTS, Effort, Efforts, Move, Piece, Reference, Wanted, blend};
 pub use supervisor::{Event, EventKind, Inputs, Log, MotionRules, Reaction, Rules, Supervisor};
 pub use types::{Armature, Arrangement, Coupled, Edges, MOST_VALVES, Plant, Sample, State};

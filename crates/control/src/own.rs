@@ -7,17 +7,6 @@ use crate::types::Sample;
 use std::fmt;
 use std::sync::{Arc, Mutex, PoisonError};
 
-/// Input signal of a custom law.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Signal {
-    /// Its name.
-    pub key: &'static str,
-    /// Its unit in SI; `1` for a pure number.
-    pub unit: &'static str,
-    /// Its meaning, in words.
-    pub meaning: &'static str,
-}
-
 macro_rules! signals {
     ($($name:ident: $unit:literal, $meaning:literal;)*) => {
         /// Signals of sensors and observer at a sample.
@@ -26,9 +15,8 @@ macro_rules! signals {
             $(#[doc = $meaning] pub $name: f64,)*
         }
 
-        /// Names, units and meanings of the signals.
-        pub const SIGNALS: &[Signal] =
-            &[$(Signal { key: stringify!($name), unit: $unit, meaning: $meaning },)*];
+        /// Name, unit in SI (`1` for a pure number) and meaning of each signal.
+        pub const SIGNALS: &[(&str, &str, &str)] = &[$((stringify!($name), $unit, $meaning),)*];
 
         impl Seen {
             /// Returns the numbers in their order.

@@ -163,13 +163,13 @@ pub fn control_feasibility<'py>(
 /// Returns key, unit and meaning of each number that a custom controller can receive.
 #[pyfunction]
 pub fn control_signals() -> Vec<(&'static str, &'static str, &'static str)> {
-    SIGNALS.iter().map(|own| (own.key, own.unit, own.meaning)).collect()
+    SIGNALS.to_vec()
 }
 
 /// Returns the indices of numbers among the signals.
 fn places(names: &[String]) -> PyResult<Vec<usize>> {
     let place = |name: &String| {
-        let found = SIGNALS.iter().position(|own| own.key == name);
+        let found = SIGNALS.iter().position(|own| own.0 == name);
         found.ok_or_else(|| PyValueError::new_err(format!("there is no signal \"{name}\"")))
     };
     names.iter().map(place).collect()
