@@ -13,14 +13,13 @@ pub struct Faults {
     stuck: Option<Commands>,
     /// Positions of limit switches, m.
     switches: Option<[f64; 2]>,
-    elsewhere: Reference,
 }
 
 impl Faults {
     /// Returns the faults of an instrumentation.
     pub fn new(setup: &Setup) -> Self {
         let (each, switches) = (setup.faults.clone(), setup.switches_m);
-        Faults { kept: vec![None; each.len()], each, stuck: None, switches, elsewhere: standing(f64::NAN) }
+        Faults { kept: vec![None; each.len()], each, stuck: None, switches }
     }
 
     fn at(&self, t: f64) -> impl Iterator<Item = &Fault> {
@@ -73,16 +72,10 @@ impl Faults {
         }
     }
 
-    /// Returns the reference that the law receives.
-    pub fn reference<'a>(&'a mut self, t: f64, reference: &'a Reference) -> &'a Reference {
-        let lost = self.at(t).find(|own| own.kind == FaultKind::Reference).map(|own| own.value);
-        match lost {
-            Some(value) => {
-                self.elsewhere = standing(value.unwrap_or(f64::NAN));
-                &self.elsewhere
-            }
-            None => reference,
-        }
+    /// Returns the reference that the law receives in place of the intended one.
+    pub fn reference(&self, t: f64) -> Option<Reference> {
+        let lost = self.at(t).find(|own| own.kind == FaultKind::Reference)?;
+        Some(Reference::Moves { start: lost.value.unwrap_or(f64::NAN), moves: vec![] })
     }
 
     /// Returns the commands on which the valves act.
@@ -98,21 +91,9 @@ impl Faults {
         }
     }
 
-    /// Interval in which the supply pressure falls.
-    pub fn falls(&self) -> bool {
-        self.each.iter().any(|own| own.kind == FaultKind::SupplyFallen)
-    }
-
-    /// Times, s, and pressures, Pa, of a supply of this pressure.
-    pub fn supply(&self, pressure: f64) -> impl Iterator<Item = (f64, f64)> {
+    /// Times, s, and pressures of the supply, Pa; `None`: its usual pressure.
+    pub fn supply(&self) -> impl Iterator<Item = (f64, Option<f64>)> {
         let falls = self.each.iter().filter(|own| own.kind == FaultKind::SupplyFallen);
-        falls.flat_map(move |own| {
-            let back = own.end_s.map(|end| (end, pressure));
-            [Some((own.begin_s, own.value.unwrap_or(pressure))), back].into_iter().flatten()
-        })
+        falls.flat_map(|own| [(own.begin_s, own.value)].into_iter().chain(own.end_s.map(|end| (end, None))))
     }
-}
-
-fn standing(at: f64) -> Reference {
-    Reference::Moves { start: at, moves: vec![] }
 }

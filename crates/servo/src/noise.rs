@@ -29,14 +29,10 @@ pub fn philox(mut counter: [u32; 4], mut key: [u32; 2]) -> [u32; 4] {
 }
 
 impl Noise {
-    fn block(&self, tick: u64) -> [u32; 4] {
-        let [low, high] = [tick as u32, (tick >> 32) as u32];
-        philox([low, high, self.channel, self.member], [self.seed as u32, (self.seed >> 32) as u32])
-    }
-
     /// A number above 0 and up to 1, evenly distributed, and another one from 0 to below 1.
     pub fn uniform(&self, tick: u64) -> [f64; 2] {
-        let [a, b, c, d] = self.block(tick);
+        let counter = [tick as u32, (tick >> 32) as u32, self.channel, self.member];
+        let [a, b, c, d] = philox(counter, [self.seed as u32, (self.seed >> 32) as u32]);
         let unit = |high: u32, low: u32| {
             (u64::from(high) << 21 | u64::from(low) >> 11) as f64 / (1_u64 << 53) as f64
         };

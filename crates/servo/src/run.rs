@@ -126,16 +126,19 @@ impl Servo {
             let name = format!("{}.{of_cylinder}", axis.cylinder);
             *column = session.assembly.variables.column(&name).map_err(foreign)?;
         }
-        if !setup.forces.is_empty() {
-            let force = input(session, format!("{}.load_force_n", axis.cylinder))?;
-            let (times, values): (Vec<f64>, Vec<f64>) = setup.forces.iter().map(|&[t, f]| (t, f)).unzip();
-            session.schedule(force, &times, &values)?;
-        }
         let faults = Faults::new(setup);
-        if faults.falls() {
-            let supply = input(session, format!("{}.pressure_pa", axis.supply))?;
-            let (times, values): (Vec<f64>, Vec<f64>) = faults.supply(session.input(supply)).unzip();
-            session.schedule(supply, &times, &values)?;
+        let forces: Vec<_> = setup.forces.iter().map(|&[t, force]| (t, Some(force))).collect();
+        for (name, rows) in [
+            (format!("{}.load_force_n", axis.cylinder), forces),
+            (format!("{}.pressure_pa", axis.supply), faults.supply().collect()),
+        ] {
+            if !rows.is_empty() {
+                let scheduled = input(session, name)?;
+                let usual = session.input(scheduled);
+                let (times, values): (Vec<f64>, Vec<f64>) =
+                    rows.into_iter().map(|(t, value)| (t, value.unwrap_or(usual))).unzip();
+                session.schedule(scheduled, &times, &values)?;
+            }
         }
         let commands = axis.valves.iter().map(|valve| input(session, format!("{valve}.command")));
         let commands = commands.collect::<Result<_, _>>()?;
@@ -185,7 +188,8 @@ impl Servo {
                 Inputs { jitter: self.sensors.setup.jitter_s[0], ..self.faults.inputs(t, truth[0]) };
         }
         let seen = self.faults.spoil(&sample);
-        let arrives = self.faults.reference(t, reference);
+        let lost = self.faults.reference(t);
+        let arrives = lost.as_ref().unwrap_or(reference);
         // A custom law may have a memory that is not copied.
         let repeats = self.sensors.setup.step_repeats;
         let is_repeated = repeats > 1 && !matches!(controller.law, AnyLaw::Own(_));
@@ -202,7 +206,7 @@ impl Servo {
             };
             (1..repeats).map(again).fold(took, f64::min)
         });
-        if !std::ptr::eq(arrives, reference) {
+        if lost.is_some() {
             // Another reference arrived: the answer gets the intended state.
             answer.wanted = reference.at(t);
         }

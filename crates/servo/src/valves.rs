@@ -28,7 +28,6 @@ pub fn valves<'c>(
     let of = |kind: &str| circuit.components.iter().filter(|own| own.kind == kind).collect::<Vec<_>>();
     let (fives, threes) = (of(PROPORTIONAL_53), of(PROPORTIONAL_32));
     let (twos, switching) = (of(SWITCHING_22), of(SWITCHING_53));
-    let ports = PortJoints { circuit, cylinder, supply };
     let (each, arrangement) = match (&*fives, &*threes, &*switching, &*twos) {
         ([one, other, ..], ..) => {
             return refuse!(
@@ -39,11 +38,7 @@ pub fn valves<'c>(
             );
         }
         ([_], ..) => (fives, Arrangement::One),
-        ([], [one, other], [], []) => {
-            let each = ports.at_chambers([one, other])?;
-            same(&each)?;
-            (each.to_vec(), Arrangement::Pair)
-        }
+        ([], [_, _], [], []) => (in_order(circuit, cylinder, supply, &threes)?, Arrangement::Pair),
         ([], [], [one], []) => {
             let centre = one.choices.get("centre").map_or("closed", String::as_str);
             if centre != "closed" {
@@ -56,12 +51,11 @@ pub fn valves<'c>(
             same(&[one])?;
             (switching.clone(), Arrangement::Three(armature(one)?))
         }
-        ([], [], [], &[a, b, c, d]) => {
-            let each = ports.bridge([a, b, c, d])?;
-            same(&each)?;
+        ([], [], [], &[a, _, _, _]) => {
+            let each = in_order(circuit, cylinder, supply, &twos)?;
             let (armature, frequency) = (armature(a)?, number(a, "pwm_frequency").unwrap_or(0.0));
             let pulses = Arrangement::Pulses(armature, 1.0 / frequency);
-            (each.to_vec(), if frequency > 0.0 { pulses } else { Arrangement::Seven(armature) })
+            (each, if frequency > 0.0 { pulses } else { Arrangement::Seven(armature) })
         }
         _ => return Err(none_of_them(circuit, &[&*threes, &*switching, &*twos].concat())),
     };
@@ -169,55 +163,43 @@ fn same(each: &[&Component]) -> Result<(), Error> {
     Ok(())
 }
 
-/// Connections of the ports.
-struct PortJoints<'c> {
-    circuit: &'c Circuit,
-    cylinder: &'c Component,
-    supply: &'c Component,
-}
-
-impl<'c> PortJoints<'c> {
-    fn joined(&self, one: &str, other: &str) -> bool {
-        self.circuit
-            .joints
-            .iter()
-            .any(|joint| joint.iter().any(|own| own == one) && joint.iter().any(|own| own == other))
-    }
-
-    fn at(&self, own: &Component, port: u32, chamber: &str) -> bool {
-        self.joined(&format!("{}.{port}", own.name), &format!("{}.{chamber}", self.cylinder.name))
-    }
-
-    fn missing<T>(&self, what: &str) -> Result<T, Error> {
-        refuse!(
+/// Equal valves in the order of their commands: two 3/2 valves at chambers a and b, or four 2/2 valves that fill and vent a,
+/// then b.
+fn in_order<'c>(
+    circuit: &Circuit,
+    cylinder: &Component,
+    supply: &Component,
+    each: &[&'c Component],
+) -> Result<Vec<&'c Component>, Error> {
+    let joined = |one: &str, other: &str| {
+        let has = |joint: &[String], port: &str| joint.iter().any(|own| own == port);
+        circuit.joints.iter().any(|joint| has(joint, one) && has(joint, other))
+    };
+    let at = |own: &Component, port: u32, chamber: &str| {
+        joined(&format!("{}.{port}", own.name), &format!("{}.{chamber}", cylinder.name))
+    };
+    let supply = format!("{}.1", supply.name);
+    let between = |(chamber, other): (&str, &str)| {
+        each.iter().copied().find(|own| {
+            [(1, 2), (2, 1)]
+                .into_iter()
+                .any(|(near, far)| at(own, near, chamber) && joined(&format!("{}.{far}", own.name), other))
+        })
+    };
+    let (found, what) = if let [one, other] = *each {
+        let mut orders = [[one, other], [other, one]].into_iter();
+        let order = orders.find(|[a, b]| at(a, 2, "a") && at(b, 2, "b"));
+        (order.map(Vec::from), "3/2 valves are joined by port 2 to chambers a and b")
+    } else {
+        let edges = [("a", &*supply), ("a", "ambient"), ("b", &*supply), ("b", "ambient")];
+        (edges.into_iter().map(between).collect(), "2/2 valves fill and vent each of the chambers")
+    };
+    let Some(found) = found else {
+        return refuse!(
             "no {what} of {}: a controller needs valves that connect the cylinder with supply and ambient",
-            self.cylinder.name
-        )
-    }
-
-    /// Two 3/2 valves in the order of the chambers.
-    fn at_chambers(&self, [one, other]: [&'c Component; 2]) -> Result<[&'c Component; 2], Error> {
-        for pair in [[one, other], [other, one]] {
-            if self.at(pair[0], 2, "a") && self.at(pair[1], 2, "b") {
-                return Ok(pair);
-            }
-        }
-        self.missing("3/2 valves are joined by port 2 to chambers a and b")
-    }
-
-    /// Four 2/2 valves: those that fill and vent a, then b.
-    fn bridge(&self, each: [&'c Component; 4]) -> Result<[&'c Component; 4], Error> {
-        let supply = format!("{}.1", self.supply.name);
-        let find = |chamber: &str, other: &str| {
-            each.into_iter().find(|own| {
-                [(1, 2), (2, 1)].into_iter().any(|(near, far)| {
-                    self.at(own, near, chamber) && self.joined(&format!("{}.{far}", own.name), other)
-                })
-            })
-        };
-        match (find("a", &supply), find("a", "ambient"), find("b", &supply), find("b", "ambient")) {
-            (Some(a), Some(b), Some(c), Some(d)) => Ok([a, b, c, d]),
-            _ => self.missing("2/2 valves fill and vent each of the chambers"),
-        }
-    }
+            cylinder.name
+        );
+    };
+    same(&found)?;
+    Ok(found)
 }
