@@ -115,19 +115,13 @@ fn folder(location: &str) -> PathBuf {
     PathBuf::from(String::from_utf8_lossy(&bytes).into_owned())
 }
 
-/// Arguments of a tool for a new instance.
-pub struct Order<'a> {
-    pub name: Option<&'a str>,
-    pub token: Option<&'a str>,
-    pub resources: Option<&'a str>,
-    pub outside: bool,
-    pub logger: Logger,
-    pub environment: *mut c_void,
-}
-
-/// Makes an instance. Creates an instance. On failure, it sends a message and returns null.
-pub fn instantiate(order: Order<'_>) -> *mut FmuInstance {
-    let Order { name, token, resources, outside, logger, environment } = order;
+/// Creates an instance. On failure, it sends a message and returns null.
+pub fn instantiate(
+    [name, token, resources]: [Option<&str>; 3],
+    outside: bool,
+    logger: Logger,
+    environment: *mut c_void,
+) -> *mut FmuInstance {
     let made = catch_unwind(AssertUnwindSafe(|| {
         let listener = || Listener { logger, environment, name: c_text(name.unwrap_or("pneudrive")) };
         let Some(resources) = resources else {

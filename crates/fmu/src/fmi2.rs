@@ -2,8 +2,7 @@
 #![allow(unsafe_code, non_snake_case, clippy::missing_safety_doc)]
 
 use crate::abi::{
-    ANY, Order, fill, free, free_state, given, instantiate, is_able, keep, put, revive, room, state, text,
-    with,
+    ANY, fill, free, free_state, given, instantiate, is_able, keep, put, revive, room, state, text, with,
 };
 use crate::instance::{ALIVE, FmiStatus, FmuInstance, KeptState, Logger, Phase, RUNNING};
 use crate::model::{StateQuantity, check_length};
@@ -119,14 +118,8 @@ pub unsafe extern "C" fn fmi2Instantiate(
         if !is_able(tell) {
             return ptr::null_mut();
         }
-        instantiate(Order {
-            name: text(name),
-            token: text(guid),
-            resources: text(resources),
-            outside: kind == 0,
-            logger: log.map_or(Logger::None, Logger::Two),
-            environment,
-        })
+        let logger = log.map_or(Logger::None, Logger::Two);
+        instantiate([text(name), text(guid), text(resources)], kind == 0, logger, environment)
     }
 }
 

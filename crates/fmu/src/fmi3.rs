@@ -2,8 +2,7 @@
 #![allow(unsafe_code, non_snake_case, clippy::missing_safety_doc)]
 
 use crate::abi::{
-    ANY, Order, fill, free, free_state, given, instantiate, is_able, keep, put, revive, room, state, text,
-    with,
+    ANY, fill, free, free_state, given, instantiate, is_able, keep, put, revive, room, state, text, with,
 };
 use crate::fmi2::{EXCHANGE, common, functions, no};
 use crate::instance::{ALIVE, FmiStatus, FmuInstance, KeptState, Logger, Phase, RUNNING};
@@ -38,14 +37,8 @@ unsafe fn made(
         if !is_able(tell) {
             return ptr::null_mut();
         }
-        instantiate(Order {
-            name: text(name),
-            token: text(token),
-            resources: text(resources),
-            outside,
-            logger: log.map_or(Logger::None, Logger::Three),
-            environment,
-        })
+        let logger = log.map_or(Logger::None, Logger::Three);
+        instantiate([text(name), text(token), text(resources)], outside, logger, environment)
     }
 }
 
