@@ -321,13 +321,13 @@ impl<S: Number, L: Law<S>> Follower<L, S> {
             preview: ahead.preview,
             coupled: self.coupled,
         };
-        let feedback = self.law.feedback(&tick).map(|own| S::select(holds, S::zero(), own));
         let of_law = |law: &mut L| {
             let asked = law.step(&tick);
             law.given(asked, &tick);
             asked.limited()
         };
         let share = S::either(holds, &mut self.law, |_| tick.opening_for(held), of_law);
+        let feedback = self.law.feedback(&tick).map(|own| S::select(holds, S::zero(), own));
         let command = model.command_for(share);
         let State { velocity, disturbance, .. } = observer.state;
         Answer { command, wanted: ahead.now, velocity, disturbance, holds, feedback }

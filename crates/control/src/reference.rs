@@ -129,8 +129,8 @@ pub struct Efforts {
     pub period: f64,
     /// One entry for each time.
     pub rows: Vec<Effort>,
-    /// For each time, two numbers for each axis of the run: the part of its force that acts on this axis as a load, and
-    /// the force on this axis for each m/s2 of that one, kg. Empty: none.
+    /// For each time, two numbers for each axis j of the run: the part of its force that acts on this axis as a load, and
+    /// A_ij of [`Coupled`](crate::Coupled), kg. Empty: none.
     #[serde(default)]
     pub others: Vec<Vec<[f64; 2]>>,
 }

@@ -154,7 +154,7 @@ def test_a_run_follows_a_circle_and_scores_payloads(tripod):
 def test_zeros_of_pressure_sensors_act_on_both_chambers_of_a_leg_as_a_narrow_range_does(tripod):
     zeros = [pn.control.Mismatch(pressure_zero=zero) for zero in ("20 kPa", "20 kPa .. 20.001 kPa")]
     runs = (pn.control.run_pose(tripod, "pid", reference=CIRCLE, duration="0.2 s", mismatch=zero) for zero in zeros)
-    assert np.allclose(*(run["leg_1.b.pressure"].to_numpy() for run in runs), rtol=1e-4)
+    assert np.allclose(*(run["leg_1.b.pressure"].to_numpy() for run in runs), rtol=5e-3)
 
 
 def test_strongly_coupled_legs_are_told_and_follow_by_inversion():
@@ -164,20 +164,38 @@ def test_strongly_coupled_legs_are_told_and_follow_by_inversion():
     text = re.sub(r"(inertia|centre) = .*\n", "", text)
     circle = {"x": "circle 20 mm 1 Hz around 0 mm", "y": "circle 20 mm 1 Hz around 0 mm"}
     with pytest.warns(UserWarning, match=r"6\d % of the force of a leg of tripod acts on another leg"):
-        run = pn.control.run_pose(pn.Circuit.load(text), "inversion", reference=circle, duration="4 s")
+        pn.control.run_pose(pn.Circuit.load(text), "pid", reference=circle, duration="0.01 s")
+    run = pn.control.run_pose(pn.Circuit.load(text), reference=circle, duration="4 s")
     assert max(run.attrs["score"]["coordinates"][key]["rmse"] for key in "xy") < 0.02 * 0.02
 
 
-def test_a_platform_that_loses_its_pose_is_a_failure(tmp_path, capsys):
-    """A heavy hexapod, which the controllers of single legs do not hold."""
+@pytest.fixture(scope="module")
+def hexapod():
+    """Text of a heavy hexapod: in leg coordinates its inertia lies between 1.5 and 214 kg."""
     rows = [f'"mains -> valve_{i}.1", "valve_{i}.4 -> leg_{i}.a", "valve_{i}.2 -> leg_{i}.b"' for i in (4, 5, 6)]
     rows += [f'"leg_{i}.rod -> tripod.{i}"' for i in (4, 5, 6)]
     text = TRIPOD.read_text("utf-8").replace("connections = [", f"connections = [{', '.join(rows)},")
     for name in ("valve", "leg"):
         text = text.replace(f'"{name}_3"]', f'"{name}_3", "{name}_4", "{name}_5", "{name}_6"]')
     angles = 'mass = "20 kg"\nbase_angle = "20 deg"\nplatform_angle = "20 deg"'
-    (tmp_path / "hexapod.toml").write_text(text.replace("3-rps", "6-ups").replace('mass = "6 kg"', angles))
+    return text.replace("3-rps", "6-ups").replace('mass = "6 kg"', angles)
+
+
+@pytest.mark.parametrize("other", [{}, {"payload": "4 kg"}, {"mismatch": pn.control.Mismatch(delay="1.2 ms")}])
+def test_controllers_that_share_the_inertia_hold_a_heavy_hexapod(hexapod, other):
+    lift = {"z": "sine 20 mm 0.5 Hz"}
+    run = pn.control.run_pose(pn.Circuit.load(hexapod), reference=lift, duration="2 s", **other)
+    assert run.attrs["law"] == "inversion"
+    assert not run.attrs["events"]
+    errors = {key: own["max_error"] for key, own in run.attrs["score"]["coordinates"].items()}
+    assert max(errors[key] for key in "xyz") < 2e-3
+    assert max(errors[f"tilt_{k}"] for k in (1, 2, 3)) < np.radians(1.0)
+
+
+def test_a_platform_that_loses_its_pose_is_a_failure(hexapod, tmp_path, capsys):
+    """Controllers of single legs do not hold it."""
+    (tmp_path / "hexapod.toml").write_text(hexapod)
     (tmp_path / "path.toml").write_text('z = "sine 20 mm 0.5 Hz"')
     words = ["control", "run", str(tmp_path / "hexapod.toml"), "--reference", str(tmp_path / "path.toml")]
-    assert command([*words, "--duration", "2 s"]) == 1
+    assert command([*words, "--law", "nmpc", "--duration", "2 s"]) == 1
     assert "Lost: " in capsys.readouterr().out

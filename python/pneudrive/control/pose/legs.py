@@ -46,6 +46,9 @@ KNOT_S, BEYOND_S = 5e-3, 0.1
 STEP_S = 1e-4
 #: Fraction of a leg's force acting on another leg, above which independent controllers may oscillate (measured).
 MOST_COUPLED = 0.4
+#: Law that takes the inertia of all legs into account. Errors of its model act on the heaviest motion of all legs,
+#: relative to the mass of one leg. Above this ratio its bandwidth falls with the cube root of the ratio (measured).
+DECOUPLING, HEAVIEST = "inversion", 12.0
 
 
 class Demands(NamedTuple):
@@ -61,6 +64,8 @@ class Demands(NamedTuple):
         m_i a_i - F_i: external force in +x, without air and friction, and its rate.
     couplings : ndarray, shape (m, n, n)
         Fraction of the force of leg j that acts on leg i as a load; zero for i = j.
+    inertias_kg : ndarray, shape (m, n, n)
+        Force on leg i for each m/s2 of leg j while the other legs do not accelerate.
     singular_values : ndarray, shape (m,)
         Smallest singular value at each pose.
     """
@@ -71,7 +76,19 @@ class Demands(NamedTuple):
     loads_n: Array
     load_rates_n_s: Array
     couplings: Array
+    inertias_kg: Array
     singular_values: Array
+
+    @property
+    def coupling(self) -> float:
+        """Largest fraction of a leg's force that acts on another leg."""
+        return float(np.abs(self.couplings).max())
+
+    @property
+    def bandwidth_share(self) -> float:
+        """Bandwidth of the decoupling law, relative to that of a single leg."""
+        heaviest = np.linalg.eigvalsh(self.inertias_kg)[:, -1] / self.legs.masses_kg.min(axis=1)
+        return min(1.0, float(HEAVIEST / heaviest.max()) ** (1.0 / 3.0))
 
 
 def demands(platform: Platform, path: PosePath, duration_s: float) -> Demands:
@@ -96,6 +113,7 @@ def demands(platform: Platform, path: PosePath, duration_s: float) -> Demands:
         loads[0],
         (loads[2] - loads[1]) / (2.0 * STEP_S),
         own.couplings * (1.0 - np.eye(len(platform.legs))),
+        np.linalg.inv(own.couplings / own.masses_kg[..., None]),
         platform.singular_values(path.at(times)[0])[:, -1],
     )
 
@@ -119,10 +137,9 @@ def check_path(platform: Platform, tunings: list[Tuning], needs: Demands) -> Nam
     if needs.singular_values[row] < LEAST_SINGULAR_VALUE:
         smallest = {"at_s": times[row], "size": needs.singular_values[row], "least": LEAST_SINGULAR_VALUE}
         raise CommandError.of("control.singular", platform=platform.name, **smallest)
-    coupled = float(np.abs(needs.couplings).max())
-    if coupled > MOST_COUPLED:
-        said = f"up to {100.0 * coupled:.0f} % of the force of a leg of {platform.name} acts on another leg"
-        warn(f"{said}: the controllers of single legs may oscillate; inversion tolerates more coupling than nmpc")
+    if needs.coupling > MOST_COUPLED and tunings[0].law != DECOUPLING:
+        said = f"up to {100.0 * needs.coupling:.0f} % of the force of a leg of {platform.name} acts on another leg"
+        warn(f"{said}: controllers of single legs may oscillate; {DECOUPLING} controls the legs together")
     most = {"force": 0.0, "speed": 0.0}
     for i, tuning in enumerate(tunings):
         name, x, v = platform.legs[i].name, needs.legs.positions_m[:, i], needs.legs.velocities_m_s[:, i]
@@ -169,7 +186,8 @@ def leg_reference(needs: Demands, leg: int, text: str) -> tuple[Reference, Plain
     rows = np.column_stack([begins, np.full_like(begins, h), low.T, high.T, rest])
     made = Reference(text, float(needs.legs.positions_m[0, leg]), pieces=tuple(rows.tolist()))
     efforts = np.stack([needs.legs.masses_kg[:, leg], needs.loads_n[:, leg], needs.load_rates_n_s[:, leg]], axis=1)
-    return made, {"period_s": h, "rows": efforts.tolist(), "others": needs.couplings[:, leg].tolist()}
+    others = np.stack([needs.couplings[:, leg], needs.inertias_kg[:, leg]], axis=-1)
+    return made, {"period_s": h, "rows": efforts.tolist(), "others": others.tolist()}
 
 
 def leg_circuit(circuit: Circuit, platform: Platform, leg: int, mass_kg: float, load_n: float) -> Circuit:
@@ -249,11 +267,17 @@ def leg_tunings(
         A leg has no cylinder or no valves that a controller can command.
     """
     out: list[Tuning] = []
+    if law is None and controller is None and needs.coupling > MOST_COUPLED:
+        law = DECOUPLING
     for i, leg in enumerate(platform.legs):
         own = leg_circuit(circuit, platform, i, float(needs.legs.masses_kg[0, i]), float(needs.loads_n[0, i]))
         tuning = tune(own, law, believes=own, setup=setup, controller=controller)
         if tuning.own is not None:
             raise CommandError.of("control.own_law_of_leg", leg=leg.name, law=tuning.law)
+        if tuning.law == DECOUPLING:
+            bandwidth, *others = tuning.gains
+            share = 1.0 if bandwidth.given else needs.bandwidth_share
+            tuning = replace(tuning, gains=(bandwidth._replace(value=share * bandwidth.value), *others))
         out.append(tuning)
     return out
 
@@ -282,14 +306,15 @@ def run_pose(
     """Simulate a platform under control along a path of its pose. Controllers and platform share equations.
 
     Each leg has a controller. It receives position, velocity, acceleration and jerk of the leg from the path. It
-    receives moving mass, load and rate of the load from the inverse dynamics of the described platform.
+    receives moving mass, load and rate of the load from the inverse dynamics of the described platform. The controllers
+    of ``"inversion"`` share the inertia of the platform: together they control its pose.
 
     Parameters
     ----------
     circuit : Circuit
         Circuit with one platform, and with a cylinder and valves at each leg.
     law : str, optional
-        A name in `pneudrive.control.laws`; the default is ``"nmpc"``.
+        A name in `pneudrive.control.laws`; default: ``"nmpc"``, or ``"inversion"`` if the legs are strongly coupled.
     reference : PosePath, mapping, str or path-like
         See `pneudrive.control.pose.pose_path`.
     setup, duration, controller, progress, cancel : optional
