@@ -213,15 +213,18 @@ class MixedModel:
     noise: Array
     components: tuple[RandomEffect, ...]
 
+    @property
+    def scales(self) -> Array:
+        """Scale of the prior of each standard deviation, shape (k,)."""
+        return np.array([c.scale for c in self.components])
+
     def fit(self) -> MixedFit:
         """Fit the standard deviations, and find the points that represent their uncertainty."""
-        scales = np.array([c.scale for c in self.components])
         if not self.components:
-            state = _State.of(self, scales)
-            return MixedFit(self, scales, np.ones(1), (state,))
+            return MixedFit(self, self.scales, np.ones(1), (_State.of(self, self.scales),))
         few = self._few()
-        best = _search(few, np.log(scales) - 1.0, scales)
-        points, weights = _points(few, best, scales)
+        best = _search(few, None)
+        points, weights = _points(few, best)
         return MixedFit(self, np.exp(best), weights, tuple(_State.of(self, np.exp(p)) for p in points))
 
     def most_probable(self, start: Array | None) -> tuple[Array, float]:
@@ -229,10 +232,9 @@ class MixedModel:
 
         The cost is the negative log likelihood without its constant term.
         """
-        scales = np.array([c.scale for c in self.components])
         few = self._few()
-        best = _search(few, np.log(scales) - 1.0 if start is None else np.log(start), scales)
-        return np.exp(best), _cost(few, best, scales)[0]
+        best = _search(few, start)
+        return np.exp(best), _cost(few, best)[0]
 
     def left_out(self, sd: Array) -> ArrayPair:
         """Compare each observation with its prediction from all others, at these standard deviations.
@@ -250,9 +252,8 @@ class MixedModel:
         diagonal = np.diag(inverse) - np.einsum("ij,jk,ik->i", vx, state.beta_covariance, vx)
         # Zero if a column of x belongs to a single observation, because the others do not predict it.
         known = diagonal > JITTER * np.diag(inverse)
-        return np.where(known, state.solved, 0.0) / np.where(known, diagonal, 1.0), np.where(
-            known, 1.0 / np.sqrt(np.where(known, diagonal, 1.0)), np.inf
-        )
+        diagonal = np.where(known, diagonal, 1.0)
+        return np.where(known, state.solved, 0.0) / diagonal, np.where(known, 1.0 / np.sqrt(diagonal), np.inf)
 
     def _few(self) -> MixedModel:
         """Return the model with every k-th observation if there are very many observations."""
@@ -521,7 +522,7 @@ def independent(x: Array) -> NDArray[np.intp]:
 # --- restricted likelihood -------------------------------------------------------------------
 
 
-def _cost(model: MixedModel, log_sd: Array, scales: Array) -> tuple[float, Array]:
+def _cost(model: MixedModel, log_sd: Array) -> tuple[float, Array]:
     """Return the negative log posterior of the log standard deviations and its gradient."""
     sd = np.exp(log_sd)
     state = _State.of(model, sd)
@@ -536,21 +537,22 @@ def _cost(model: MixedModel, log_sd: Array, scales: Array) -> tuple[float, Array
         else:
             trace, form = float(np.sum(p * k)), float(state.solved @ k @ state.solved)
         gradient[i] = s**2 * (trace - form)
-    share = (sd / scales) ** 2
+    share = (sd / model.scales) ** 2
     power = 1.0 + np.array([c.power for c in model.components])
     prior = float(np.sum(0.5 * (1.0 + power) * np.log1p(share) - power * log_sd))
     return 0.5 * state.deviance(model) + prior, gradient + (1.0 + power) * share / (1.0 + share) - power
 
 
-def _search(model: MixedModel, start: Array, scales: Array) -> Array:
-    """Return the most probable log standard deviations."""
+def _search(model: MixedModel, sd: Array | None) -> Array:
+    """Return the most probable log standard deviations, searched from `sd` or from the scales of their priors."""
     from scipy.optimize import fmin_l_bfgs_b
 
-    bounds = [(np.log(REACH[0] * s), np.log(REACH[1] * s)) for s in scales]
-    return np.asarray(fmin_l_bfgs_b(lambda q: _cost(model, q, scales), start, bounds=bounds)[0], dtype=float)
+    start = np.log(model.scales) - 1.0 if sd is None else np.log(sd)
+    bounds = [(np.log(REACH[0] * s), np.log(REACH[1] * s)) for s in model.scales]
+    return np.asarray(fmin_l_bfgs_b(lambda q: _cost(model, q), start, bounds=bounds)[0], dtype=float)
 
 
-def _points(model: MixedModel, best: Array, scales: Array) -> tuple[list[Array], Array]:
+def _points(model: MixedModel, best: Array) -> tuple[list[Array], Array]:
     """Return points about the optimum on the principal axes of the curvature, and their weights by probability.
 
     With 2 d + 1 points, averages of cubic polynomials are exact for a normal distribution. The weights contain the
@@ -558,22 +560,18 @@ def _points(model: MixedModel, best: Array, scales: Array) -> tuple[list[Array],
     """
     d = best.size
     curvature = np.empty((d, d))
-    for i in range(d):
-        step = np.zeros(d)
-        step[i] = STEP
-        high, low = _cost(model, best + step, scales)[1], _cost(model, best - step, scales)[1]
+    for i, step in enumerate(STEP * np.eye(d)):
+        high, low = _cost(model, best + step)[1], _cost(model, best - step)[1]
         curvature[i] = (high - low) / (2.0 * STEP)
     values, axes = np.linalg.eigh(0.5 * (curvature + curvature.T))
     spread = axes / np.sqrt(np.maximum(values, 0.1))
     reach = np.sqrt(d + 1.0)
-    points = [best]
-    for i in range(d):
-        points += [best + reach * spread[:, i], best - reach * spread[:, i]]
-    bounds = np.log(REACH[0] * scales), np.log(REACH[1] * scales)
+    points = [best, *(best + sign * reach * axis for axis in spread.T for sign in (1.0, -1.0))]
+    bounds = np.log(REACH[0] * model.scales), np.log(REACH[1] * model.scales)
     points = [np.clip(p, *bounds) for p in points]
-    costs = np.array([_cost(model, p, scales)[0] for p in points])
-    normal = np.concatenate([[0.0], np.full(2 * d, 0.5 * reach**2)])
-    share = np.concatenate([[1.0 / (d + 1.0)], np.full(2 * d, 0.5 / (d + 1.0))])
+    costs = np.array([_cost(model, p)[0] for p in points])
+    normal = np.r_[0.0, np.full(2 * d, 0.5 * reach**2)]
+    share = np.r_[1.0 / (d + 1.0), np.full(2 * d, 0.5 / (d + 1.0))]
     # Limits the weight of a point that is far more probable than under the normal distribution.
     weights = share * np.exp(np.clip(normal - (costs - costs[0]), -50.0, 3.0))
     return points, weights / weights.sum()

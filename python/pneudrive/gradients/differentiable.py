@@ -180,7 +180,9 @@ class Differentiable:
         if searches:
             coarse = self._of.run(values, given, self._columns, derivatives=False)
             for one in searches:
-                first, last = _where(coarse.values[:, self._columns.index(one.columns[0])], one)
+                k = _sample(one, coarse.values[:, self._columns.index(one.columns[0])])
+                first = k if one.word == "time_when" else max(k - 1, 0)
+                last = min(k + 1, given.size - 1)
                 times = np.union1d(times, np.linspace(given[first], given[last], _BETWEEN * (last - first) + 1))
         return times, self._of.run(values, times, self._columns, derivatives=derivatives)
 
@@ -198,8 +200,10 @@ class Differentiable:
         return np.concatenate(values), np.concatenate(derivatives)
 
 
-def _passes(x: Array, one: Reduction) -> int:
-    """Return the sample before the first one at which a condition holds."""
+def _sample(one: Reduction, x: Array) -> int:
+    """Return the sample of an extreme, or the one before the first sample at which a condition holds."""
+    if one.word in ("max", "min"):
+        return int(x.argmax() if one.word == "max" else x.argmin())
     holds = x > one.level if one.above else x < one.level
     if holds[0] or not holds.any():
         side = "above" if one.above else "below"
@@ -212,7 +216,7 @@ def _passes(x: Array, one: Reduction) -> int:
 
 def _crossing(one: Reduction, times: Array, x: Array, by: Array) -> ArrayPair:
     """Return the time at which a signal passes a level, and its derivatives, from the signal's slope in time."""
-    k = _passes(x, one)
+    k = _sample(one, x)
     share = (one.level - x[k]) / (x[k + 1] - x[k])
     near = slice(max(k - 1, 0), k + 3)
     rates = np.gradient(x[near], times[near])[k - near.start :][:2]
@@ -223,7 +227,7 @@ def _crossing(one: Reduction, times: Array, x: Array, by: Array) -> ArrayPair:
 
 def _extreme(one: Reduction, times: Array, x: Array, by: Array) -> ArrayPair:
     """Return the extreme of a parabola around the largest or smallest sample, and its derivatives."""
-    k = int(x.argmax() if one.word == "max" else x.argmin())
+    k = _sample(one, x)
     if not 0 < k < len(x) - 1:
         return x[k : k + 1], by[k : k + 1]
     before, after = times[k] - times[k - 1], times[k + 1] - times[k]
@@ -241,15 +245,6 @@ def _extreme(one: Reduction, times: Array, x: Array, by: Array) -> ArrayPair:
 
 #: Results at times between samples.
 SOUGHT = {"time_when": _crossing, "max": _extreme, "min": _extreme}
-
-
-def _where(x: Array, one: Reduction) -> tuple[int, int]:
-    """Return the indices of the samples around a result."""
-    if one.word == "time_when":
-        k = _passes(x, one)
-        return k, k + 1
-    k = int(x.argmax() if one.word == "max" else x.argmin())
-    return max(k - 1, 0), min(k + 1, len(x) - 1)
 
 
 def _reduced(one: Reduction, times: Array, x: Array, by: Array) -> ArrayPair:
