@@ -90,7 +90,7 @@ _UPPER = {
     "report.page": "figure_svg view_report write_fit_report",
     "report.recordings": "characterisation_view recording_view",
     "report.strokes": "map_view",
-    "report.trajectory": "plot view_of_run ensemble_view sensitivity_view motion_view follow_page motion_page",
+    "report.trajectory": "plot view_of_run ensemble_view sensitivity_view motion_view chambers motion_page",
     "report.control": "controllers_view",
     "report.platform": "platform_view",
     "report.validation": "validation_view write_validation_report friction_view write_friction_report",

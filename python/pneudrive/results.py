@@ -24,6 +24,7 @@ from pneudrive.describe.files import toml
 from pneudrive.describe.files.load import load_described
 from pneudrive.describe.tank import Tank
 from pneudrive.errors import CommandError, DescriptionError
+from pneudrive.estimate.estimates import whole_interval
 from pneudrive.figures import Axis, Band, Figure, Line, Look, Panel, Rule
 from pneudrive.files.content import kind_of_folder, kind_of_toml
 from pneudrive.files.csv_tables import csv_names
@@ -31,7 +32,7 @@ from pneudrive.files.inputs import located
 from pneudrive.files.tables import open_table
 from pneudrive.friction.campaign.characteristics import campaign_friction
 from pneudrive.friction.friction_map import groups_of, read_map
-from pneudrive.identify.base import Fit, whole_interval
+from pneudrive.identify.base import Fit
 from pneudrive.identify.files import common, read_fit
 from pneudrive.identify.static.fit import fit_file
 from pneudrive.identify.static.result import FrictionFit

@@ -386,9 +386,7 @@ def validate(
 
 def _is_circuit(path: str) -> bool:
     """Return whether a file describes a circuit without the valve of a drive."""
-    if Path(path).suffix != ".toml" or not Path(path).is_file():
-        return False
-    tables = toml.read(path, DescriptionError, "`pneudrive apply --out` writes TOML.")[0]
+    tables = toml.tables_in(path, DescriptionError, "`pneudrive apply --out` writes TOML.")
     return "components" in tables and "valve" not in tables
 
 

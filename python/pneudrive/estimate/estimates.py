@@ -97,12 +97,9 @@ class Estimate:
         """Return the estimate with a systematic standard uncertainty added."""
         if u == 0.0:
             return self
-        below, above = (
-            float(np.hypot(side, NORMAL_95 * u)) for side in (self.value - self.low, self.high - self.value)
-        )
+        low, high = whole_interval(self.value, (self.low, self.high), u)
         stderr = float(np.hypot(self.stderr, u))
-        p = _chance(self.value, stderr, self.degrees_of_freedom)
-        return replace(self, low=self.value - below, high=self.value + above, stderr=stderr, p=p)
+        return replace(self, low=low, high=high, stderr=stderr, p=_chance(self.value, stderr, self.degrees_of_freedom))
 
     def __sub__(self, other: Estimate) -> Estimate:
         """Subtract an independent estimate, with Welch's degrees of freedom."""
@@ -121,6 +118,15 @@ class Estimate:
         """
         value, low, high = (format(number, spec) for number in (self.value, self.low, self.high))
         return f"{value} {self.unit} (95 %: {low} .. {high})"
+
+
+def whole_interval(value: float, interval: Interval, systematic: float) -> Interval:
+    """Return a statistical interval widened by an independent standard uncertainty."""
+    if systematic == 0.0:
+        return interval
+    reach = NORMAL_95 * systematic
+    low, high = interval
+    return value - float(np.hypot(value - low, reach)), value + float(np.hypot(high - value, reach))
 
 
 def _chance(value: float, stderr: float, freedom: float) -> float:

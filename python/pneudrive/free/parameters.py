@@ -269,7 +269,7 @@ def chosen(drive: DriveOrCircuit, free: Sequence[str]) -> list[Parameter]:
     try:
         found = find(drive, free, shifts=True)
     except CommandError as error:
-        raise FitError(error.what, value=error.value, rule=error.rule, remedy=error.remedy) from None
+        raise error.turned(FitError) from None
     for p in found:
         if not p.lower < p.value < p.upper:
             raise FitError.of("free.start-at-bound", p=p)

@@ -24,7 +24,7 @@ from pneudrive.friction.sentences import sentence
 from pneudrive.friction.strokes import SampleChoice, Settled, StrokeUse, stroke_notes
 from pneudrive.lazy_names import upper
 from pneudrive.progress import Flag, Progress, Watch
-from pneudrive.signals.layout import Layout
+from pneudrive.signals.layout import AnyLayout
 from pneudrive.signals.load import LongFile, digest_of, find_cycles, find_long, from_run, is_run, recording_files
 from pneudrive.signals.recording import CHANNELS, Recording
 from pneudrive.views import View, Viewed
@@ -257,7 +257,7 @@ class Characterisation(Viewed):
 
 def characterise_recordings(
     recordings: Input,
-    layout: Layout | str | Path | None = None,
+    layout: AnyLayout = None,
     protocol: SampleChoice | None = None,
     *,
     progress: Progress | None = None,
@@ -328,7 +328,7 @@ def characterise_recordings(
     return replace(found, notes=(*_reading_notes(found, long, large=is_large), *stroke_notes(uses), *notes_of(found)))
 
 
-def _readers(recordings: Input, layout: Layout | str | Path | None) -> tuple[int, Iterator[tuple[str, Reader]]]:
+def _readers(recordings: Input, layout: AnyLayout) -> tuple[int, Iterator[tuple[str, Reader]]]:
     """Return the number of recordings, and for each its name and a function that reads it (opens it, if long).
 
     Recordings and trajectories come before files.

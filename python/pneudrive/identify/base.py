@@ -12,7 +12,7 @@ from pydantic import BaseModel, ConfigDict, Field, StrictBool, StrictStr, Valida
 
 from pneudrive.describe.files import toml
 from pneudrive.errors import FitError, nearest, package_table
-from pneudrive.estimate.estimates import NORMAL_95, student
+from pneudrive.estimate.estimates import student, whole_interval
 from pneudrive.files.inputs import INPUTS, located, stored_beside
 from pneudrive.identify.export import Exported, SlidingCurve, export, middle_of
 from pneudrive.identify.identified import FittedData, Identified, comparison_figure, joined
@@ -78,15 +78,6 @@ def recording_tables(records: Iterable[Any]) -> list[Plain]:
 def names_of(undetermined: Iterable[str | Undetermined]) -> set[str]:
     """Return the names of undetermined values."""
     return {str(getattr(one, "parameter", one)) for one in undetermined}
-
-
-def whole_interval(value: float, interval: Interval, systematic: float) -> Interval:
-    """Return a statistical interval widened by an independent standard uncertainty."""
-    if systematic == 0.0:
-        return interval
-    reach = NORMAL_95 * systematic
-    low, high = interval
-    return value - float(np.hypot(value - low, reach)), value + float(np.hypot(high - value, reach))
 
 
 Number = Annotated[float, Field(strict=True)]
@@ -177,15 +168,14 @@ class FitFile(_Table):
         FitError
             A key is missing, or its value has another type.
         """
-        present = [group for group in groups if group in content or group == groups[0]]
-        values = [content.get(group, _MISSING) for group in present]
+        values = [content.get(group, {} if group != groups[0] else _MISSING) for group in groups]
         try:
             return cls.model_validate({**content, "groups": values, "content": content})
         except ValidationError as error:
             # the problem with the longest key belongs to the alternative that fits best
             problem = max(error.errors(include_url=False), key=lambda one: len(one["loc"]))
             of_values = problem["loc"][0] == "groups"
-            parts = (present[int(problem["loc"][1])], *problem["loc"][2:]) if of_values else problem["loc"]
+            parts = (groups[int(problem["loc"][1])], *problem["loc"][2:]) if of_values else problem["loc"]
             name = ".".join(str(part) for part in parts if part not in ("_Recording", "Undetermined", "str"))
             is_missing = problem.get("input") is _MISSING
             rule = "is missing" if is_missing else _RULES.get(str(problem["type"]), str(problem["msg"]))
@@ -598,9 +588,7 @@ class Fit(Viewed):
     @classmethod
     def is_file(cls, path: object) -> bool:
         """Return whether a path is a file of this kind of fit."""
-        if not isinstance(path, str | Path) or Path(path).suffix != ".toml" or not Path(path).is_file():
-            return False
-        return toml.read(path, FitError)[0].get("kind") == cls.KIND
+        return toml.tables_in(path, FitError).get("kind") == cls.KIND
 
     @classmethod
     def _present(cls, content: Plain) -> Plain:

@@ -202,22 +202,22 @@ def select_friction_law(
 def _distinct(rows: list[Compared]) -> tuple[list[Compared], list[str]]:
     """Remove laws that the data cannot distinguish from a simpler compared law; return the others and notes."""
     asked = {(row.name, row.pressure) for row in rows}
-    kept, plainer = [], {"curve": dict[str, None](), "line": dict[str, None]()}
+    kept = []
     for row in rows:
         form = row.pressure and row.fit.model.pressure
         name = row.name if row.fit.model.stribeck else "coulomb"
         if (name, form) == (row.name, row.pressure) or (name, form) not in asked:
             kept.append(row)
-            continue
-        plainer["curve"] |= {row.name: None} if name != row.name else {}
-        plainer["line"] |= {str(row.pressure): None} if form != row.pressure else {}
     words = {
-        "curve": "these values do not determine a Stribeck curve: coulomb represents {}",
-        "line": "these pressures determine only a straight line: linear represents {} in pressure",
+        "name": "these values do not determine a Stribeck curve: coulomb represents {}",
+        "pressure": "these pressures determine only a straight line: linear represents {} in pressure",
     }
-    shown = {row.name for row in kept} | {str(row.pressure) for row in kept}  # determined in another form
-    told = {what: ", ".join(name for name in names if name not in shown) for what, names in plainer.items()}
-    return kept, [words[what].format(names) for what, names in told.items() if names]
+    notes = []
+    for key, text in words.items():
+        every, shown = (dict.fromkeys(str(getattr(row, key)) for row in some) for some in (rows, kept))
+        if lost := ", ".join(name for name in every if name not in shown):
+            notes.append(text.format(lost))
+    return kept, notes
 
 
 def _forms(data: sliding.Observations, wanted: Sequence[str] | None) -> tuple[str | None, ...]:
@@ -228,7 +228,7 @@ def _forms(data: sliding.Observations, wanted: Sequence[str] | None) -> tuple[st
                     f"the dependence on pressure {form!r} is not known", remedy=nearest(form, sliding.PRESSURE_FORMS)
                 )
         return tuple(wanted) or (None,)
-    varied = [np.ptp(g) > MINIMUM_RANGE_PA for g in (data.gauge_a_pa, data.gauge_b_pa)]
+    varied = [np.ptp(gauge) > MINIMUM_RANGE_PA for gauge in data.gauges_pa]
     forms = sliding.PRESSURE_FORMS if all(varied) else sliding.PRESSURE_FORMS[:3]
     return (None, *(forms if any(varied) else ()))
 
@@ -255,9 +255,7 @@ def _compared(name: str, form: str | None, data: sliding.Observations, folds: In
             raise FitError.of(
                 "identify.needs_condition", name=name, at=_condition(at), reason=problem.what
             ) from problem
-        band = without.predict(
-            at.speed_m_s, at.gauge_a_pa, at.gauge_b_pa, stderr_n=at.stderr_n, probability=PROBABILITY
-        )
+        band = without.predict(at.speed_m_s, *at.gauges_pa, stderr_n=at.stderr_n, probability=PROBABILITY)
         error[left] = band.friction_n - at.friction_n
         inside[left] = (band.lower_n <= at.friction_n) & (at.friction_n <= band.upper_n)
         squares[fold] = np.mean(error[left] ** 2)
@@ -283,7 +281,7 @@ def _condition(at: sliding.Observations) -> str:
         low, high = factor * float(values.min()), factor * float(values.max())
         return f"{low:.3g} {unit}" if f"{low:.3g}" == f"{high:.3g}" else f"{low:.3g} to {high:.3g} {unit}"
 
-    a, b = span(at.gauge_a_pa, 1e-5, "bar"), span(at.gauge_b_pa, 1e-5, "bar")
+    a, b = (span(gauge, 1e-5, "bar") for gauge in at.gauges_pa)
     return f"{span(at.speed_m_s, 1e3, 'mm/s')}, chamber a {a}, b {b} gauge"
 
 
@@ -360,10 +358,8 @@ class Prior(Shown):
         deviation = np.sqrt(np.diag(covariance))
         size = np.outer(deviation, deviation)
         known = np.asarray(np.linalg.pinv(covariance / size, rcond=1e-12, hermitian=True) / size, dtype=float)
-        share = np.ones(deviation.size)
-        for k, name in enumerate(fit.free):
-            if name.startswith("stribeck_") or name == "breakaway":  # logarithms
-                share[k] = min(1.0, WIDEST / max(deviation[k], 1e-12))
+        is_log = [name.startswith("stribeck_") or name == "breakaway" for name in fit.free]
+        share = np.where(is_log, np.minimum(1.0, WIDEST / np.maximum(deviation, 1e-12)), 1.0)
         rng = np.random.default_rng(1)
         spread = rng.multivariate_normal(
             np.zeros(centre.size), covariance * np.outer(share, share), DRAWS, method="eigh"

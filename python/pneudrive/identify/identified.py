@@ -23,7 +23,7 @@ from pneudrive.simulation.trajectory import meaning
 from pneudrive.units import readable
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Callable, Mapping
 
     from pneudrive.arrays import Array, Interval, Keyed, NamedNumbers, Plain
     from pneudrive.describe.drive import Drive
@@ -162,11 +162,9 @@ class Identified:
 
     def lowered(self, forces: Mapping[str, float]) -> Identified:
         """Subtract forces from values and intervals, by name."""
-        values = {name: value - forces.get(name, 0.0) for name, value in self.values.items()}
-        ends = {}
-        for name, (low, high) in self.intervals.items():
-            force = forces.get(name, 0.0)
-            ends[name] = low - force, high - force
+        every = {name: forces.get(name, 0.0) for name in (*self.values, *self.intervals)}
+        values = {name: value - every[name] for name, value in self.values.items()}
+        ends = {name: (low - every[name], high - every[name]) for name, (low, high) in self.intervals.items()}
         return replace(self, values=values, intervals=ends)
 
     def origins(self, marks: Mapping[str, Written | None]) -> dict[str, dict[str, object]]:
@@ -183,10 +181,9 @@ class Identified:
             }
             if name in self.model_errors:
                 origin["model_error"] = _rounded(self.model_errors[name], None, _size(mark), MODEL_DIGITS)
-            shares = self.correlations.get(name, {})
-            shared = {other: round(share, CORRELATION_PLACES) for other, share in shares.items()}
-            shared = {other: share for other, share in shared.items() if share}
-            known = {"correlation": shared, "fit": self.fit, "file": self.file}
+            every = self.correlations.get(name, {}).items()
+            shares = {other: short for other, share in every if (short := round(share, CORRELATION_PLACES))}
+            known = {"correlation": shares, "fit": self.fit, "file": self.file}
             out[name] = origin | {key: value for key, value in known.items() if value}
         return out
 
@@ -253,7 +250,7 @@ def apply_identified(
     if law is None:
         changes |= _assumed(found, drive)
     if beside is not None:
-        changes |= {f"friction.{key}": table for key, table in beside.tables.items()}
+        changes |= {f"friction.{key}": table for key, table in beside.friction.items()}
     after = drive.replace(changes)
     marks = provenance.marks(after)
     origins = found.origins(marks)
@@ -385,16 +382,15 @@ def _written(value: float, mark: Written | None) -> str | float:
 
 def _ends(interval: Interval, mark: Written | None) -> list[str | float]:
     """Write both ends of an interval, rounded outwards."""
-    return [_written(_outward(end, up=up), mark) for end, up in zip(interval, (False, True), strict=True)]
+    return [_written(_outward(*end), mark) for end in zip(interval, (math.floor, math.ceil), strict=True)]
 
 
-def _outward(value: float, *, up: bool) -> float:
-    """Round an end of an interval outwards."""
+def _outward(value: float, way: Callable[[float], int]) -> float:
+    """Round an end of an interval, down or up."""
     if not math.isfinite(value) or value == 0.0:
         return value
     step = 10.0 ** (math.floor(math.log10(abs(value))) - DIGITS + 1)
-    away = math.ceil(value / step) if up else math.floor(value / step)
-    return float(f"{away * step:.{DIGITS}g}")
+    return float(f"{way(value / step) * step:.{DIGITS}g}")
 
 
 def joined(names: tuple[str, ...]) -> str:
@@ -420,7 +416,7 @@ class Dependences:
         ``[friction.dwell]`` include this force, so it is subtracted when they are combined.
     intervals : dict
         Dotted name in the drive file -> [value, lower, upper], 95 %, SI.
-    tables : dict
+    friction : dict
         Key in ``[friction]`` -> table of a drive file: ``direction``, ``position``, ``dwell``, ...
     """
 
@@ -428,19 +424,16 @@ class Dependences:
     notes: tuple[str, ...] = ()
     sliding: NamedNumbers = field(default_factory=dict)
     intervals: dict[str, list[float]] = field(default_factory=dict)
-    tables: dict[str, dict[str, Any]] = field(default_factory=dict)
+    friction: dict[str, dict[str, Any]] = field(default_factory=dict)
 
     def table(self) -> Plain:
         """Return the table for fit.toml; empty if nothing was measured."""
-        table = {{"tables": "friction"}.get(name, name): value for name, value in vars(self).items()}
-        return table if self.tables or self.notes else {}
+        return vars(self) if self.friction or self.notes else {}
 
     @classmethod
     def of_table(cls, content: Plain) -> Dependences:
         """Return the modifiers from a table of :meth:`table`."""
-        known: Plain = {{"friction": "tables"}.get(name, name): value for name, value in content.items()}
-        known["notes"] = tuple(content.get("notes", ()))
-        return cls(**known)
+        return cls(**content | {"notes": tuple(content.get("notes", ()))})
 
     def for_law(self, law: str) -> Dependences:
         """Return the modifiers for a law; relaxation is left out if the law has no bristles."""
@@ -450,6 +443,6 @@ class Dependences:
         """Return the modifiers without the one under this key."""
         return replace(
             self,
-            tables={name: table for name, table in self.tables.items() if name != key},
+            friction={name: table for name, table in self.friction.items() if name != key},
             intervals={n: ends for n, ends in self.intervals.items() if not n.startswith(f"friction.{key}.")},
         )

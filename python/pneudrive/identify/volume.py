@@ -25,14 +25,14 @@ from pneudrive.describe.base import Described
 from pneudrive.describe.files import toml
 from pneudrive.describe.marks import Bounds, Quantity, StatedPressure
 from pneudrive.describe.tank import Tank
-from pneudrive.errors import DescriptionError, FitError, nearest
+from pneudrive.errors import FitError, nearest
 from pneudrive.estimate.estimates import Transforms, rms, student
 from pneudrive.files.inputs import origin
 from pneudrive.free.parameters import DriveFamily, Parameter
 from pneudrive.identify.base import Fit, FitFile, Undetermined, recording_tables
 from pneudrive.identify.dynamic.fit import noise_of, solve
 from pneudrive.identify.dynamic.problem import FitProblem, FittedRecording, Iterate
-from pneudrive.identify.dynamic.result import CORRELATED, LARGEST_REACH, applied_note, warn_of_mixture
+from pneudrive.identify.dynamic.result import CORRELATED, LARGEST_REACH, applied_note, named_value, warn_of_mixture
 from pneudrive.identify.dynamic.search import SearchOptions, Solved, Watcher, join_segments, profile, solution
 from pneudrive.identify.dynamic.sensors import Channel
 from pneudrive.identify.identified import FittedData, number_table, sentence, sentences
@@ -45,7 +45,7 @@ from pneudrive.views import Finding
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from pneudrive.signals.layout import Layout
+    from pneudrive.signals.layout import AnyLayout
 
 
 # --- Identification of a fixed volume from pressures: conductance, critical ratio, heat transfer, leak, tube friction.
@@ -152,7 +152,7 @@ def identify_volume(
     recordings: Any,  # noqa: ANN401 - one or several recordings of several types
     free: Sequence[str] | None = None,
     *,
-    layout: Layout | str | Path | None = None,
+    layout: AnyLayout = None,
     progress: Progress | None = None,
     cancel: Flag | None = None,
 ) -> VolumeFit:
@@ -215,9 +215,14 @@ def _linear_regions(tank: Tank, records: list[VolumeRecording]) -> list[Tank]:
     line = tank.line
     if line is None or "linear_above" in line.to_dict():
         return [tank]
+    highest = max(np.median(ratio[-LAST_SAMPLES:]) for ratio in _pressure_ratios(tank, records))
+    return [tank, tank.replace({"line.linear_above": SHORT_REGION})] if highest > line.linear_above else [tank]
+
+
+def _pressure_ratios(tank: Tank, records: list[VolumeRecording]) -> list[Array]:
+    """Return the ratio of the pressures on both sides of the line in each recording, at most 1."""
     other = tank.core_form()["line"]["pressure_pa"]
-    ratios = [np.median(np.minimum(r.pressure_pa / other, other / r.pressure_pa)[-LAST_SAMPLES:]) for r in records]
-    return [tank, tank.replace({"line.linear_above": SHORT_REGION})] if max(ratios) > line.linear_above else [tank]
+    return [np.minimum(r.pressure_pa / other, other / r.pressure_pa) for r in records]
 
 
 def _free(
@@ -420,9 +425,7 @@ def _lost(
     key = "both" if low > 0.0 and high < upper else "none" if low == 0.0 and high == upper else known
     reason = sentence("limits", key, **ends) + sentences("limits").get(f"{key} {name}", "")
     if is_ratio:
-        other = tank.core_form()["line"]["pressure_pa"]
-        ratios = [np.minimum(r.pressure_pa / other, other / r.pressure_pa) for r in records]
-        reason += sentence("limits", "ratio", most=max(float(x.max()) for x in ratios))
+        reason += sentence("limits", "ratio", most=max(float(x.max()) for x in _pressure_ratios(tank, records)))
     return Undetermined(name, reason, sentences("tank")[name])
 
 
@@ -432,8 +435,7 @@ def _alternatives(others: list[Solved]) -> list[str]:
     for minimum in others:
         problem = minimum.problem
         values = zip(problem.parameters, problem.values(minimum.point.eta), strict=True)
-        shown = [(p.name, value / readable(p.unit)[0], readable(p.unit)[1]) for p, value in values]
-        words = ", ".join(f"{name} = {plain(value)} {unit}".rstrip() for name, value, unit in shown)
+        words = ", ".join(named_value(p.name, value, p.unit, 3) for p, value in values)
         notes.append(f"other values fit as well: {words}; the intervals include both; also record with the line shut")
     return notes
 
@@ -485,9 +487,7 @@ class Regulator(Described):
     @classmethod
     def is_file(cls, path: str | Path) -> bool:
         """Whether a path is a TOML file with a table ``[regulator]``."""
-        if Path(path).suffix != ".toml" or not Path(path).is_file():
-            return False
-        return isinstance(toml.read(path, DescriptionError)[0].get("regulator"), dict)
+        return isinstance(toml.tables_in(path).get("regulator"), dict)
 
     @classmethod
     def load(cls, path: str | Path) -> Regulator:
@@ -558,7 +558,7 @@ REGULATOR_UNITS: dict[str, str] = RegulatorFit.WORDS["older_units"]
 
 
 def identify_regulator(
-    regulator: Regulator | str | Path, recordings: Sequence[Any], layout: Layout | str | Path | None = None
+    regulator: Regulator | str | Path, recordings: Sequence[Any], layout: AnyLayout = None
 ) -> RegulatorFit:
     """Identify lag and gain from the command of a regulator to its outlet pressure.
 

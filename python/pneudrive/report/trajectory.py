@@ -13,10 +13,10 @@ import numpy as np
 from pneudrive import figures
 from pneudrive.errors import CommandError
 from pneudrive.figures import LOOKS, Axis, Band, Bars, Figure, Line, Look, Markers, Panel, Rule, ramp, stack, thin
-from pneudrive.identify.follow.fit import FollowFit, fitted_pressures
+from pneudrive.identify.follow.fit import fitted_pressures
 from pneudrive.identify.identified import comparison_figure
 from pneudrive.report.control import view_of_controlled_run
-from pneudrive.report.page import Section, Topic, figure_of, plural, view_report, write_fit_report
+from pneudrive.report.page import Section, Topic, figure_of, plural, view_report
 from pneudrive.report.render import DrawnFigure, draw_figure
 from pneudrive.simulation.run_view import run_view
 from pneudrive.simulation.trajectory import attributes, check_si, columns
@@ -181,11 +181,6 @@ def view_of_tubes(study: xr.Dataset) -> View:
 MOST_RECORDS = 4
 
 
-def follow_page(fit: FollowFit, folder: str | Path) -> Path:
-    """Write the page of a fit into an existing folder."""
-    return write_fit_report(fit, folder, _chambers(fit.solution))
-
-
 def motion_view(found: MotionValidation) -> View:
     """Return the view of a circuit along recorded motions: verdicts, force balances, and pressures."""
     findings = [Finding(text, "good" if met else "bad") for met, text in found.verdicts]
@@ -213,7 +208,7 @@ def motion_view(found: MotionValidation) -> View:
 
 def motion_page(found: MotionValidation, folder: str | Path) -> Path:
     """Write the page of a validation into an existing folder."""
-    return view_report(found.view(), *_chambers(found.solution)).write(folder)
+    return view_report(found.view(), *chambers(found.solution)).write(folder)
 
 
 def _force_row(c: Closure) -> tuple[object, ...]:
@@ -222,7 +217,8 @@ def _force_row(c: Closure) -> tuple[object, ...]:
     return c.name, c.rms_n, 100 * c.share, c.offset_n, gains or None, viscous, c.correlation
 
 
-def _chambers(solution: FollowSolution | None) -> list[Section]:
+def chambers(solution: FollowSolution | None) -> list[Section]:
+    """Return a section on each recording along a motion: residuals, start, and pressures over volumes."""
     if solution is None:
         return []
     out = []

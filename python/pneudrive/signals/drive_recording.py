@@ -15,7 +15,7 @@ from pneudrive.files.content import parse_json
 from pneudrive.files.tables import open_table
 from pneudrive.repr_tables import Shown
 from pneudrive.signals.importer import import_file
-from pneudrive.signals.layout import FileLayout, Layout, stem
+from pneudrive.signals.layout import AnyLayout, FileLayout, Layout, stem
 from pneudrive.signals.load import digest_of, find_layout, is_run, layout_beside
 from pneudrive.signals.motion import NOISE_FACTOR, noise_level
 from pneudrive.signals.recording import QUANTILES, refuse_pressure
@@ -280,7 +280,7 @@ def _refuse_command(command: Array, lowest: float, meaning: str, where: str) -> 
 
 def read_drive_recordings(
     recordings: Given | DriveRecording | Sequence[Given | DriveRecording],
-    layout: Layout | str | Path | None,
+    layout: AnyLayout,
     needed: Sequence[str] = NEEDED,
     *,
     gaps: bool = False,
@@ -325,7 +325,7 @@ def read_drive_recordings(
 
 def read_volume_recordings(
     recordings: Any,  # noqa: ANN401 - one or several, of several kinds
-    layout: Layout | str | Path | None,
+    layout: AnyLayout,
 ) -> list[VolumeRecording]:
     """Read recordings of a fixed volume.
 
@@ -355,7 +355,7 @@ def read_volume_recordings(
     return out
 
 
-def _items(recordings: Any, layout: Layout | str | Path | None) -> tuple[list[Any], Layout | None]:  # noqa: ANN401
+def _items(recordings: Any, layout: AnyLayout) -> tuple[list[Any], Layout | None]:  # noqa: ANN401
     single = isinstance(recordings, str | Path | Mapping | DriveRecording) or is_run(recordings)
     items: list[Any] = [recordings] if single else [*recordings]  # type: ignore[misc]
     if not items:

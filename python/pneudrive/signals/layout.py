@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from fnmatch import fnmatchcase
 from functools import cached_property, lru_cache, partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, TypeAlias
 
 from pydantic import Field, StrictBool, create_model, model_validator
 
@@ -394,6 +394,10 @@ def layout_schema() -> Plain:
     group = {"type": "object", "properties": {"match": {"type": "string"}}, "required": ["match"]}
     schema["properties"]["for"] = {"type": "array", "items": group}
     return schema
+
+
+#: Layout, or its file; None: the file beside the recordings.
+AnyLayout: TypeAlias = "Layout | str | Path | None"
 
 
 @dataclass(frozen=True, repr=False, eq=False)

@@ -16,7 +16,7 @@ from pneudrive.arrays import Columns, Ints, Plain, rows_of
 from pneudrive.errors import RecordingError
 from pneudrive.files.tables import Table, open_table
 from pneudrive.signals.importer import SI_NAMES, import_file, read_rows, si_columns
-from pneudrive.signals.layout import KINDS, FileLayout, Layout, stem
+from pneudrive.signals.layout import KINDS, AnyLayout, FileLayout, Layout, stem
 from pneudrive.signals.recording import CHANNELS, ParallelForce, Recording
 from pneudrive.signals.text_table import column_number, read_bytes
 from pneudrive.simulation.trajectory import columns_in, meaning, read_columns
@@ -64,7 +64,7 @@ class RecordingFile:
         return to_recording(name or self.name, self.path, self.said, si_columns(self.said, raw))
 
 
-def recording_files(paths: Iterable[str | Path], layout: Layout | str | Path | None) -> list[RecordingFile]:
+def recording_files(paths: Iterable[str | Path], layout: AnyLayout) -> list[RecordingFile]:
     """Find the layout and the name of each file; duplicate names get their folder as prefix."""
     files = [Path(p) for p in paths]
     if not files:
@@ -92,7 +92,7 @@ def recordings_in(folder: Path) -> list[Path]:
     return sorted(one for one in files if one.suffix.lower() not in NO_RECORDING)
 
 
-def load_recordings(paths: Iterable[str | Path], layout: Layout | str | Path | None = None) -> list[Recording]:
+def load_recordings(paths: Iterable[str | Path], layout: AnyLayout = None) -> list[Recording]:
     """Read recordings, one per file.
 
     Parameters

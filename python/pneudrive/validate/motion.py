@@ -33,11 +33,12 @@ from pneudrive.validate.balance import HELD_OUT, MADE, NONE_HELD_OUT, Metrics, b
 from pneudrive.views import LeadingValue, ShownFigure, ShownValue, View, Viewed
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
+    from collections.abc import Sequence
 
     from pneudrive.describe.drive import Drive
+    from pneudrive.identify.follow.driven import MotionRecordings
     from pneudrive.identify.volume import RegulatorFit
-    from pneudrive.signals.layout import Layout
+    from pneudrive.signals.layout import AnyLayout
 
 
 # --- Validation of a friction law against measured sliding friction: a friction map or the curves of a campaign.
@@ -503,9 +504,9 @@ class MotionValidation(Viewed):
 
 def validate_motion(
     circuit: motions.FollowFit | Circuit | str | Path,
-    recordings: str | Path | Recording | Iterable[str | Path | Recording],
+    recordings: MotionRecordings,
     *,
-    layout: Layout | str | Path | None = None,
+    layout: AnyLayout = None,
     progress: Progress | None = None,
     cancel: Flag | None = None,
 ) -> MotionValidation:
@@ -537,8 +538,7 @@ def validate_motion(
     records, driven = driven_recordings(recordings, layout), DrivenCircuit(described)
     if not records:
         raise CommandError("no recording is given")
-    doubts = motions.check_readings(driven, records)
-    idle = motions.open_recordings(driven, records)
+    idle, doubts = motions.check_readings(driven, records)
     used = [record for record in records if record not in idle]
     solution, found = None, ()
     if used:
@@ -623,7 +623,7 @@ class RegulatorValidation(Viewed):
 
 
 def validate_regulator(
-    fit: RegulatorFit, recordings: str | Path | Sequence[str | Path], *, layout: Layout | str | Path | None = None
+    fit: RegulatorFit, recordings: str | Path | Sequence[str | Path], *, layout: AnyLayout = None
 ) -> RegulatorValidation:
     """Compare the fit of a regulator with runs of its command and pressure.
 

@@ -37,7 +37,7 @@ if TYPE_CHECKING:
     from pneudrive.describe import Drive
     from pneudrive.identify.dynamic.sensors import Sensor
     from pneudrive.signals.drive_recording import DriveRecording, Given
-    from pneudrive.signals.layout import Layout
+    from pneudrive.signals.layout import AnyLayout
     from pneudrive.signals.recording import Recording
 
 SCHEMA = 1  # version of the format of validation.toml
@@ -270,7 +270,7 @@ def validate(
     recordings: Given | DriveRecording | Sequence[Given | DriveRecording],
     *,
     follow: None = None,
-    layout: Layout | str | Path | None = None,
+    layout: AnyLayout = None,
     window_s: float = WINDOW_S,
     sensors: DriveFit | Mapping[str, Sensor | Keyed] | None = None,
     progress: Progress | None = None,
@@ -282,7 +282,7 @@ def validate(
     recordings: str | Path | Recording | Sequence[str | Path | Recording],
     *,
     follow: Literal["motion"],
-    layout: Layout | str | Path | None = None,
+    layout: AnyLayout = None,
     progress: Progress | None = None,
     cancel: Flag | None = None,
 ) -> MotionValidation: ...
@@ -291,14 +291,14 @@ def validate(
     drive: RegulatorFit,
     recordings: str | Path | Sequence[str | Path],
     *,
-    layout: Layout | str | Path | None = None,
+    layout: AnyLayout = None,
 ) -> RegulatorValidation: ...
 def validate(
     drive: Any,
     recordings: Any,
     *,
     follow: str | None = None,
-    layout: Layout | str | Path | None = None,
+    layout: AnyLayout = None,
     window_s: float = WINDOW_S,
     sensors: DriveFit | Mapping[str, Sensor | Keyed] | None = None,
     progress: Progress | None = None,

@@ -211,6 +211,6 @@ def test_what_was_measured_beside_sliding_is_not_lost_without_a_word(fit, tool):
     from pneudrive.identify.identified import Dependences
 
     tables = {"direction": {"positive": 1.1}, "position": {"slope": "5 %/m"}}
-    told = replace(fit, dependences=Dependences(tables=tables)).export(tool).text
+    told = replace(fit, dependences=Dependences(friction=tables)).export(tool).text
     assert "lost: difference between the directions" in told
     assert "lost: variation along the stroke" in told

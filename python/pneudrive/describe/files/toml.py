@@ -65,6 +65,13 @@ def read(
     return parse(text, str(path), kind), text
 
 
+def tables_in(path: object, *how: Any) -> Plain:  # noqa: ANN401 - for `read`
+    """Return the tables of a TOML file, or none if the path is not one; further arguments are those of `read`."""
+    if not isinstance(path, str | Path) or Path(path).suffix != ".toml" or not Path(path).is_file():
+        return {}
+    return read(path, *how)[0]
+
+
 def parse(text: str, origin: str, kind: ErrorKind = DescriptionError) -> Plain:
     """Read TOML text; `origin` is its name in messages.
 

@@ -25,7 +25,7 @@ from pneudrive.friction.campaign.stops.stop import find_stops
 from pneudrive.friction.friction_map import ALL_RECORDINGS, BOTH, LEVELS, TABLES, assemblies_of
 from pneudrive.friction.strokes import SAMPLE_CHOICES, SampleChoice, Settled
 from pneudrive.identify.identified import Dependences
-from pneudrive.identify.static.fit import fit_groups
+from pneudrive.identify.static.fit import GroupFits, fit_groups
 from pneudrive.progress import Flag, Progress, Watch
 from pneudrive.signals.load import recordings_in
 
@@ -38,7 +38,7 @@ if TYPE_CHECKING:
     from pneudrive.friction.campaign.cycles import Loop
     from pneudrive.friction.characterisation import Characterisation
     from pneudrive.identify.static.result import FrictionFit
-    from pneudrive.signals.layout import Layout
+    from pneudrive.signals.layout import AnyLayout
     from pneudrive.signals.recording import Recording
 
 
@@ -100,7 +100,7 @@ def campaign_friction(
 
 def characterise(
     recordings: Sequence[Recording | str | Path | xr.Dataset] | Recording | str | Path | xr.Dataset,
-    layout: Layout | str | Path | None = None,
+    layout: AnyLayout = None,
     protocol: SampleChoice | None = None,
 ) -> xr.Dataset:
     """Return the friction map of recordings or of a campaign.
@@ -485,7 +485,7 @@ AVERAGED = (
 NO_POINTS = ("stick_slip", "speed_ripple", "force_swing", "saturated", "unpaired", "outlier", "negative_friction")
 
 
-def fit_campaign(found: CampaignCharacteristics) -> tuple[dict[str, dict[str, FrictionFit]], list[str]]:
+def fit_campaign(found: CampaignCharacteristics) -> tuple[GroupFits, list[str]]:
     """Fit laws to the map of a campaign.
 
     Parameters

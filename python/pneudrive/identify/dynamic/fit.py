@@ -268,8 +268,7 @@ def _best_of_attempts(attempt: Callable[[Array | None], search.Solved], options:
         if options.interrupted or best.good or not helped:
             break
         options.lengths_s = lengths_s
-        options.last_attempt = lengths_s == search.SECOND_LADDER_S
-        if options.last_attempt:
+        if lengths_s == search.SECOND_LADDER_S:
             options.rtol *= LAST_RTOL
         try:
             tried.append(attempt(nearest.problem.values(nearest.point.eta)))
@@ -340,7 +339,8 @@ def solve(problem: FitProblem, point: Iterate, options: search.SearchOptions, wa
                     experiment.rtol = max(LAST_RTOL * options.rtol, 1e-12)
             for _ in range(NOISE_ROUNDS):
                 point, at, converged = search.join_segments(problem, point, watcher)
-                if not (converged or options.last_attempt) or not _renew_noise(problem, at, options.rtol):
+                is_last = options.lengths_s == search.SECOND_LADDER_S
+                if not (converged or is_last) or not _renew_noise(problem, at, options.rtol):
                     break
         if converged and family.settle(problem.values(point.eta)[: problem.drive_size]):
             point, at, converged = search.join_segments(problem, point, watcher)
@@ -350,10 +350,7 @@ def solve(problem: FitProblem, point: Iterate, options: search.SearchOptions, wa
         options.notes.append("the search was interrupted: these are the best values so far")
         point, at, converged = watcher.point, None, False
     if at is None:
-        shots = problem.run(point)
-        if isinstance(shots, str):
-            raise FitError("the search ended at values for which the drive cannot be simulated", value=shots)
-        at = search.linearise(problem, point, shots)
+        at = search.linearise(problem, point, problem.run(point, "end"))
     over = _over_noise(problem, at)
     missed = {name: ratio for name, ratio in over.items() if ratio > MISFIT and not options.interrupted}
     score = float(np.mean(np.log([max(ratio, 1e-9) for ratio in over.values()])))
@@ -364,11 +361,11 @@ def solve(problem: FitProblem, point: Iterate, options: search.SearchOptions, wa
 def _over_noise(problem: FitProblem, at: search.Misfit) -> NamedNumbers:
     """Return the residuals of each channel in the worst recording, relative to its sample-to-sample noise."""
     worst: NamedNumbers = {}
-    for experiment, residual in zip(problem.experiments, at.residuals, strict=True):
-        for c, channel in enumerate(experiment.channels):
-            own = experiment.noise[c] * rms(residual[experiment.weight[:, c] > 0.0, c])
-            white = max(white_noise(experiment.measured[:, c]), _least_noise(channel, RTOL))
-            worst[channel.name] = max(worst.get(channel.name, 0.0), own / white)
+    for i, c, residual in problem.valid(at.residuals):
+        experiment = problem.experiments[i]
+        channel, own = experiment.channels[c], experiment.noise[c] * rms(residual)
+        white = max(white_noise(experiment.measured[:, c]), _least_noise(channel, RTOL))
+        worst[channel.name] = max(worst.get(channel.name, 0.0), own / white)
     return worst
 
 
@@ -387,15 +384,11 @@ def _regrouped(problem: FitProblem, point: Iterate, length_s: float | None) -> I
 def _renew_noise(problem: FitProblem, at: search.Misfit, rtol: float) -> bool:
     """Estimate noise that is not stated from the residuals; return whether the noise changed."""
     changed = False
-    for experiment, residual in zip(problem.experiments, at.residuals, strict=True):
-        for c, channel in enumerate(experiment.channels):
-            if channel.noise:
-                continue
-            r = residual[experiment.weight[:, c] > 0.0, c]
-            size = rms(r)
-            new = max(size * experiment.noise[c], _least_noise(channel, rtol))
-            if abs(new / experiment.noise[c] - 1.0) > NOISE_CHANGE:
-                experiment.noise[c], changed = new, True
+    for i, c, residual in problem.valid(at.residuals):
+        channel, noise = problem.experiments[i].channels[c], problem.experiments[i].noise
+        new = max(rms(residual) * noise[c], _least_noise(channel, rtol))
+        if not channel.noise and abs(new / noise[c] - 1.0) > NOISE_CHANGE:
+            noise[c], changed = new, True
     return changed
 
 
@@ -605,10 +598,9 @@ def _simulated_loop(drive: Drive, stiffness: float, level: float, speed: float) 
         rig.hold(side, STANDARD_ATMOSPHERE_PA)
     cruise, turn = travel / speed, 0.02 * travel / speed
     jerk = 4.0 * speed / turn**2
-    durations, jerks = [], []
-    for change in (1.0, -2.0, 2.0, -2.0):
-        durations += [0.5 * turn, 0.5 * turn, cruise]
-        jerks += [change * jerk, -change * jerk, 0.0]
+    changes = (1.0, -2.0, 2.0, -2.0)
+    durations = [0.5 * turn, 0.5 * turn, cruise] * len(changes)
+    jerks = [change * jerk * sign for change in changes for sign in (1.0, -1.0, 0.0)]
     times = np.linspace(0.0, sum(durations), 20000, endpoint=False)
     columns = rig.run(durations, jerks, times, 5.0 * travel, 1e-8).columns
     return columns["time_s"], columns["position_m"], columns["friction_force_n"]

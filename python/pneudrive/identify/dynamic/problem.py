@@ -13,10 +13,11 @@ from pneudrive.describe.circuit import Circuit
 from pneudrive.errors import FitError
 from pneudrive.free.parameters import COMMAND_STEPS, DriveFamily, Parameter, at_rest
 from pneudrive.identify.dynamic.sensors import Channel, SensorParameter, lagged
+from pneudrive.identify.identified import stated
 from pneudrive.progress import UNWATCHED, Watch
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterator, Sequence
 
     from pneudrive._core import Shooting
     from pneudrive._core import Shot as CoreShot
@@ -187,11 +188,8 @@ class FittedRecording:
             steps[values.size] = COMMAND_STEPS["delay"]
         for k, step in steps.items():
             change = step * (np.arange(at.size) == k)
-            ends = []
-            for x in (at + change, at - change):
-                run = self._shoot(self.family.core(x[:-1]), initial, x[-1])
-                ends.append([run["values"], run["ends"]])
-            after, before = ends
+            both = (self._shoot(self.family.core(x[:-1]), initial, x[-1]) for x in (at + change, at - change))
+            after, before = ((run["values"], run["ends"]) for run in both)
             by_values, by_ends = ((b - a) / (2.0 * step) for a, b in zip(before, after, strict=True))
             out.append((k if k < values.size else len(self.family.paths), by_values, by_ends))
         return out
@@ -287,10 +285,8 @@ class FitProblem:
         #: Recording -> index of the free delay of its command among the coordinates.
         self.delays = {s.recording: i for i, s in enumerate(sensors, self.drive_size) if s.kind == "delay"}
         #: Prior precision of the coordinates: 0 without prior knowledge.
-        self.prior = np.zeros(self.size)
-        for i, s in enumerate(sensors, start=self.drive_size):
-            if np.isfinite(s.uncertainty) and s.uncertainty > 0.0:
-                self.prior[i] = (s.size / s.uncertainty) ** 2
+        precision = [(s.size / s.uncertainty) ** 2 if s.uncertainty > 0.0 else 0.0 for s in sensors]
+        self.prior = np.r_[np.zeros(self.drive_size), precision]
         #: Prior starts of each recording, of which only the first one is used.
         self.believed: list[Array] = []
         #: Mask of temporarily held coordinates.
@@ -330,11 +326,28 @@ class FitProblem:
                 count[channel.name] = count.get(channel.name, 0.0) + float(experiment.weight[:, c].sum())
         return {name: float(np.sqrt(power[name] / max(count[name], 1.0))) for name in power}
 
-    def run(self, point: Iterate, *, derivatives: bool = True, reset: bool = False) -> list[Shot] | str:
-        """Run all recordings. If a segment fails, return the reason as text.
+    def valid(self, residuals: list[Array]) -> Iterator[tuple[int, int, Array]]:
+        """Yield recording, channel and the residuals of its measured samples."""
+        for i, (experiment, residual) in enumerate(zip(self.experiments, residuals, strict=True)):
+            yield from ((i, c, residual[good, c]) for c, good in enumerate(experiment.weight.T > 0.0))
 
-        With `reset`, only unmeasured states continue from the previous segment, and derivatives with respect to the
-        starts cover only these.
+    def run(self, point: Iterate, stage: str, *, derivatives: bool = True, reset: bool = False) -> list[Shot]:
+        """Run all recordings.
+
+        Parameters
+        ----------
+        point : Iterate
+        stage : str
+            Part of the search, for the message: a key of the sentences ``not_simulated``.
+        derivatives : bool
+        reset : bool
+            Whether only unmeasured states continue from the previous segment. Derivatives with respect to the starts
+            then cover only these.
+
+        Raises
+        ------
+        FitError
+            The core rejects the drive, or a segment fails.
         """
         values = self.values(point.eta)
         shots = []
@@ -347,7 +360,8 @@ class FitProblem:
             if shot.failures:
                 j, why = next(iter(shot.failures.items()))
                 record = experiment.recording
-                return f"{record.name}, segment from {record.time_s[experiment.starts[j]]:g} s: {why}"
+                value = f"{record.name}, segment from {record.time_s[experiment.starts[j]]:g} s: {why}"
+                raise FitError(value=value, **stated("not_simulated", stage))
             shots.append(shot)
         return shots
 
@@ -469,10 +483,8 @@ def measured_starts(experiment: FittedRecording, drive: Drive | Circuit, inner: 
     """
     ambient, piston = drive.ambient, experiment.family.piston
     recording, starts = experiment.recording, experiment.starts
-    usual = [0.5 * experiment.family.get(f"{piston}.stroke"), 0.0]
-    usual += [ambient.pressure_pa, ambient.temperature_k] * 2
-    usual += [0.0] * len(inner)
-    state = np.tile(np.array(usual), (starts.size, 1))
+    middle, gas = 0.5 * experiment.family.get(f"{piston}.stroke"), (ambient.pressure_pa, ambient.temperature_k)
+    state = np.tile(np.r_[middle, 0.0, gas, gas, np.zeros(len(inner))], (starts.size, 1))
     spread = np.full(state.shape[1], np.nan)
     for channel, white in zip(experiment.channels, experiment.noise, strict=True):
         column = _MEASURED.get(channel.name)

@@ -165,11 +165,10 @@ class DriveFit(Fit, kind="drive"):
 
     @classmethod
     def _fields(cls, file: FitFile) -> Plain:
-        sensors = file.groups[1] if len(file.groups) > 1 else {}
         start = file.content["drive"]
         described = Circuit if "components" in start else Drive
         return super()._fields(file) | {
-            "sensors": {name: entry.value for name, entry in sensors.items()},
+            "sensors": {name: entry.value for name, entry in file.groups[1].items()},
             "start": described.model_validate(start),
             "fits": bool(file.content.get("fits", True)),
         }
@@ -260,10 +259,8 @@ def _free_run(solved: Solved, values: Array) -> NamedNumbers:
     free = FitProblem(problem.parameters, problem.sensors, problem.transforms, whole)
     point = Iterate(problem.transforms.internal(values), [states[:1] for states in solved.point.states])
     try:
-        shots = free.run(point, derivatives=False)
-    except FitError:  # the core rejects such a drive
-        return {}
-    if isinstance(shots, str):
+        shots = free.run(point, "end", derivatives=False)
+    except FitError:  # such a drive is rejected, or cannot be simulated
         return {}
     return free.rms([free.measure(i, point.eta, shot.outputs)[0] for i, shot in enumerate(shots)])
 
@@ -386,11 +383,10 @@ def _lost(fit: DriveFit, ends: dict[str, Interval], sizes: Array, weak: Array) -
     out: dict[str, Undetermined] = {}
     for direction in weak:
         part = [n for n, share in zip(names, direction, strict=True) if abs(share) > TAKES_PART]
-        others = {n: [m for m in part if m != n] for n in part}
         for n in part:
-            if others[n]:
-                reason = f"it can change together with {', '.join(others[n])} without an effect on the recordings"
-                rest = f"{remedy_for(n)}; or fix {' or '.join(others[n])}"
+            if others := [m for m in part if m != n]:
+                reason = f"it can change together with {', '.join(others)} without an effect on the recordings"
+                rest = f"{remedy_for(n)}; or fix {' or '.join(others)}"
             else:
                 reason, rest = "the recordings do not depend on it", remedy_for(n)
             out.setdefault(n, Undetermined(n, reason, rest))
@@ -447,8 +443,8 @@ def assembled(drive: Drive | Circuit, solved: Solved, options: SearchOptions, st
     spread = np.sqrt(np.maximum(np.diag(covariance), 0.0))
     lower = [p.lower if isinstance(p, Parameter) else -np.inf for p in every]
     low, high = intervals_at(values, reach * spread, lower, [p.upper for p in every])
-    usual = [p.size if np.isinf(p.lower) else 0.0 for p in parameters] + [s.size for s in problem.sensors]
-    sizes = np.array([max(abs(v), s) for v, s in zip(values, usual, strict=True)])
+    usual = np.array([p.size if np.isinf(p.lower) else 0.0 for p in every])
+    sizes = np.maximum(np.abs(values), usual)
     for k, p in enumerate(parameters):  # next to nothing: no share of itself, but the data exclude the start value
         end = values[k] + reach * spread[k]
         is_wide = high[k] - values[k] > LARGEST_REACH * sizes[k]
@@ -460,7 +456,7 @@ def assembled(drive: Drive | Circuit, solved: Solved, options: SearchOptions, st
     statistics = _statistics(solved, steps)
     fit = DriveFit(
         values=by_name(names[: problem.drive_size], values[: problem.drive_size]),
-        units={**{p.name: p.unit for p in parameters}, **{s.name: s.unit for s in problem.sensors}},
+        units={p.name: p.unit for p in every},
         sensors=by_name(names[problem.drive_size :], values[problem.drive_size :]),
         free=tuple(names),
         covariance=covariance,
@@ -507,7 +503,7 @@ def _notes(drive: Drive | Circuit, options: SearchOptions, solved: Solved, stati
     units = numbers_of(drive)
     moved = problem.experiments[0].family.derived_values(problem.values(solved.point.eta))
     notes += [
-        f"{_written(name, value, units[name].unit)} is derived from free values, as the drive does not give it"
+        f"{named_value(name, value, units[name].unit)} is derived from free values, as the drive does not give it"
         for name, value in moved.items()
     ]
     coloured = [
@@ -526,9 +522,10 @@ def _notes(drive: Drive | Circuit, options: SearchOptions, solved: Solved, stati
     return notes
 
 
-def _written(name: str, si: float, unit: str) -> str:
+def named_value(name: str, si: float, unit: str, digits: int = 4) -> str:
+    """Return a name with its value in the common unit."""
     factor, shown = readable(unit)
-    return f"{name} = {plain(si / factor, 4)} {shown}".strip()
+    return f"{name} = {plain(si / factor, digits)} {shown}".strip()
 
 
 def _opposes(columns: Columns) -> bool:

@@ -11,6 +11,7 @@ At the end, the linearisation gives the covariance, and repeated searches give p
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
@@ -19,7 +20,6 @@ import numpy as np
 from pneudrive.errors import FitError
 from pneudrive.estimate.estimates import profile_interval, student
 from pneudrive.identify.dynamic.problem import FitProblem, Iterate, Shot
-from pneudrive.identify.identified import stated
 from pneudrive.progress import Watch
 
 if TYPE_CHECKING:
@@ -270,7 +270,7 @@ def predict_segments(problem: FitProblem, point: Iterate, watcher: Watcher) -> I
     problem.held = problem.offsets
     least = [e.noise.copy() for e in problem.experiments]
     problem.believed = [s.copy() for s in point.states]
-    shots = _run(problem, point, "start", reset=True)
+    shots = problem.run(point, "start", reset=True)
     longest, closings = LONGEST, 0
     for _ in range(MOST_STEPS):
         residuals = judge(problem, point, shots, reset=True).residuals
@@ -287,25 +287,18 @@ def predict_segments(problem: FitProblem, point: Iterate, watcher: Watcher) -> I
             point = problem.possible(replace(point, states=states))
             longest = LONGEST
             closings = closings + 1
-            shots = _run(problem, point, "reached", reset=True)
+            shots = problem.run(point, "reached", reset=True)
             continue
         point, standing, longest = found
         closings = 0
         watcher.step(problem, "steps with separate segments", standing, point)
         if 1.0 - standing.cost / at.cost < SMALL_GAIN:
             break
-        shots = _run(problem, point, "reached", reset=True)
+        shots = problem.run(point, "reached", reset=True)
     for experiment, noise in zip(problem.experiments, least, strict=True):
         experiment.noise = noise
     problem.held = np.zeros(problem.size, dtype=bool)
     return point
-
-
-def _run(problem: FitProblem, point: Iterate, otherwise: str, *, reset: bool = False) -> list[Shot]:
-    shots = problem.run(point, reset=reset)
-    if isinstance(shots, str):
-        raise FitError(value=shots, **stated("not_simulated", otherwise))
-    return shots
 
 
 def _shortened(
@@ -331,12 +324,8 @@ def _shortened(
             right = g[step.size :] - n[step.size :, : step.size] @ step
             states.append(state + share * (by_unknown @ np.r_[step, start_solution(n, right)] + closing))
         trial = problem.possible(replace(point, eta=point.eta + share * step, states=states))
-        try:
-            shots = problem.run(trial, derivatives=False)
-        except FitError:  # the core rejects such a drive
-            shots = ""
-        if not isinstance(shots, str):
-            standing = judge(problem, trial, shots, reset=reset)
+        with suppress(FitError):  # such a drive is rejected, or cannot be simulated
+            standing = judge(problem, trial, problem.run(trial, "drive", derivatives=False), reset=reset)
             if standing.merit < before:
                 return trial, standing, min(LONGER * longest, LONGEST)
         longest = SHORTER * min(longest, float(np.abs(step).max(initial=0.0)))
@@ -364,7 +353,7 @@ def join_segments(
     Iterate, Joined, bool
         Last accepted point, its linearisation, and whether the search converged.
     """
-    shots = _run(problem, point, "segment")
+    shots = problem.run(point, "segment")
     longest = LONGEST
     at = linearise(problem, point, shots)
     for _ in range(most):
@@ -387,7 +376,7 @@ def join_segments(
         if found is None:
             return point, at, length < 1.0 and at.gap < SOLVER_GAP
         point, _, longest = found
-        shots = _run(problem, point, "drive")
+        shots = problem.run(point, "drive")
         at = linearise(problem, point, shots)
         if watcher is not None:
             watcher.step(problem, "steps with joined segments", at, point)
@@ -482,12 +471,7 @@ def solution(problem: FitProblem, point: Iterate, at: Joined) -> Solved:
     power, axes = np.linalg.eigh(matrix / np.outer(scale, scale))
     good = power > SINGULAR_SHARE**2 * max(power[-1], 1e-300)
     inverse = (axes[:, good] / power[good]) @ axes[:, good].T / np.outer(scale, scale)
-    inflation = {}
-    for i, residual in enumerate(at.residuals):
-        weight = problem.experiments[i].weight
-        for c in range(residual.shape[1]):
-            r = residual[weight[:, c] > 0.0, c]
-            inflation[i, c] = (float(np.mean(r**2)), correlation_time(r))
+    inflation = {(i, c): (float(np.mean(r**2)), correlation_time(r)) for i, c, r in problem.valid(at.residuals)}
     measured = int(sum(e.weight.sum() for e in problem.experiments))
     freedom = max(measured - size - sum(s.shape[1] for s in point.states), 1)
     return Solved(problem, point, at, freedom, slopes, inverse, axes[:, ~good].T, inflation)
@@ -568,7 +552,6 @@ class SearchOptions:
     notes: list[str] = field(default_factory=list)
     lost: list[Undetermined] = field(default_factory=list)
     interrupted: bool = False
-    last_attempt: bool = False
     lengths_s: tuple[float, ...] = LADDER_S
     #: Delay of the valve after the recorded command, s; None: free.
     delay_s: float | None = 0.0

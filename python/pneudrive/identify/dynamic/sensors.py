@@ -230,13 +230,10 @@ def sensor_parameters(
         if delay
     ]
     for channel in channels:
-        for i in which:
+        for i, of in which.items():
             if "offset" in channel.free and channel.name in present[i]:
-                of = f"{channel.name}.offset{which[i]}"
-                size = channel.offset_spread
-                out.append(
-                    SensorParameter("offset", channel.name, i, of, channel.unit, size, channel.offset_uncertainty)
-                )
+                name, sizes = f"{channel.name}.offset{of}", (channel.offset_spread, channel.offset_uncertainty)
+                out.append(SensorParameter("offset", channel.name, i, name, channel.unit, *sizes))
         for kind, unit in (("gain", "1"), ("lag", "s")):
             if kind in channel.free:
                 out.append(SensorParameter(kind, channel.name, None, f"{channel.name}.{kind}", unit, 1.0, np.inf))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -23,8 +23,8 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from pneudrive.arrays import Array, ArrayPair, Columns, NamedNumbers, Pair, Plain
-    from pneudrive.signals.layout import Layout
+    from pneudrive.arrays import Array, ArrayPair, Bools, Columns, Interval, NamedNumbers, Pair, Plain
+    from pneudrive.signals.layout import AnyLayout
 
 MOST_GRID = 4500  # times at which pressures are compared
 COARSEST_S = 0.1  # largest step of these times, unless the recording has fewer samples
@@ -72,11 +72,19 @@ class DrivenRecording:
         """Range of each pressure."""
         return np.ptp(self.pressures_pa, axis=1)
 
+    def within(self, part: Interval) -> Bools:
+        """Return a mask of the times of the comparison within a time span, s."""
+        return (self.grid_s >= part[0]) & (self.grid_s <= part[1])
+
     def is_open(self, volumes: Array) -> bool:
-        """Whether pressures stay constant although the volumes change: the chambers are open."""
+        """Whether pressures stay constant although the volumes (2, n) change: the chambers are open."""
         steady = self.ranges_pa / self.pressures_pa.mean(axis=1)
         ratio = volumes.max(axis=1) / volumes.min(axis=1)
         return bool((steady < OPEN_CHANGE).all() and (ratio > OPEN_VOLUME).any())
+
+
+#: One or several recordings, or their files.
+MotionRecordings: TypeAlias = "str | Path | Recording | Iterable[str | Path | Recording]"
 
 
 def check_follow(follow: str) -> None:
@@ -85,9 +93,7 @@ def check_follow(follow: str) -> None:
         raise CommandError(f"follow = {follow!r} is not known", rule='the only value is "motion"')
 
 
-def driven_recordings(
-    recordings: str | Path | Recording | Iterable[str | Path | Recording], layout: Layout | str | Path | None = None
-) -> list[DrivenRecording]:
+def driven_recordings(recordings: MotionRecordings, layout: AnyLayout = None) -> list[DrivenRecording]:
     """Read one or several recordings of a driven piston: time, position, both pressures, and a force if there is one.
 
     Raises
@@ -163,8 +169,8 @@ RTOL = 1e-5
 SIDES = ("a", "b")
 #: Natural frequency of the moving mass on the driving machine, rad/s: high, so that the motion has no compliance.
 STIFF_RAD_S = 4000.0
-#: Start values if the circuit states none (assumed): heat capacity, J/K, and outer heat transfer, W/(m2 K).
-CAPACITY, OUTER = 5e3, 30.0
+#: Start values of a wall if the circuit states none (assumed): J/K, m2 (held), and W/(m2 K).
+WALL = {"wall_capacity": 5e3, "wall_outer_area": 1.0, "wall_outer_heat_transfer": 30.0}
 #: Start value of a leak: it exchanges this fraction of the gas in this time, s (assumed).
 LEAK_SHARE, LEAK_TIME_S = 0.01, 100.0
 #: Groups of parameters: short name -> meaning; and units of parameters.
@@ -271,59 +277,42 @@ class DrivenCircuit:
 
     def _group(self, name: str) -> list[Number]:
         kind, _, side = name.partition("_")
-        sides = [side] if side else list(SIDES)
         if kind == "leak":
             return [self._leak(side)]
-        out = []
-        for one in sides:
-            tank, numbers = self.tanks[one], self.parts[self.piston]["numbers"]
-            if kind == "volumes":
-                at, key = (self.piston, f"dead_volume_{one}") if tank is None else (tank, "volume")
-                out.append(self._number(at, key))
-            elif tank is None:
-                if kind != "heat":
-                    remedy = "describe the dead volume as a tank at the piston's port"
-                    raise FitError(f"{name}: chamber {one} has no tank", remedy=remedy)
-                out.append(self._heat(self.piston))
-            elif kind == "barrel":
-                numbers.setdefault(f"perimeter_{one}", 0.0)
-                out.append(self._number(self.piston, f"perimeter_{one}", 0.3))
-            else:
-                out += self._of_wall(tank, kind)
-        return out
+        return [number for one in side or SIDES for number in self._of_chamber(name, one)]
 
-    def _heat(self, component: str) -> Number:
-        """Return the heat transfer coefficient if the circuit states it, otherwise the factor on its law."""
-        is_stated = "heat_transfer" in self.parts[component]["numbers"]
-        return self._number(component, "heat_transfer" if is_stated else "heat_transfer_scale", 1.0)
-
-    def _of_wall(self, tank: str, kind: str) -> list[Number]:
-        numbers = self.parts[tank]["numbers"]
-        if kind == "heat":
-            return [self._heat(tank)]
-        for key, value in (("wall_capacity", CAPACITY), ("wall_outer_area", 1.0), ("wall_outer_heat_transfer", OUTER)):
-            if not numbers.get(key):
-                numbers[key] = value
-        return [self._number(tank, "wall_capacity"), self._number(tank, "wall_outer_heat_transfer")]
+    def _of_chamber(self, name: str, side: str) -> list[Number]:
+        kind, tank = name.partition("_")[0], self.tanks[side]
+        own = tank or self.piston
+        if kind == "volumes":
+            return [self._number(own, "volume" if tank else f"dead_volume_{side}")]
+        if kind == "heat":  # the coefficient if the circuit states it, otherwise the factor on its law
+            is_stated = "heat_transfer" in self.parts[own]["numbers"]
+            return [self._number(own, "heat_transfer" if is_stated else "heat_transfer_scale", 1.0)]
+        if tank is None:
+            remedy = "describe the dead volume as a tank at the piston's port"
+            raise FitError(f"{name}: chamber {side} has no tank", remedy=remedy)
+        if kind == "barrel":
+            return [self._number(self.piston, f"perimeter_{side}", 0.3)]
+        capacity, _, transfer = (self._number(tank, key, start) for key, start in WALL.items())
+        return [capacity, transfer]
 
     def _leak(self, side: str) -> Number:
         """Return the leak past the piston or to the ambient air, existing or added."""
         ends = (f"{self.piston}.{side or 'a'}", "ambient" if side else f"{self.piston}.b")
-        for name, part in self.parts.items():
-            if part["kind"] == "leak" and self._ends(name) == {*ends}:
-                return self._number(name, "coefficient", self._usual_leak())
-        name = f"leak_{side}" if side else "leak"
-        self._add(name, "leak", {"coefficient": self._usual_leak()}, *ends)
-        return self._number(name, "coefficient")
+        leaks = (name for name, part in self.parts.items() if part["kind"] == "leak")
+        name = next((name for name in leaks if self._ends(name) == {*ends}), "")
+        if not name:
+            name = f"leak_{side}" if side else "leak"
+            self._add(name, "leak", {}, *ends)
+        # assumed start: 1 % of the gas at 5 bar leaks to the ambient air in 100 s
+        volume = self.stroke_m * max(self.areas_m2) + sum(self._dead(side) for side in SIDES)
+        usual = LEAK_SHARE * volume / LEAK_TIME_S / (5e5 * float(self.form["gas"]["gas_constant_j_kg_k"]))
+        return self._number(name, "coefficient", usual)
 
     def _ends(self, leak: str) -> set[str]:
         joined = [*self._joint(f"{leak}.1"), *self._joint(f"{leak}.2")]
         return {port for port in joined if port in ("ambient", f"{self.piston}.a", f"{self.piston}.b")}
-
-    def _usual_leak(self) -> float:
-        """Return the coefficient with which 1 % of the gas at 5 bar leaks to the ambient air in 100 s."""
-        volume = self.stroke_m * max(self.areas_m2) + sum(self._dead(side) for side in SIDES)
-        return LEAK_SHARE * volume / LEAK_TIME_S / (5e5 * float(self.form["gas"]["gas_constant_j_kg_k"]))
 
     def _dead(self, side: str) -> float:
         tank = self.tanks[side]
@@ -391,10 +380,8 @@ class DrivenCircuit:
         """
         columns = [f"{self.piston}.{side}.pressure_pa" for side in SIDES]
         found = self._recorded(_core.Circuit(form), record, start, until, columns)
-        out = np.full((2, record.grid_s.size), np.nan)
-        for place, column in enumerate(columns):
-            out[place, : found[column].size] = found[column]
-        return out
+        pressures = np.array([found[column] for column in columns])
+        return np.pad(pressures, ((0, 0), (0, record.grid_s.size - pressures.shape[1])), constant_values=np.nan)
 
     def trajectory(self, record: DrivenRecording) -> Columns:
         """Return all columns of a run along a recording, at its grid of times.

@@ -26,11 +26,12 @@ from pneudrive.signals.recording import Recording
 from pneudrive.views import ShownTable
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
+    from collections.abc import Sequence
 
     from numpy.typing import NDArray
 
-    from pneudrive.signals.layout import Layout
+    from pneudrive.identify.follow.driven import MotionRecordings
+    from pneudrive.signals.layout import AnyLayout
 
 BEYOND = 0.03  # of the stroke: largest excess of a position
 LEAST_TRAVEL = 0.1  # of the stroke: less travel than this is probably another unit
@@ -42,15 +43,17 @@ OPEN_TOGETHER = 0.2  # least correlation of an open chamber's pressure with the 
 NEAR_AMBIENT = 0.1  # of the ambient pressure: largest distance of an open chamber from it (assumed)
 
 
-def check_readings(driven: DrivenCircuit, records: Sequence[DrivenRecording]) -> list[str]:
-    """Reject recordings that cannot belong to the circuit; return warnings.
+def check_readings(
+    driven: DrivenCircuit, records: Sequence[DrivenRecording]
+) -> tuple[list[DrivenRecording], list[str]]:
+    """Reject recordings that cannot belong to the circuit; return those with open chambers, and warnings.
 
     Raises
     ------
     RecordingError
         The position leaves the stroke, a pressure is impossible, or the chambers are swapped.
     """
-    doubts = []
+    idle, doubts = [], []
     for record in records:
         x, stroke = record.positions_m, driven.stroke_m
         low, high = float(x.min()), float(x.max())
@@ -60,7 +63,8 @@ def check_readings(driven: DrivenCircuit, records: Sequence[DrivenRecording]) ->
         if high - low < LEAST_TRAVEL * stroke:
             small = sentence("notes", "small", travel=1e3 * (high - low), stroke=1e3 * stroke)
             doubts.append(f"{record.name}: {small}")
-        if open_recordings(driven, [record]):
+        if record.is_open(np.array([*driven.volumes_m3(x).values()])):
+            idle.append(record)
             doubts += [f"{record.name}: {text}" for text in _open_doubts(driven, record)]
             continue
         for side, pressure in zip(SIDES, record.pressures_pa, strict=True):
@@ -77,7 +81,7 @@ def check_readings(driven: DrivenCircuit, records: Sequence[DrivenRecording]) ->
         if any(wrong):
             said = stated("readings", "swapped" if all(wrong) else "reversed", side="a" if wrong[0] else "b")
             raise RecordingError(where=record.name, **said)
-    return doubts
+    return idle, doubts
 
 
 def _open_doubts(driven: DrivenCircuit, record: DrivenRecording) -> list[str]:
@@ -96,11 +100,6 @@ def _open_doubts(driven: DrivenCircuit, record: DrivenRecording) -> list[str]:
     if moving:
         found.append(sentence("notes", "open_swapped", sides=" and ".join(moving)))
     return found
-
-
-def open_recordings(driven: DrivenCircuit, records: Sequence[DrivenRecording]) -> list[DrivenRecording]:
-    """Return the recordings whose chambers are open: their pressures stay constant."""
-    return [r for r in records if r.is_open(np.array([*driven.volumes_m3(r.positions_m).values()]))]
 
 
 def other_readings(solution: FollowSolution) -> list[str]:
@@ -249,7 +248,7 @@ class FollowFit(Fit, kind="motion"):
 
     def report(self, folder: str | Path = "report") -> Path:
         """Write the page of the fit into a folder."""
-        return upper("follow_page")(self, folder)
+        return upper("write_fit_report")(self, folder, upper("chambers")(self.solution))
 
     def _residual_lines(self) -> list[str]:
         return [f"{record.name}: {record}" for record in self.records]
@@ -278,10 +277,10 @@ class FollowFit(Fit, kind="motion"):
 
 def identify_motion(
     circuit: Circuit | str | Path,
-    recordings: str | Path | Recording | Iterable[str | Path | Recording],
+    recordings: MotionRecordings,
     free: Sequence[str] = ("volumes", "heat"),
     *,
-    layout: Layout | str | Path | None = None,
+    layout: AnyLayout = None,
     rivals: bool = True,
     progress: Progress | None = None,
     cancel: Flag | None = None,
@@ -320,8 +319,7 @@ def identify_motion(
     described = circuit if isinstance(circuit, Circuit) else Circuit.load(circuit)
     records = driven_recordings(recordings, layout)
     driven = DrivenCircuit(described)
-    notes = check_readings(driven, records)
-    idle = open_recordings(driven, records)
+    idle, notes = check_readings(driven, records)
     notes += [f"{r.name} is not used: its chambers are open" for r in idle]
     used = [record for record in records if record not in idle]
     if not used:
@@ -406,18 +404,18 @@ def _parts(solution: FollowSolution) -> dict[str, tuple[float, ...]]:
     """
     problem, point = solution.problem, solution.point
     if len(problem.records) > 1:
+        each = zip(problem.records, problem.parts, problem.weights, point.local, strict=True)
         pieces = [
-            (replace(problem, records=[record], parts=[problem.parts[at]], weights=[problem.weights[at]]), at)
-            for at, record in enumerate(problem.records)
+            (replace(problem, records=[record], parts=[part], weights=[weight]), local[None])
+            for record, part, weight, local in each
         ]
     else:
-        pieces = [(replace(problem, parts=own), 0) for own, _ in _folds(problem)]
+        pieces = [(replace(problem, parts=own), point.local) for own, _ in _folds(problem)]
     found: dict[str, list[float]] = {}
-    for piece, at in pieces:
+    for piece, local in pieces:
         piece.model = "part of the recordings"
-        local = point.local[at : at + 1] if len(piece.records) == 1 else point.local
         try:
-            solved = solve_follow(piece, FollowPoint(point.shared.copy(), local.copy()), passes=1)
+            solved = solve_follow(piece, FollowPoint(point.shared, local), passes=1)
         except FitError:
             continue  # this part does not depend on a number
         for place, (name, value) in enumerate(solved.values.items()):
@@ -544,7 +542,7 @@ def simulate_motion(
     circuit: FollowFit | Circuit | str | Path,
     recording: str | Path | Recording,
     *,
-    layout: Layout | str | Path | None = None,
+    layout: AnyLayout = None,
 ) -> tuple[dict[str, NDArray[Any]], Plain]:
     """Simulate a circuit whose piston follows the position of a recording.
 

@@ -90,17 +90,12 @@ class FollowProblem:
         """Return the start point."""
         return FollowPoint(np.log([n.start for n in self.numbers]), np.zeros((len(self.records), LOCAL)))
 
-    def start_of(self, at: int, local: Array) -> Array:
-        """Return start pressures and temperatures of a recording."""
-        record, walls = self.records[at], self.driven.wall_k
-        first = record.pressures_pa[:, :3].mean(axis=1)
-        return np.r_[first * np.exp(local[:2]), walls["a"] + local[2], walls["b"] + local[3]]
-
     def raw(self, at: int, form: str, local: Array) -> Array:
         """Return the simulated pressures of a recording without its delay."""
-        record = self.records[at]
-        until = min(float(record.grid_s[-1]), self.parts[at][1])
-        return self.driven.run(form, record, self.start_of(at, local), until)
+        record, walls = self.records[at], self.driven.wall_k
+        first = record.pressures_pa[:, :3].mean(axis=1)
+        start = np.r_[first * np.exp(local[:2]), walls["a"] + local[2], walls["b"] + local[3]]
+        return self.driven.run(form, record, start, min(float(record.grid_s[-1]), self.parts[at][1]))
 
     def shown(self, at: int, raw: Array, delay_s: float) -> Array:
         """Return the simulated sensor readings, with the delay; NaN outside the run."""
@@ -115,9 +110,9 @@ class FollowProblem:
 
     def residual(self, at: int, raw: Array, delay_s: float) -> Array:
         """Return the weighted residuals of a recording, shape (2, n); zero outside the compared span."""
-        record, (begin, end) = self.records[at], self.parts[at]
-        counts = (record.grid_s >= begin) & (record.grid_s <= end)
-        rest = np.where(counts, record.pressures_pa - self.shown(at, raw, delay_s), 0.0)
+        record = self.records[at]
+        away = record.pressures_pa - self.shown(at, raw, delay_s)
+        rest = np.where(record.within(self.parts[at]), away, 0.0)
         return np.nan_to_num(rest) * self.weights[at][:, None]
 
     def priors(self, at: int) -> Array:
@@ -165,11 +160,10 @@ class FollowSolution:
         """Return measured minus simulated pressures of a recording, Pa; NaN without a simulated value."""
         return self.problem.records[at].pressures_pa - self.shown(at)
 
-    def rms(self, at: int, part: Interval | None = None) -> Array:
+    def rms(self, at: int, part: Interval = (0.0, np.inf)) -> Array:
         """Return the rms of both residuals of a recording, relative to the range of each pressure."""
         record = self.problem.records[at]
-        begin, end = part or (0.0, np.inf)
-        rest = self.rest(at)[:, (record.grid_s >= begin) & (record.grid_s <= end)]
+        rest = self.rest(at)[:, record.within(part)]
         return np.sqrt(np.nanmean(rest**2, axis=1)) / record.ranges_pa
 
     @property
@@ -233,27 +227,21 @@ def _jacobians(
 ) -> list[Array]:
     """Return the Jacobian of each recording's residuals: shared parameters, then separate ones."""
     shared = len(problem.numbers)
-    jobs = []
-    for at in range(len(raws)):
-        spread = problem.priors(at)
-        free = [column for column in range(shared + LOCAL - 1) if column < shared or spread[column - shared] > 0.0]
+    jobs, steps = [], np.r_[np.full(shared, SHARED_STEP), STEPS]
+    for at, local in enumerate(point.local):
+        free = np.flatnonzero(np.r_[np.ones(shared), problem.priors(at)[:-1]] > 0.0).tolist()  # the delay needs no run
         for columns in _together(problem, free):
-            moved, local = point.shared.copy(), point.local[at].copy()
-            for column in columns:
-                if column < shared:
-                    moved[column] += SHARED_STEP
-                else:
-                    local[column - shared] += STEPS[column - shared]
-            form = problem.driven.values_form(problem.numbers, np.exp(moved))
-            jobs.append((at, columns, pool.submit(problem.raw, at, form, local)))
+            moved = np.r_[point.shared, local]
+            moved[columns] += steps[columns]
+            form = problem.driven.values_form(problem.numbers, np.exp(moved[:shared]))
+            jobs.append((at, columns, pool.submit(problem.raw, at, form, moved[shared:])))
     out = [np.zeros((shared + LOCAL, *residual.shape)) for residual in residuals]
     for at, columns, job in jobs:
         problem.watch.look()
         change = problem.residual(at, job.result(), point.local[at, 4]) - residuals[at]
         for column in columns:
             rows = slice(None) if len(columns) == 1 else SIDES.index(_side(problem, column))
-            step = SHARED_STEP if column < shared else STEPS[column - shared]
-            out[at][column][rows] = change[rows] / step
+            out[at][column][rows] = change[rows] / steps[column]
     for at, raw in enumerate(raws):
         if problem.is_delayed:
             delay, step = point.local[at, 4], STEPS[4]
@@ -346,9 +334,9 @@ def _search(
 
 def _weights(problem: FollowProblem, at: int, raw: Array, delay_s: float) -> Array:
     """Return the weights of both residuals of a recording, from their size and correlation time."""
-    record, (begin, end) = problem.records[at], problem.parts[at]
+    record = problem.records[at]
     rest = record.pressures_pa - problem.shown(at, raw, delay_s)
-    rest = rest[:, (record.grid_s >= begin) & (record.grid_s <= end) & np.isfinite(rest[0])]
+    rest = rest[:, record.within(problem.parts[at]) & np.isfinite(rest[0])]
     size = np.maximum(np.sqrt(np.mean(rest**2, axis=1)), record.noise_pa)
     return 1.0 / (size * np.sqrt([_correlation_time(one) for one in rest]))
 

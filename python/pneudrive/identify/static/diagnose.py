@@ -122,7 +122,7 @@ def _with_pressure(
     for c in gauges:
         if c not in chambers:
             lost += _lost((f"{f}_{c}" for f in forces), "one_pressure", chamber=c, bar=1e-5 * gauges[c].mean())
-    if len(chambers) == 2 and _collinear(data.gauge_a_pa, data.gauge_b_pa):
+    if len(chambers) == 2 and _collinear(*data.gauges_pa):
         lost += _lost((f"{f}_{c}" for f in forces for c in "ab"), "same_pressure")
         chambers = ("ab",)
     if pressure in ("quadratic", "saturating"):
@@ -142,7 +142,7 @@ def _levels(gauge: Array) -> int:
 
 def _crossed(data: Observations) -> bool:
     """Return whether the product of both pressures is linearly independent of the pressures."""
-    a, b = data.gauge_a_pa / 1e5, data.gauge_b_pa / 1e5
+    a, b = (gauge / 1e5 for gauge in data.gauges_pa)
     base = np.column_stack([np.ones_like(a), a, b])
     rest = a * b - projection(a * b, base)
     return bool(np.std(rest) > 1e-3 * np.std(a * b))
@@ -259,7 +259,7 @@ def estimated(model: FrictionModel, data: Observations) -> tuple[RobustEstimate,
 
 
 def _largest_gauge(data: Observations) -> float:
-    return float(max(np.abs(data.gauge_a_pa).max(), np.abs(data.gauge_b_pa).max()))
+    return float(np.abs(data.gauges_pa).max())
 
 
 def with_knee(model: FrictionModel, data: Observations) -> FrictionModel:

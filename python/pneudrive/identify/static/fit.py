@@ -11,7 +11,7 @@ from __future__ import annotations
 import re
 from dataclasses import replace
 from functools import partial
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 
@@ -36,6 +36,10 @@ if TYPE_CHECKING:
     from pneudrive.describe.tables.friction import Friction
     from pneudrive.friction.characterisation import Characterisation
     from pneudrive.identify.base import Undetermined
+
+
+#: Group -> law -> fit.
+GroupFits: TypeAlias = dict[str, dict[str, FrictionFit]]
 
 
 def fit_friction(
@@ -280,11 +284,9 @@ def _profile(found: RobustEstimate, name: str) -> Interval:
     k = model.names.index(name)
     is_positive, spread = bool(model.positive[k]), float(np.sqrt(found.covariance[k, k]))
     reach = student(found.dof)
-    top = model.entries()[k]["upper"]
-    upper = np.inf if top is None else float(top)
 
     def natural(coordinate: float) -> float:
-        return min(float(np.exp(coordinate)) if is_positive else coordinate, upper)
+        return min(float(np.exp(coordinate)) if is_positive else coordinate, float(model.uppers[k]))
 
     def held(coordinate: float, start: Array) -> tuple[float, Array]:
         tried = model.without(name, natural(coordinate), start)
@@ -310,12 +312,10 @@ def _with_sizes(model: sliding.AnyLaw, data: sliding.Observations) -> sliding.An
     value, jac = model.value_and_jacobian(q, data)
     slope = np.abs(jac).max(axis=0) / np.diag(model.natural_jacobian(q))
     sizes = 0.1 * np.median(np.abs(value)) / np.where(slope > 0.0, slope, np.inf)
-    uppers = [entry["upper"] for entry in model.entries()]
-    most = np.array([np.inf if top is None else 0.5 * top for top in uppers])
-    return replace(model, start=tuple(np.where(zero, np.minimum(sizes, most), start).tolist()))
+    return replace(model, start=tuple(np.where(zero, np.minimum(sizes, 0.5 * model.uppers), start).tolist()))
 
 
-def fit_characterisation(characterisation: Characterisation) -> tuple[dict[str, dict[str, FrictionFit]], list[str]]:
+def fit_characterisation(characterisation: Characterisation) -> tuple[GroupFits, list[str]]:
     """Fit laws to the friction map of a characterisation.
 
     Parameters
@@ -348,12 +348,12 @@ def fit_file(group: str) -> str:
 
 def fit_groups(
     table: xr.Dataset, names: Sequence[str], exclude_flags: Sequence[str] = sliding.NOT_SLIDING
-) -> tuple[dict[str, dict[str, FrictionFit]], list[str]]:
+) -> tuple[GroupFits, list[str]]:
     """Fit each law to each group of rows of a map. Return group -> law -> fit, and failed fits.
 
     Friction may depend on pressure if the group has several pressures.
     """
-    fits: dict[str, dict[str, FrictionFit]] = {}
+    fits: GroupFits = {}
     problems: list[str] = []
     for group in dict.fromkeys(names):
         part = table.isel(row=np.flatnonzero(np.array(names) == group))

@@ -84,6 +84,11 @@ class Observations:
     u_systematic_n: Array
     group: Ints
 
+    @property
+    def gauges_pa(self) -> ArrayPair:
+        """Gauge pressures of chambers a and b."""
+        return self.gauge_a_pa, self.gauge_b_pa
+
     def __len__(self) -> int:
         return int(self.speed_m_s.size)
 
@@ -356,7 +361,7 @@ class FrictionModel(StaticLaw):
 
     def _pressures(self, data: Observations) -> Columns:
         """Return the factors of a force and of its pressure terms, by suffix of the parameter name."""
-        a, b = data.gauge_a_pa, data.gauge_b_pa
+        a, b = data.gauges_pa
         of = {"a": a, "b": b}
         if self.knee_pa is not None:
             of = {c: g / (1.0 + np.abs(g) / self.knee_pa) for c, g in of.items()}
@@ -411,8 +416,12 @@ class AnyLaw(StaticLaw):
     @cached_property
     def positive(self) -> Bools:
         """Mask of parameters whose coordinate is their logarithm, shape (p,)."""
-        lower = {p["key"]: p["lower"] for p in self.friction.entry["parameters"]}
-        return np.array([lower[n] is not None and lower[n] >= 0.0 for n in self.names])
+        return np.array([entry["lower"] is not None and entry["lower"] >= 0.0 for entry in self.entries()])
+
+    @property
+    def uppers(self) -> Array:
+        """Upper bounds of the law, shape (p,), SI; infinite without one."""
+        return np.array([np.inf if entry["upper"] is None else float(entry["upper"]) for entry in self.entries()])
 
     @property
     def given(self) -> Array:
@@ -435,13 +444,11 @@ class AnyLaw(StaticLaw):
         """Return the bounds of the coordinates: bounds of the law, and six decades around the given values."""
         del data
         given = self.internal(self.given)
-        lower, upper = np.full(given.size, -np.inf), np.full(given.size, np.inf)
-        lower[self.positive] = given[self.positive] - 14.0
-        upper[self.positive] = given[self.positive] + 14.0
-        for k, entry in enumerate(self.entries()):
-            if entry["upper"] is not None and np.isfinite(entry["upper"]):
-                top = self.internal(np.full(given.size, float(entry["upper"])))[k]
-                upper[k] = min(upper[k], top)
+        reach = np.where(self.positive, 14.0, np.inf)
+        lower, upper = given - reach, given + reach
+        for k, top in enumerate(self.uppers):
+            if np.isfinite(top):
+                upper[k] = min(upper[k], self.internal(np.full(given.size, top))[k])
         if self.transforms.excess is None:  # a held one of both bounds the other
             other = dict(self.friction.parameters) | self.held
             for k, name in enumerate(self.names):
@@ -463,8 +470,7 @@ class AnyLaw(StaticLaw):
         law, values, tables = self._core
         at = values | by_name(self.names, theta)
         names, zero = [f"friction.parameters.{n}" for n in self.names], np.zeros(len(data))
-        gauges = data.gauge_a_pa, data.gauge_b_pa
-        return _core.steady_friction_sensitivity(law, at, names, data.speed_m_s, *gauges, zero, tables)
+        return _core.steady_friction_sensitivity(law, at, names, data.speed_m_s, *data.gauges_pa, zero, tables)
 
     def starting_points(self, data: Observations) -> list[Array]:
         """Return start points: the given values and points near them."""
@@ -569,16 +575,11 @@ def _columns(friction_map: xr.Dataset) -> dict[str, NDArray]:
     column.setdefault("flags", np.full(rows, "", dtype=object))
     for name in (*REQUIRED[1:], "stderr_n", "u_systematic_n", "strokes"):
         column[name] = column[name].astype(float)
-    bad = np.flatnonzero(~np.isin(column["direction"], (-1.0, 1.0)))
-    if bad.size:
-        raise FitError.of(
-            "identify.direction", where=f"friction map, row {bad[0]}", direction=column["direction"][bad[0]]
-        )
-    negative = np.flatnonzero(column["stderr_n"] < 0.0)
-    if negative.size:
-        raise FitError.of(
-            "identify.stderr", where=f"friction map, row {negative[0]}", stderr=column["stderr_n"][negative[0]]
-        )
+    direction, stderr = column["direction"], column["stderr_n"]
+    for name, values, wrong in (("direction", direction, abs(direction) != 1.0), ("stderr", stderr, stderr < 0.0)):
+        if wrong.any():
+            row = int(wrong.argmax())
+            raise FitError.of(f"identify.{name}", where=f"friction map, row {row}", found=values[row])
     return column
 
 
@@ -679,7 +680,7 @@ def simulated(friction_map: xr.Dataset) -> list[str]:
 
 def fingerprint(data: Observations) -> str:
     """Return the SHA-256 of the values of the fit."""
-    columns = (data.speed_m_s, data.friction_n, data.stderr_n, data.gauge_a_pa, data.gauge_b_pa)
+    columns = (data.speed_m_s, data.friction_n, data.stderr_n, *data.gauges_pa)
     return hashlib.sha256(np.ascontiguousarray(np.stack(columns), dtype="<f8").tobytes()).hexdigest()
 
 

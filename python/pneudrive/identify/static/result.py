@@ -306,7 +306,7 @@ class FrictionFit(SlidingFit, kind="friction map"):
         exponent = self.values.get("stribeck_exponent", 2.0)
         shape = "lorentzian" if self.model.lorentzian else f"exp(-(v/vs)^{exponent:g})"
         effects = sentences("not_exported")
-        lost = [effects[key].partition(":")[0] for key in self.dependences.tables if key in effects]
+        lost = [effects[key].partition(":")[0] for key in self.dependences.friction if key in effects]
         pressure = effects["pressure"].format(a=gauges[0] / 1e5, b=gauges[1] / 1e5)
         return export.SlidingCurve(
             f"friction fit, law {self.law}",
@@ -336,8 +336,6 @@ class FrictionFit(SlidingFit, kind="friction map"):
 
     @classmethod
     def _fields(cls, file: FitFile) -> Plain:
-        if len(file.groups) == 1:
-            file.groups.append({})
         values, shared = file.groups
         for name in file.content["covariance"]["names"]:  # older files: a shared slope stands under each chamber
             if name not in values | shared:
@@ -378,8 +376,7 @@ def _remedy(fit: FrictionFit, i: int, j: int) -> str:
     speed = fit.observations.speed_m_s
     low, high = float(speed.min()), float(speed.max())
     tried = np.geomspace(low / BEYOND, high * BEYOND, CANDIDATES)
-    gauges = (np.median(g) for g in (fit.observations.gauge_a_pa, fit.observations.gauge_b_pa))
-    at = sliding.at_conditions(tried, *gauges)
+    at = sliding.at_conditions(tried, *(np.median(gauge) for gauge in fit.observations.gauges_pa))
     _, gradient = fit.model.force_and_slopes(fit.estimates, at)
     noise = fit.statistics["variance"] * float(np.median(fit.observations.stderr_n)) ** 2
     carried = gradient @ fit.covariance  # (c, p)
@@ -620,19 +617,14 @@ def ellipses(fit: Fit) -> list[Ellipse]:
     """
     turn = np.linspace(0.0, 2.0 * np.pi, OUTLINE)
     circle = np.stack([np.cos(turn), np.sin(turn)])
-    known = [k for k, name in enumerate(fit.free) if name in fit.standard_errors]
-    pairs = [(i, j) for i in known for j in known if i < j]
-    pairs.sort(key=lambda pair: -abs(fit.correlation[pair]))
-    values = fit.free_values()
+    values, errors = fit.free_values(), fit.standard_errors
+    sure = [k for k, name in enumerate(fit.free) if errors.get(name, 0.0) > 0.0]
+    pairs = sorted(combinations(sure, 2), key=lambda pair: -abs(fit.correlation[pair]))
     out = []
     for i, j in pairs[:MOST_PAIRS]:
         names = fit.free[i], fit.free[j]
-        part = fit.covariance[np.ix_([i, j], [i, j])]
-        if not np.all(np.diag(part) > 0.0):
-            continue
-        size = np.sqrt(np.diag(part))
+        centre, size = (np.array([[known[name]] for name in names]) for known in (values, errors))
         rho = float(np.clip(fit.correlation[i, j], -1.0, 1.0))
         root = np.array([[1.0, 0.0], [rho, np.sqrt(1.0 - rho * rho)]])
-        outline = np.array([values[name] for name in names])[:, None] + fit.reach * size[:, None] * (root @ circle)
-        out.append(Ellipse(*names, rho, outline.T))
+        out.append(Ellipse(*names, rho, (centre + fit.reach * size * (root @ circle)).T))
     return out

@@ -199,7 +199,7 @@ def estimate(
     # Huber's small-sample factor for regression [huber2009]
     correction = 1.0 + len(model.names) / u.size * float(np.var(slope)) / mean_slope**2
     variance = correction**2 * float(np.sum(psi**2)) / dof * (scale / mean_slope) ** 2
-    weight = np.where(np.abs(u) > 1e-12, psi / np.where(np.abs(u) > 1e-12, u, 1.0), 1.0)
+    weight = np.divide(psi, u, out=np.ones_like(u), where=np.abs(u) > 1e-12)
     lower, upper = model.bounds(data)
     reach = 1e-6 * np.maximum(np.abs(q), 1.0)
     active = (q - lower < reach) | (upper - q < reach)

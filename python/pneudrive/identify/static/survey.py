@@ -196,7 +196,7 @@ class Survey(Shown):
 
     def _borrowed(self, one: Surveyed, at: Observations) -> ArrayPair:
         """Predict friction of a seal measured at one pressure, by the ratio between pressures of the other seals."""
-        here = at_conditions(at.speed_m_s, one.data.gauge_a_pa.mean(), one.data.gauge_b_pa.mean())
+        here = at_conditions(at.speed_m_s, *(gauge.mean() for gauge in one.data.gauges_pa))
         both = ([self._most_likely(s, x) for x in (at, here)] for s in self.seals.values() if s.model.chambers)
         ratios = [there / near for there, near in both]
         others = [ratio for ratio in ratios if (ratio > 0.0).all()]
@@ -250,7 +250,7 @@ def survey_values(
     freedom = sum(len(s.data) - s.theta.size for s in seals.values())
     if freedom < LEAST_FREEDOM:
         raise FitError.of("identify.few_recordings", freedom=freedom, seals=len(seals), least=LEAST_FREEDOM)
-    span = max(float(np.ptp(gauge)) for s in seals.values() for gauge in (s.data.gauge_a_pa, s.data.gauge_b_pa))
+    span = max(float(np.ptp(gauge)) for s in seals.values() for gauge in s.data.gauges_pa)
     span = span if span > 0.0 else 1e5
     logs = {name: _restricted(one, span) for name, one in seals.items()}
     weights, shared = _posterior(logs)
@@ -301,8 +301,8 @@ def _surveyed(name: str, data: Observations, runs: tuple[str, ...], options: Map
 
 
 def _elsewhere(data: Observations, at: Observations) -> bool:
-    off = np.maximum(np.abs(at.gauge_a_pa - data.gauge_a_pa.mean()), np.abs(at.gauge_b_pa - data.gauge_b_pa.mean()))
-    return bool((off > 4.0 * SAME_PRESSURE_PA).any())
+    off = [np.abs(there - here.mean()) for there, here in zip(at.gauges_pa, data.gauges_pa, strict=True)]
+    return bool((np.array(off) > 4.0 * SAME_PRESSURE_PA).any())
 
 
 def _kernel(model: FrictionModel, first: Observations, second: Observations, span: float) -> Array:
@@ -383,7 +383,7 @@ def pressure_levels(data: Observations) -> Ints:
     """Return the index of the pressure level of each value. A level spans 10 %, or 0.1 bar, above its first value."""
     levels: list[Interval] = []
     out = np.empty(len(data), dtype=np.int64)
-    for i, (a, b) in enumerate(zip(data.gauge_a_pa, data.gauge_b_pa, strict=True)):
+    for i, (a, b) in enumerate(zip(*data.gauges_pa, strict=True)):
         width = max(2.0 * SAME_PRESSURE_PA, 0.1 * max(abs(a), abs(b)))
         near = [k for k, (c, d) in enumerate(levels) if max(abs(a - c), abs(b - d)) < width]
         if not near:

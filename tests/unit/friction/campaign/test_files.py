@@ -82,7 +82,7 @@ def test_an_effect_of_temperature_is_in_the_fit(measured, quick):
     assert found.drift.per_kelvin.differs
     fits, _ = fit_campaign(found)
     (by_law,) = fits.values()
-    assert by_law["stribeck"].dependences.tables["temperature"]["reference"].endswith(" K")
+    assert by_law["stribeck"].dependences.friction["temperature"]["reference"].endswith(" K")
 
 
 def test_stops_without_any_flag_are_written(tmp_path):
