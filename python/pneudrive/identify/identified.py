@@ -433,7 +433,8 @@ class Dependences:
     @classmethod
     def of_table(cls, content: Plain) -> Dependences:
         """Return the modifiers from a table of :meth:`table`."""
-        return cls(**content | {"notes": tuple(content.get("notes", ()))})
+        known: Plain = {**content, "notes": tuple(content.get("notes", ()))}
+        return cls(**known)
 
     def for_law(self, law: str) -> Dependences:
         """Return the modifiers for a law; relaxation is left out if the law has no bristles."""
