@@ -127,7 +127,7 @@ class Line:
     look: Look = MEASURED
     width: float | None = None
     steps: bool = False
-    kind: Literal["line"] = field(default="line", init=False)
+    kind: Literal["line"] = "line"
 
 
 @dataclass(frozen=True)
@@ -139,7 +139,7 @@ class Band:
     high: Numbers
     label: str = ""
     look: Look | None = None
-    kind: Literal["band"] = field(default="band", init=False)
+    kind: Literal["band"] = "band"
 
 
 @dataclass(frozen=True)
@@ -156,7 +156,7 @@ class Markers:
     filled: bool = False
     joined: bool = False
     names: Sequence[str] = ()
-    kind: Literal["markers"] = field(default="markers", init=False)
+    kind: Literal["markers"] = "markers"
 
 
 @dataclass(frozen=True)
@@ -168,7 +168,7 @@ class Rule:
     label: str = ""
     look: Look = THIN
     width: float = 0.7
-    kind: Literal["rule"] = field(default="rule", init=False)
+    kind: Literal["rule"] = "rule"
 
 
 @dataclass(frozen=True)
@@ -181,7 +181,7 @@ class Bars:
     look: Look = RESIDUAL
     thickness: float = 0.8
     across: bool = False
-    kind: Literal["bars"] = field(default="bars", init=False)
+    kind: Literal["bars"] = "bars"
 
 
 @dataclass(frozen=True)
@@ -231,7 +231,7 @@ class Drawing:
     x: tuple[float, float]
     y: tuple[float, float]
     equal: bool = False
-    kind: Literal["drawing"] = field(default="drawing", init=False)
+    kind: Literal["drawing"] = "drawing"
 
 
 Mark: TypeAlias = Line | Band | Markers | Rule | Bars | Drawing
@@ -334,6 +334,12 @@ def stack(
     return Figure(
         panels, x, row_in=height_in / max(len(panels), 1), rest_in=0.0, share_x="all", heights=heights, **more
     )
+
+
+def banded(x: Numbers, y: Numbers, low: Numbers, high: Numbers, *line: Any) -> list[Any]:  # noqa: ANN401 - of `Line`
+    """Return a curve with its band in one look. `line` is label, look and width."""
+    curve = Line(x, y, *line)
+    return [Band(x, low, high, look=curve.look), curve]
 
 
 def thin(values: Any, most: int = 4000) -> slice:  # noqa: ANN401 - any sequence

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from functools import lru_cache
+from functools import cache
 from pathlib import Path
 
 from pneudrive.errors import PneudriveError
@@ -10,7 +10,7 @@ from pneudrive.errors import PneudriveError
 FILE = Path(__file__).resolve().parent / "data" / "references.bib"
 
 
-@lru_cache(maxsize=1)
+@cache
 def entries() -> dict[str, str]:
     """Return all BibTeX entries by key."""
     found = {}

@@ -133,8 +133,8 @@ def load(path: str | Path) -> Any:  # noqa: ANN401 - one class for each kind
     if str(path).startswith("catalogue:"):
         return Drive.load(path)
     path = Path(path)
-    kinds = ((_load_folder, path.is_dir()), (_load_toml, path.suffix == ".toml"))
-    read = next((read for read, holds in (*kinds, (_load_table, path.suffix in SUFFIXES)) if holds), None)
+    readers = {".toml": _load_toml} | dict.fromkeys(SUFFIXES, _load_table)
+    read = _load_folder if path.is_dir() else readers.get(path.suffix)
     result = read(path) if read is not None and path.exists() else None
     if result is None and path.is_file() and path.suffix not in NO_RECORDING:
         layout = find_layout(path)
@@ -361,7 +361,7 @@ class CurvePair(NamedTuple):
 
         A curve with a band is listed at several abscissas, any other curve where the difference is largest.
         """
-        (x_size, x_unit), (size, unit) = readable(self.first.x_unit), readable(self.first.unit)
+        (x_size, x_unit), (size, unit) = self.first.units
         most = [int(np.argmax(np.abs(self.difference)))]
         evenly = np.unique(np.linspace(0, len(self.x) - 1, SHOWN_PLACES).round().astype(int))
         for at in most if self.half_band is None else evenly:
@@ -379,7 +379,7 @@ class CurvePair(NamedTuple):
         """Return a sentence: which curve is larger, by how much, and where the difference is significant."""
         if self.half_band is None or not np.isfinite(self.half_band).all():
             return ""
-        (x_size, x_unit), (size, unit) = readable(self.first.x_unit), readable(self.first.unit)
+        (x_size, x_unit), (size, unit) = self.first.units
         place = [f"{x / x_size:.3g} {x_unit}" for x in self.x]
         gap = [with_u(d / size, h / size, unit) for d, h in zip(abs(self.difference), self.half_band, strict=True)]
         differs, quantity = np.abs(self.difference) > self.half_band, self.first.quantity

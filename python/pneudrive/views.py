@@ -18,11 +18,13 @@ from pneudrive.repr_tables import Card, Shown, aligned
 from pneudrive.units import readable
 
 if TYPE_CHECKING:
-    from pneudrive.arrays import Array, Bools, Plain
+    from pneudrive.arrays import Array, ArrayPair, Bools, Interval, Plain
 
 #: State of a result, a value or a finding, from best to worst.
 State: TypeAlias = Literal["good", "open", "bad"]
 STATES: tuple[State, ...] = ("good", "open", "bad")
+#: Head and rows of a table.
+HeadAndRows: TypeAlias = tuple[tuple[str, ...], list[tuple[str, ...]]]
 MOST_LEADING = 5
 _NUMBERS = {"", "–", "-", "+", *"0123456789"}  # first letters of a number in a table
 MOST_PICTURES = 3  # figures of a result that a notebook draws
@@ -56,7 +58,7 @@ class ShownValue:
     quantity: str
     value: float | str
     unit: str = ""
-    interval: tuple[float, float] | None = None
+    interval: Interval | None = None
     origin: str = "data"
 
     @property
@@ -119,10 +121,15 @@ class ShownCurve:
     quantity: str
     x_unit: str
     unit: str
-    band: tuple[Array, Array] | None
+    band: ArrayPair | None
     measured: Bools
     group: str = ""
-    excluded: tuple[Array, Array] | None = None
+    excluded: ArrayPair | None = None
+
+    @property
+    def units(self) -> tuple[tuple[float, str], tuple[float, str]]:
+        """Usual units of both axes: size in SI, and name."""
+        return readable(self.x_unit), readable(self.unit)
 
     @property
     def half_band(self) -> float:
@@ -236,7 +243,7 @@ class SentCurve:
     @classmethod
     def of(cls, curve: ShownCurve) -> SentCurve:
         """Return a curve in usual units. A long curve is reduced to some thousand points."""
-        (x_size, x_unit), (size, unit) = readable(curve.x_unit), readable(curve.unit)
+        (x_size, x_unit), (size, unit) = curve.units
         titles = f"{curve.x_quantity}, {x_unit}".strip(", "), f"{curve.quantity}, {unit}".strip(", ")
         part = thin(curve.x)
         low, high = (end[part] / size for end in curve.band) if curve.band else ((), ())
@@ -330,7 +337,7 @@ class View(Shown):
         findings = (f"{marks[f.state]}{f.text}{f' {f.remedy}' if f.remedy else ''}" for f in self.findings)
         return (*(value.text for value in self.leading), *findings, *self.notes)
 
-    def table(self) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
+    def table(self) -> HeadAndRows:
         """Return head and rows of the values: a row for each label, a column for each quantity."""
         of_column: dict[str, set[str]] = {}
         labels: dict[str, dict[str, ShownValue]] = {}
@@ -345,7 +352,7 @@ class View(Shown):
             for label, cells in labels.items()
         ]
 
-    def value_tables(self, without: Collection[ShownValue] = ()) -> list[tuple[tuple[str, ...], list[tuple[str, ...]]]]:
+    def value_tables(self, without: Collection[ShownValue] = ()) -> list[HeadAndRows]:
         """Return head and rows of the values, in one table for all labels with a common quantity."""
         quantities: dict[str, set[str]] = {}
         for value in self.rows:
@@ -359,21 +366,19 @@ class View(Shown):
             group[1].extend([value] * (value not in without))
         return [replace(self, rows=values).table() for _, values in groups if values]
 
-    def curve_table(self) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
+    def curve_table(self) -> HeadAndRows:
         """Return head and rows of the curves: the ranges of both axes, and the mean band."""
         rows = []
         for curve in self.curves:
-            (x_size, _), (size, _) = readable(curve.x_unit), readable(curve.unit)
+            (x_size, _), (size, _) = curve.units
             points = str(int(curve.measured.sum()))
             ends = (_ends(curve.x / x_size, ".3g"), _ends(curve.y / size, ".2f"))
             rows.append((curve.label, points, *ends, f"± {curve.half_band / size:.2g}"))
         if not self.curves:
             return (), rows
         first = self.curves[0]
-        axes = (
-            f"{name} {readable(unit)[1]}"
-            for name, unit in ((first.x_quantity, first.x_unit), (first.quantity, first.unit))
-        )
+        (_, x_unit), (_, unit) = first.units
+        axes = f"{first.x_quantity} {x_unit}", f"{first.quantity} {unit}"
         return ("curve", "points", *axes, "95 % band"), rows
 
     def text(self) -> str:

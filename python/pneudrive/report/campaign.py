@@ -17,7 +17,7 @@ from pneudrive.campaign.cycle import KINDS
 from pneudrive.constants import ZERO_CELSIUS_K
 from pneudrive.errors import RigError
 from pneudrive.estimate.estimates import Estimate
-from pneudrive.figures import Axis, Band, Figure, Line, Look, Markers, Panel, Rule, ends, look, stack
+from pneudrive.figures import Axis, Band, Figure, Line, Look, Markers, Panel, Rule, banded, ends, look, stack
 from pneudrive.friction.friction_map import BOTH, CHAMBERS, PA_PER_BAR, conditions_of
 from pneudrive.friction.sentences import Statement, flag_table
 from pneudrive.numbers import plain, with_u
@@ -25,7 +25,6 @@ from pneudrive.report import page
 from pneudrive.report.layout_figure import rig_diagram
 from pneudrive.report.page import MM, Paragraph, Topic, condition_names, figure_of, plural, spread_evenly
 from pneudrive.rig.interface import envelope_of
-from pneudrive.units import readable
 from pneudrive.views import Finding, LeadingValue, ShownCurve, ShownFigure, ShownValue, State, View, worst
 
 if TYPE_CHECKING:
@@ -196,11 +195,11 @@ def curve_figure(shown: Sequence[ShownCurve]) -> Figure:
         if c.x.size == 1:
             marks.append(Markers(c.x, c.y, c.label, own, low, high, 3.6))
         else:
-            marks += [Band(c.x, low, high, look=own), Line(c.x, c.y, c.label, own, 1.0)]
+            marks += banded(c.x, c.y, low, high, c.label, own, 1.0)
             marks.append(Markers(c.x[c.measured], c.y[c.measured], look=own, size=3.6))
         if c.excluded and c.excluded[0].size:
             marks.append(Markers(*c.excluded, look=own._replace(marker="x")))
-    (_, x_unit), (_, unit) = readable(shown[0].x_unit), readable(shown[0].unit)
+    (_, x_unit), (_, unit) = shown[0].units
     x = Axis(f"{shown[0].x_quantity} / ({x_unit})", "wide")
     return Figure([Panel(marks)], x, f"{shown[0].quantity} / {unit}", row_in=3.8, rest_in=0.0, entries=3)
 
@@ -214,10 +213,9 @@ def air(found: CampaignCharacteristics) -> Section | None:
     shown = spread_evenly(separated or found.air, MOST_PANELS)
     text, panels = "separated" if separated else "together", []
     for a in shown:
-        marks: list[Band | Line] = []
+        marks: list[Any] = []
         for index, label in enumerate(("total", "seal", "air") if a.separated else ("total",)):
-            own, (middle, low, high) = look(index), (getattr(a, f"{label}{end}_n") for end in ("", "_low", "_high"))
-            marks += [Band(a.speed_m_s, low, high, look=own), Line(a.speed_m_s, middle, label, own)]
+            marks += banded(a.speed_m_s, *(getattr(a, f"{label}{end}_n") for end in ENDS), label, look(index))
         if not a.separated:
             marks.append(Line(a.speed_m_s, a.air_bound_n, "air, at most", Look("orange", ":")))
         panels.append(Panel(marks, named(a.condition)))
@@ -343,6 +341,7 @@ BEFORE, AFTER = 1.5, 20.0
 SHORTEST_S = 1e-3
 APPROACH = 0.7  # share of the approach that is drawn at most
 SHAPES = {"t0": "t0", "tau": "τ", "gamma": "γ", "m": "m"}
+ENDS = ("", "_low", "_high")  # of the columns of a value and its interval
 
 
 def stops(found: CampaignCharacteristics) -> Section | None:
@@ -374,41 +373,30 @@ def traces(found: CampaignCharacteristics) -> Figure:
     for row, condition in zip(chosen.iter_rows(named=True), conditions_of(chosen), strict=True):
         trace = {name: np.array(row[f"trace_{name}"]) for name in ("time_s", "friction_n")}
         stop = SimpleNamespace(**row | trace)
-        panels += [_whole(stop, named(condition)), _restart(stop)]
+        panels += _stop_panels(stop, named(condition))
     return figure_of("stops", panels)
 
 
 RUNNING = Look("blue", "--")
 
 
-def _whole(stop: SimpleNamespace, condition: str) -> Panel:
-    time = stop.time_s
+def _stop_panels(stop: SimpleNamespace, condition: str) -> tuple[Panel, Panel]:
+    """Draw a stop as a whole, and its restart in detail."""
+    time, shown = stop.time_s, max(stop.loading_s, SHORTEST_S)
     held = "released" if stop.released else "held"
     way = "+x" if stop.direction > 0 else "−x"
     title = f"{stop.stop_s:g} s {held}, restart {way} at {MM * stop.speed_m_s:.3g} mm/s, {condition}"
     reach = max(stop.dwell_s, 3 * stop.loading_s, SHORTEST_S)
     # The start of the approach may still show the reversal.
-    span = (max(APPROACH * time[0], -0.35 * reach), min(time[-1], 1.6 * reach + AFTER * stop.loading_s))
-    marks = [
-        Rule((0.0, stop.dwell_s)),
-        Line(time, stop.friction_n, width=0.7),
-        Rule(y=stop.running_n, look=RUNNING, width=0.9),
-    ]
-    return Panel(
-        marks, title, Axis("time since rest / s", low=span[0], high=span[1]), _force(stop, *span, "friction / N")
-    )
-
-
-def _restart(stop: SimpleNamespace) -> Panel:
-    shown = max(stop.loading_s, SHORTEST_S)
+    low, high = max(APPROACH * time[0], -0.35 * reach), min(time[-1], 1.6 * reach + AFTER * stop.loading_s)
     begin, end = -BEFORE * shown, AFTER * shown
-    marks = [
-        Markers([stop.loading_s], [stop.breakaway_n], look=Look("orange"), size=7.0),
-        Markers(stop.time_s - stop.dwell_s, stop.friction_n, look=Look("black", "-", "."), size=1.8),
-        Rule(y=stop.running_n, look=RUNNING, width=0.9),
-    ]
-    x = Axis("time since restart / ms", low=begin, high=end)
-    return Panel(marks, "", x, _force(stop, stop.dwell_s + begin, stop.dwell_s + end, ""))
+    running = Rule(y=stop.running_n, look=RUNNING, width=0.9)
+    raw = Markers(time - stop.dwell_s, stop.friction_n, look=Look("black", "-", "."), size=1.8)
+    peak = Markers([stop.loading_s], [stop.breakaway_n], look=Look("orange"), size=7.0)
+    course = [Rule((0.0, stop.dwell_s)), Line(time, stop.friction_n, width=0.7), running]
+    x, restart = Axis("time since rest / s", low=low, high=high), Axis("time since restart / ms", low=begin, high=end)
+    y = _force(stop, stop.dwell_s + begin, stop.dwell_s + end, "")
+    return Panel(course, title, x, _force(stop, low, high, "friction / N")), Panel([peak, raw, running], "", restart, y)
 
 
 def _force(stop: SimpleNamespace, begin_s: float, end_s: float, label: str) -> Axis:
@@ -433,8 +421,7 @@ def _increments(found: CampaignCharacteristics, s: DwellSeries) -> Panel:
     marks: list[Any] = []
     for index, condition in enumerate(s.conditions[:MOST_SHOWN]):
         own, members = look(index), s.stops.filter(**vars(condition))
-        marks.append(Band(s.duration_s, s.low_n[index], s.high_n[index], look=own))
-        marks.append(Line(s.duration_s, s.increment_n[index], look=own))
+        marks += banded(s.duration_s, s.increment_n[index], s.low_n[index], s.high_n[index], "", own)
         durations = members["dwell_s"].to_numpy() * (1.0 + 0.04 * index)
         label = condition_names(found)(condition)
         marks.append(Markers(durations, members["increment_n"].to_numpy(), label, own, size=3.4))
@@ -477,7 +464,7 @@ def relaxation(found: CampaignCharacteristics) -> Figure:
         whole, cut = back.filter("recovery_complete"), back.filter(~pl.col("recovery_complete"))
         for marks, name, rows in ((left, "relaxation_n", _known(stops, "relaxation_n")), (right, "recovery_m", whole)):
             if len(rows):
-                value, low, high = rows.select(name, f"{name}_low", f"{name}_high").to_numpy().T
+                value, low, high = rows.select(f"{name}{end}" for end in ENDS).to_numpy().T
                 marks.append(Markers(rows["shown_s"].to_numpy(), value, label, own, low, high, 3.2))
         if len(cut):
             seen = cut["recovery_seen_m"].to_numpy()
@@ -493,7 +480,7 @@ def _medians(stops: pl.DataFrame) -> Iterator[tuple[object, ...]]:
     def median(name: str, *which: pl.Expr) -> pl.Expr:
         return pl.col(name).filter(pl.col(name).is_finite(), *which).median()
 
-    value, low, high = (pl.col(f"relaxation_n_per_decade{end}") for end in ("", "_low", "_high"))
+    value, low, high = (pl.col(f"relaxation_n_per_decade{end}") for end in ENDS)
     form, is_complete = pl.col("relaxation_form"), pl.col("recovery_complete")
     key = ("speed_m_s", "released", "stop_s")
     groups = stops.group_by(key).agg(

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pneudrive.figures import Band, Figure, Line, Look, Markers, Panel, Rule, ends, look
+from pneudrive.figures import Figure, Look, Markers, Panel, Rule, banded, ends, look
 from pneudrive.friction.friction_map import LEVELS, Condition
 from pneudrive.numbers import with_interval
 from pneudrive.report.campaign import findings_of, shown_figures
@@ -155,8 +155,7 @@ def _both(c: Comparison, curves: CurveComparison, chosen: list[int]) -> list[Any
         for curve in found.curves:
             pair = (curve.condition.pressure_a_pa - ambient, curve.condition.pressure_b_pa - ambient)
             if curve.direction == 0 and np.allclose(pair, gauge, atol=2000.0):
-                marks.append(Band(curve.speed_m_s, curve.low_n, curve.high_n, look=own))
-                marks.append(Line(curve.speed_m_s, curve.friction_n, look=own, width=1.0))
+                marks += banded(curve.speed_m_s, curve.friction_n, curve.low_n, curve.high_n, "", own, 1.0)
                 break
         label = found.name if c.first.name != c.second.name else f"{found.name} ({NAMES[k]})"
         marks.append(Markers(speed[chosen], curves.friction_n[k, chosen], label, own, size=3.6))
@@ -196,8 +195,5 @@ def _series(series: DwellSeries, k: int, label: str) -> list[Any]:
     rows = np.kron(np.full((1, conditions), 1.0 / conditions), np.eye(log_s.size))
     mean, low, high = ends(series.curve.values(log_s).combine(rows.astype(float)).estimates())
     durations = series.stops["dwell_s"].to_numpy() * (1.0 + 0.05 * k)
-    return [
-        Band(series.duration_s, low, high, look=look(k)),
-        Line(series.duration_s, mean, label, look(k)),
-        Markers(durations, series.stops["increment_n"].to_numpy(), look=look(k), size=3.0),
-    ]
+    points = Markers(durations, series.stops["increment_n"].to_numpy(), look=look(k), size=3.0)
+    return [*banded(series.duration_s, mean, low, high, label, look(k)), points]

@@ -111,18 +111,13 @@ def _panel(found: xr.Dataset, x: str, name: str, title: str) -> Panel:
         return _bars(found, x, name, title)
     xs = np.abs(np.asarray(found[x], dtype=float))
     is_wide = found[x].attrs["units"] == "Hz" and xs.max() > LOGARITHMIC * xs.min() > 0.0
-    x_axis = Axis(_label(found, x), "log" if is_wide else "linear", is_si=False)
+    x_axis = _axis(found, x, "log" if is_wide else "linear")
     return Panel(list(_curves(found, x, name)), title, x_axis, _axis(found, name))
 
 
-def _axis(found: xr.Dataset, name: str) -> Axis:
-    return Axis(_label(found, name), is_si=False)
-
-
-def _label(found: xr.Dataset, name: str) -> str:
-    unit = shown_unit(found[name].attrs["units"])[1]
-    words = in_words(name)
-    return words if unit in ("1", "") else f"{words} / {unit if unit.count('/') == 0 else f'({unit})'}"
+def _axis(found: xr.Dataset, name: str, scale: str = "linear") -> Axis:
+    unit, words = shown_unit(found[name].attrs["units"])[1], in_words(name)
+    return Axis(words if unit in ("1", "") else f"{words} / {f'({unit})' if '/' in unit else unit}", scale, is_si=False)
 
 
 def _curves(found: xr.Dataset, x: str, name: str) -> Iterator[Line | Band]:
@@ -203,7 +198,7 @@ def write_datasheet(found: Datasheet, path: str | Path) -> Path:
         sections.insert(2, view_section("measured", beside, synthetic=found.measured.synthetic))
     report = Report(view.title, [*view.findings, *view.notes], sections, synthetic=True)
     if target.suffix.lower() == ".pdf":
-        report.pictures = report.plain_svg()
+        report.draw()
         return write_pdf(report, target)
     return write_whole(target, report.alone().replace(*SMALL_CIRCUIT, 1))
 

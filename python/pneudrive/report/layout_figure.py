@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pneudrive.errors import CommandError
+from pneudrive.errors import CommandError, package_table
 from pneudrive.figures import WIDTH_IN, Axis, Drawing, Figure, Line, Look, Panel, PenStroke, Rule, stack, thin
-from pneudrive.report.page import spread_evenly, texts_of
+from pneudrive.report.page import spread_evenly
 from pneudrive.report.render import draw_figure
 
 if TYPE_CHECKING:
@@ -124,12 +124,10 @@ def record_figure(
 
 # --- Sketches of rigs, from strokes in a table.
 
-SKETCHES = Path(__file__).with_name("sketches.toml")
-
 
 def sketch(name: str, there: Collection[str] = (), **values: object) -> Figure:
     """Return a sketch of ``sketches.toml`` with values in its texts and the optional parts that are present."""
-    table = texts_of(SKETCHES)[name]
+    table = package_table(__file__, "sketches.toml")[name]
     strokes = [_stroke(one, values) for one in table["strokes"] if one.get("when", "") in ("", *there)]
     drawing = Drawing(strokes, tuple(table["x"]), tuple(table["y"]), equal=table.get("equal", False))
     width_in = table.get("width_in", WIDTH_IN)

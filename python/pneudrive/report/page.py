@@ -7,7 +7,7 @@ import platform
 import re
 import tempfile
 from dataclasses import dataclass, field, replace
-from functools import lru_cache, partial
+from functools import partial
 from importlib.metadata import version
 from io import StringIO
 from operator import attrgetter, itemgetter
@@ -16,9 +16,7 @@ from typing import TYPE_CHECKING, Any, Protocol, TypeAlias
 from unicodedata import normalize
 
 from pneudrive import __version__, units
-from pneudrive.arrays import Plain, evenly
-from pneudrive.describe.files.toml import tomllib
-from pneudrive.describe.tables.friction import friction_laws
+from pneudrive.arrays import evenly
 from pneudrive.errors import CommandError, is_severe, package_table, shown
 from pneudrive.figures import WIDTH_IN, Axis, Figure, Panel
 from pneudrive.files.content import rendered
@@ -137,7 +135,7 @@ class Report:
     verdict: Iterable[str | Finding]
     sections: Sequence[Section]
     synthetic: bool = False
-    pictures: dict[str, str] = field(default_factory=dict)  # name -> SVG for the page
+    pictures: dict[str, str] = field(default_factory=dict)  # name -> SVG, once drawn
 
     def __post_init__(self) -> None:
         self.sections = [
@@ -150,7 +148,6 @@ class Report:
         lines = (Finding(v, "bad" if is_severe(v) else "good") if isinstance(v, str) else v for v in self.verdict)
         return sorted(lines, key=lambda line: line.state != "bad")
 
-    @applied()
     def write(self, folder: str | Path) -> Path:
         """Write report.html and figures/*.png, *.svg into an existing folder.
 
@@ -161,29 +158,25 @@ class Report:
         """
         figures = Path(folder) / FIGURES
         make_subfolder(figures)
-        for one, synthetic in self.figures():
-            figure = drawn(one, synthetic)
-            with whole(figures / f"{one.name}.png") as temporary:
-                figure.savefig(temporary, format="png", dpi=PNG_DPI)
-            svg = svg_text(figure)
-            write_whole(figures / f"{one.name}.svg", svg)
-            self.pictures[one.name] = inline(svg, one.name, one.caption)
+        self.draw(figures)
+        for name, svg in self.pictures.items():
+            write_whole(figures / f"{name}.svg", svg)
         return write_whole(Path(folder) / REPORT, self.html())
 
-    def figures(self) -> Iterator[tuple[ShownFigure, bool]]:
-        """Yield the figures of all sections, each with whether its section is synthetic."""
-        blocks = ((block, bool(part.synthetic)) for part in self.sections for block in part.blocks)
-        return ((block, synthetic) for block, synthetic in blocks if isinstance(block, ShownFigure))
-
     @applied()
-    def plain_svg(self) -> dict[str, str]:
-        """Return the pictures as SVG, by name, before they are made part of the page."""
-        return {shown.name: svg_text(drawn(shown, synthetic)) for shown, synthetic in self.figures()}
+    def draw(self, folder: Path | None = None) -> None:
+        """Draw the figures of all sections, and write them as PNG if a folder is given."""
+        for part in self.sections:
+            for block in (block for block in part.blocks if isinstance(block, ShownFigure)):
+                figure = drawn(block, bool(part.synthetic))
+                if folder is not None:
+                    with whole(folder / f"{block.name}.png") as temporary:
+                        figure.savefig(temporary, format="png", dpi=PNG_DPI)
+                self.pictures[block.name] = svg_text(figure)
 
     def alone(self) -> str:
         """Return the page with embedded pictures, without a folder of figures."""
-        captions = {shown.name: shown.caption for shown, _ in self.figures()}
-        self.pictures |= {name: inline(svg, name, captions[name]) for name, svg in self.plain_svg().items()}
+        self.draw()
         return self.html(linked=False)
 
     def html(self, *, linked: bool = True) -> str:
@@ -191,7 +184,7 @@ class Report:
         import jinja2
 
         environment = jinja2.Environment(autoescape=True, trim_blocks=True, lstrip_blocks=True, finalize=_plain)
-        environment.filters["words"] = _words
+        environment.filters |= {"words": _words, "inline": inline}
         details = [part.key for part in self.sections if part.key in DETAILS and not _has_severe(part)]
         template = environment.from_string(TEMPLATE.read_text(encoding="utf-8"))
         return template.render(
@@ -347,14 +340,6 @@ def quantity(field: str) -> tuple[float, str]:
 
 # --- Sections of a page: text from a table, numbers and pictures from results.
 
-TEXTS = Path(__file__).with_name("texts")
-
-
-@lru_cache
-def texts_of(file: Path) -> Plain:
-    """Return the texts of a page: topic -> name -> text, with placeholders as in ``str.format``."""
-    return tomllib.loads(file.read_text(encoding="utf-8"))
-
 
 def figure_of(layout: str, panels: Sequence[Panel | None], **more: Any) -> Figure:  # noqa: ANN401 - fields of the figure
     """Return a figure of panels in a layout of ``figures.toml``."""
@@ -370,12 +355,13 @@ class Topic:
     page : str or Path
         File of the texts: a name in the folder ``texts``, or the path of a study's file.
     key : str
-        Key of the topic in the file, and of the section.
+        Key of the topic in the file, and of the section. A topic has texts by name, with placeholders as in
+        ``str.format``.
     """
 
     def __init__(self, page: str | Path, key: str) -> None:
-        file = page if isinstance(page, Path) else TEXTS / f"{page}.toml"
-        self.key, self.texts = key, texts_of(file)[key]
+        file = page if isinstance(page, Path) else f"texts/{page}.toml"
+        self.key, self.texts = key, package_table(__file__, str(file))[key]
 
     def say(self, name: str = "text", /, **values: object) -> str:
         """Return a text with its values."""
@@ -427,8 +413,6 @@ class Topic:
 
 # --- A report as a PDF, set by typst (extra ``pdf``).
 
-#: Sections side by side on the first page, and sections with long tables and lists, in small print and two columns.
-BESIDE, NARROW = ("drive", "numbers"), ("values", "definitions")
 #: Characters after which a long word may be broken.
 BREAKS = "_./"
 
@@ -439,7 +423,7 @@ def write_pdf(report: Report, target: Path) -> Path:
     Parameters
     ----------
     report : Report
-        Its `pictures` hold plain SVG.
+        Its figures are drawn.
     target : Path
 
     Raises
@@ -464,11 +448,8 @@ def write_pdf(report: Report, target: Path) -> Path:
 
 def typst_of(report: Report) -> str:
     """Return the typst source of a report. Every text is a literal, so that no text acts as markup."""
-    groups = {"beside": BESIDE, "narrow": NARROW}
-    parts = {name: [part for part in report.sections if part.key in keys] for name, keys in groups.items()}
-    parts["others"] = [part for part in report.sections if part.key not in BESIDE + NARROW]
     filters = {"literal": literal, "breakable": _breakable}
-    return rendered(TYPST, filters, title=report.title, verdict=report.lines, **parts)
+    return rendered(TYPST, filters, title=report.title, verdict=report.lines, sections=report.sections)
 
 
 def _breakable(text: str) -> str:
@@ -532,7 +513,7 @@ def write_fit_report(fit: Fit, folder: str | Path, more: Iterable[Section] = ())
 
 @dataclass(frozen=True)
 class Addition:
-    """The addition of a study to a report.
+    """The addition of a study, or of the recordings themselves, to a report.
 
     Attributes
     ----------
@@ -542,24 +523,23 @@ class Addition:
         Lines of the verdict.
     sections : tuple of Section
         Sections that follow those of the recordings. A section with an existing key continues that section.
-    validity : str
+    validity : tuple of str
         Text on validation with real data, and its limits.
     settings : tuple
         Rows of the table of software: name, value.
     sources : tuple
-        Sources of the study's values.
-    cited, laws : tuple of str
-        Keys of references.bib, and friction laws whose sources are named.
+        Sources of the values.
+    cited : tuple of str
+        Keys of references.bib.
     """
 
-    title: str
-    verdict: tuple[str, ...]
-    sections: tuple[Section, ...]
-    validity: str
+    title: str = "Nothing"
+    verdict: tuple[str, ...] = ()
+    sections: tuple[Section, ...] = ()
+    validity: tuple[str, ...] = ()
     settings: tuple[tuple[str, str], ...] = ()
     sources: tuple[Block, ...] = ()
     cited: tuple[str, ...] = ()
-    laws: tuple[str, ...] = ()
 
 
 class Study(Protocol):
@@ -577,26 +557,19 @@ METHODS = ("gum2008", "paule1982", "huber2009", "bates1988", "smyth2004", "armst
 PACKAGES = ("numpy", "scipy", "xarray", "polars", "matplotlib")
 
 
-def provenance_section(found: Characterisation | None, study: Addition | None) -> Section:
+def provenance_section(found: Characterisation | None, study: Addition) -> Section:
     """Return the section on provenance of the report."""
-    topic = Topic("recordings", "provenance")
-    lines: list[str] = []
-    keys: list[str] = []
-    blocks: list[Block] = []
-    rows = [("pneudrive", __version__), *software()]
+    topic, parts = Topic("recordings", "provenance"), [study]
     if found is not None:
-        lines.append(topic.say("synthetic" if found.synthetic else "real"))
-        rows.append(("protocol of the characterisation", found.protocol))
-        blocks += _notes(topic, found)
-        keys += METHODS
-    if study is not None:
-        laws = friction_laws()
-        lines.append(study.validity)
-        rows += study.settings
-        blocks += study.sources
-        keys += [*study.cited, *(laws[name]["source"] for name in study.laws if name in laws)]
-    blocks += topic.listed(references(dict.fromkeys(keys)), "sources")
-    return topic.section(Items(lines), topic.table(rows), *blocks, synthetic=False)
+        about = (topic.say("synthetic" if found.synthetic else "real"),)
+        settings = (("protocol of the characterisation", found.protocol),)
+        sources = tuple(_notes(topic, found))
+        parts.insert(0, Addition(validity=about, settings=settings, sources=sources, cited=METHODS))
+    rows = [("pneudrive", __version__), *software(), *(row for part in parts for row in part.settings)]
+    keys = dict.fromkeys(key for part in parts for key in part.cited)
+    blocks = [topic.table(rows), *(block for part in parts for block in part.sources)]
+    lines = Items([line for part in parts for line in part.validity])
+    return topic.section(lines, *blocks, *topic.listed(references(keys), "sources"), synthetic=False)
 
 
 def _notes(topic: Topic, found: Characterisation) -> Iterator[Block]:

@@ -11,11 +11,10 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from pneudrive.errors import CommandError
+from pneudrive.errors import CommandError, package_table
 from pneudrive.figures import Axis, Drawing, Figure, Line, Panel, PenStroke, look, thin
 from pneudrive.platforms.kinematics import LEAST_SINGULAR_VALUE, Platform, motion_of, platform_outputs, pose_columns
-from pneudrive.report.layout_figure import SKETCHES
-from pneudrive.report.page import Topic, figure_of, texts_of, view_report
+from pneudrive.report.page import Topic, figure_of, view_report
 from pneudrive.report.render import DrawnFigure, applied, draw_figure, film
 from pneudrive.simulation.trajectory import check_target, columns_in, read_columns, whole, write_whole
 from pneudrive.views import LeadingValue, ShownFigure, ShownTable, ShownValue, View, worst
@@ -48,7 +47,8 @@ PISTON = 0.08
 
 
 #: Look of each part, as a stroke without points.
-LOOKS = {name: PenStroke((), cap="butt", **table) for name, table in texts_of(SKETCHES)["lines"].items()}
+_LINES = package_table(__file__, "sketches.toml")["lines"]
+LOOKS = {name: PenStroke((), cap="butt", **table) for name, table in _LINES.items()}
 
 
 class PlatformScene(NamedTuple):

@@ -313,23 +313,22 @@ def recordings_report(
 
     The parameters are those of `write_report`; `study` is its `reproduction`.
     """
-    addition = None if study is None else study.addition(found)
+    addition = page.Addition() if study is None else study.addition(found)
     parts: list[page.Section | None] = []
     if found is not None:
         sections = (measured, record, strokes.drift, strokes.peaks, budget)
         parts += [*(part(found) for part in sections), strokes.recovered_section(found), strokes.stick_slip(found)]
-    parts += addition.sections if addition is not None else ()
+    parts += addition.sections
     over_speed = () if curves is None else filter(None, (part(curves) for part in CURVES))
     parts += [replace(part, key=f"{part.key}-over-speed") for part in over_speed]
     parts.append(page.provenance_section(found, addition))
     if found is None:
-        title = "Nothing" if addition is None else addition.title
-        return Report(title, () if addition is None else addition.verdict, [*filter(None, parts)])
+        return Report(addition.title, addition.verdict, [*filter(None, parts)])
     title = "Friction of simulated recordings" if found.synthetic else "Friction of a pneumatic piston from recordings"
-    title += ", with a simulated rig" if addition is not None and not found.synthetic else ""
+    title += ", with a simulated rig" if study is not None and not found.synthetic else ""
     view = replace(characterisation_view(found, fits), title=title)
     report = page.view_report(view, *parts, synthetic=found.synthetic)
-    report.verdict = [*report.verdict, *(() if addition is None else addition.verdict)]
+    report.verdict = [*report.verdict, *addition.verdict]
     return report
 
 

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 import polars as pl
 
-from pneudrive.figures import THIN, Axis, Band, Figure, Line, Look, Markers, Panel, Rule, ramp
+from pneudrive.figures import MODEL, THIN, Axis, Band, Figure, Line, Look, Markers, Panel, Rule, ramp
 from pneudrive.friction.friction_map import ALL_RECORDINGS, PA_PER_BAR, MapGroup, bar, groups_of
 from pneudrive.friction.sentences import flag_findings
 from pneudrive.friction.stick_slip import NEEDED_RISE_SAMPLES, StickSlip
@@ -60,9 +60,8 @@ def map_view(table: xr.Dataset, fits: Fits | None = None) -> View:
     labels = topic.say("with_labels") if len({group.assembly for group, _ in groups}) > 1 else ""
     law = topic.say("with_law") if any(map(_is_curve, (fits or {}).values())) else ""
     if fits is not None:
-        about = _fitted(fits)
-        findings += about.findings or [Finding(topic.say("no_law"), "open")] * (not about.tables)
-        tables = about.tables
+        about, tables = _fitted(fits)
+        findings += about or [Finding(topic.say("no_law"), "open")] * (not tables)
     return View(
         f"{table.sizes['row']} points of friction",
         curves=curves,
@@ -76,12 +75,12 @@ def map_view(table: xr.Dataset, fits: Fits | None = None) -> View:
 
 def _ends(table: xr.Dataset) -> Iterator[LeadingValue]:
     """Yield the lowest and the highest friction with U (k = 2)."""
-    frame = pl.DataFrame({name: table[name].to_numpy() for name in ("friction_n", "stderr_n", "u_systematic_n")})
-    order = np.argsort(frame["friction_n"].to_numpy(), kind="stable")
+    order = np.argsort(table["friction_n"].to_numpy(), kind="stable")
     for word, row in (("lowest", order[0]), ("highest", order[-1])):
-        friction, stderr, systematic = frame.row(int(row))
+        point = table.isel(row=row)
+        friction, stderr, systematic = (float(point[f"{name}_n"]) for name in ("friction", "stderr", "u_systematic"))
         reach = 2.0 * float(np.hypot(np.nan_to_num(stderr), systematic))
-        where = f"{table['recording'].to_numpy()[row]}, {1e3 * abs(table['velocity_m_s'].to_numpy()[row]):.3g} mm/s"
+        where = f"{point.recording.item()}, {1e3 * abs(float(point.velocity_m_s)):.3g} mm/s"
         name = f"{word} friction ({where})"
         yield LeadingValue(ShownValue(word, word, name, friction, "N", (friction - reach, friction + reach)))
 
@@ -96,8 +95,8 @@ def _is_curve(by_law: Mapping[str, FrictionFit] | None) -> bool:
     return STRIBECK in (by_law or {}) and "stribeck_velocity" in by_law[STRIBECK].determined  # type: ignore[index]
 
 
-def _fitted(fits: Fits) -> View:
-    """Return a view of the fit with the most parameters of each assembly: values, findings and notes."""
+def _fitted(fits: Fits) -> tuple[list[Finding], list[ShownTable]]:
+    """Return findings and tables of the fit with the most parameters of each assembly."""
     values, lost, notes = [], dict[Finding, list[str]](), []
     for group, by_law in fits.items():
         fit = richest(by_law)
@@ -113,7 +112,7 @@ def _fitted(fits: Fits) -> View:
         tables.append(ShownTable(UNDETERMINED, ("group", "value", "measure"), cells))
         names = dict.fromkeys(item.parameter for by_law in fits.values() for item in richest(by_law).undetermined)
         notes.append(Finding(f"{UNDETERMINED}: {', '.join(names)}.", "open", "The table states what to measure."))
-    return View("", findings=notes, tables=tables)
+    return notes, tables
 
 
 def speed_figure(groups: list[tuple[MapGroup, list[ShownCurve]]], fits: Fits) -> Figure:
@@ -130,7 +129,7 @@ def speed_figure(groups: list[tuple[MapGroup, list[ShownCurve]]], fits: Fits) ->
         for index, (group, curve) in enumerate(by_pressure):
             at = next((place for place, member in enumerate(shown) if member[1] is curve), None)
             if at is None:
-                marks.append(Markers(curve.x, curve.y, look=Look("grey", "-", "."), size=1.5))
+                marks.append(Markers(curve.x, curve.y, look=THIN, size=1.5))
                 continue
             own, ends = ramp(at, len(shown)), curve.band or (curve.y, curve.y)
             label = curve.label.removeprefix(f"{assembly}: ") if is_single else ""
@@ -310,15 +309,8 @@ def peaks(found: Characterisation) -> Section | None:
 # --- stick-slip ------------------------------------------------------------------------------------------------------
 
 
-@dataclass(frozen=True)
-class DrawnMotion:
-    """One motion to draw: time from zero, SI."""
-
-    title: str
-    time_s: np.ndarray
-    position_m: np.ndarray
-    velocity_m_s: np.ndarray
-    mean_speed_m_s: float
+#: Title, time from zero, position, velocity and mean speed of a motion to draw, SI.
+DrawnMotion: TypeAlias = tuple[str, np.ndarray, np.ndarray, np.ndarray, float]
 
 
 def stick_slip(found: Characterisation) -> Section | None:
@@ -335,7 +327,7 @@ def stick_slip(found: Characterisation) -> Section | None:
             percent = 100 * max(s.stuck_share for s in jumps)
             text += topic.say("jumps", strokes=plural(len(jumps), "stroke"), percent=percent)
         return topic.section(Paragraph(text))
-    shown = [_of_stroke(*item) for item in slipping[:MOST_COLUMNS]]
+    over_time, phases = motion_figures([_of_stroke(*item) for item in slipping[:MOST_COLUMNS]])
     rows = []
     for _, level, s in slipping[:MOST_SLIPS]:
         ratio = s.peak_speed_m_s / s.mean_speed_m_s if s.mean_speed_m_s > 0 else None
@@ -344,8 +336,8 @@ def stick_slip(found: Characterisation) -> Section | None:
     return topic.section(
         topic.text(some=len(slipping), strokes=strokes),
         topic.table(rows),
-        topic.figure("stick-slip-recordings", in_time(shown)),
-        topic.figure("stick-slip-recordings-phase", phase_plane(shown)),
+        topic.figure("stick-slip-recordings", over_time),
+        topic.figure("stick-slip-recordings-phase", phases),
     )
 
 
@@ -355,31 +347,19 @@ def _of_stroke(result: RecordingResult, level: Level, s: StickSlip) -> DrawnMoti
     time, position = r.time_s[part], r.position_m[part]
     window = max(int(s.resolution_s / 2 / max(float(np.median(np.diff(time))), 1e-12)) // 2, 1)
     velocity = s.direction * local_slope(time, position, window)
-    return DrawnMotion(level.recording, time - time[0], s.direction * position, velocity, s.mean_speed_m_s)
-
-
-MEAN = Look("orange", "--")
-
-
-def in_time(motions: Sequence[DrawnMotion]) -> Figure:
-    """Draw speed above position, a column for each motion."""
-    above, below = [], []
-    for m in motions:
-        part = m.time_s <= SHOWN_S
-        mean = Rule(y=m.mean_speed_m_s, label=f"mean {1e3 * m.mean_speed_m_s:.2f} mm/s", look=MEAN, width=1.0)
-        above.append(Panel([Line(m.time_s[part], m.velocity_m_s[part], width=0.8), mean], m.title, y=FASTER))
-        below.append(Panel([Line(m.time_s[part], m.position_m[part], width=1.0)], y="position / mm"))
-    return figure_of("motions", [*above, *below], columns=len(motions))
+    return level.recording, time - time[0], s.direction * position, velocity, s.mean_speed_m_s
 
 
 FASTER = Axis("speed / (mm/s)", above=0.2)
 
 
-def phase_plane(motions: Sequence[DrawnMotion]) -> Figure:
-    """Draw speed over position minus the mean motion."""
-    panels = []
-    for m in motions:
-        trend = np.polynomial.Polynomial.fit(m.time_s, m.position_m, 1)(m.time_s)
-        mean = Rule(y=m.mean_speed_m_s, look=MEAN, width=1.0)
-        panels.append(Panel([Line(m.position_m - trend, m.velocity_m_s, width=0.5), mean], m.title))
-    return figure_of("phase-planes", panels, columns=len(motions))
+def motion_figures(motions: Sequence[DrawnMotion]) -> tuple[Figure, Figure]:
+    """Draw speed above position over time, a column for each motion, and speed over position minus the mean motion."""
+    above, below, phases, count = [], [], [], len(motions)
+    for title, time, position, velocity, mean_m_s in motions:
+        part, trend = time <= SHOWN_S, np.polynomial.Polynomial.fit(time, position, 1)(time)
+        mean = Rule(y=mean_m_s, label=f"mean {1e3 * mean_m_s:.2f} mm/s", look=MODEL, width=1.0)
+        above.append(Panel([Line(time[part], velocity[part], width=0.8), mean], title, y=FASTER))
+        below.append(Panel([Line(time[part], position[part], width=1.0)], y="position / mm"))
+        phases.append(Panel([Line(position - trend, velocity, width=0.5), replace(mean, label="")], title))
+    return figure_of("motions", [*above, *below], columns=count), figure_of("phase-planes", phases, columns=count)

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from pneudrive.describe.connections import Joint, Port, Wiring, is_platform
 from pneudrive.describe.kinds import is_needed
-from pneudrive.errors import DescriptionError, package_table
+from pneudrive.errors import package_table, wrong
 from pneudrive.report.render import FONT, applied, load_matplotlib
 
 if TYPE_CHECKING:
@@ -25,7 +25,8 @@ if TYPE_CHECKING:
     from pneudrive.describe import Circuit, Component
 
     Placed = Mapping[str, "Block"]
-    Beside = Mapping[str, tuple[str, str]]  # component on a rod -> first component of its group, its neighbour
+    Beside = dict[str, "Pin"]  # component on a rod -> first component of its group, its neighbour
+    Pulls = dict[str, list[tuple[str, str, str]]]  # component -> its port, and component and port near which it is
 
 MODULE_IN = 0.1  # inch, height of a module on paper
 NAME_PT, TEXT_PT = 7.0, 6.0
@@ -41,6 +42,8 @@ SYMBOLS = {kind: symbol for symbol in _TABLES["symbols"] for kind in symbol["kin
 #: Corners of a rectangle: x and y of the lower left, x and y of the upper right.
 Box = tuple[float, float, float, float]
 Place = tuple[int, int]
+#: Component and its port.
+Pin = tuple[str, str]
 
 
 Point = tuple[float, float]
@@ -80,6 +83,14 @@ class Shape(NamedTuple):
     angles: tuple[float, float] = (0.0, 360.0)
     net: int = -1
 
+    def outline(self, words: Collection[str] = ("arc",), steps: int = 24) -> Points:
+        """Return the points of the shape; for an arc, or another round shape of `words`, points along its outline."""
+        if self.word not in words:
+            return self.points
+        ((x, y),), r, (low, high) = self.points, self.size, map(math.radians, self.angles)
+        angles = [low + (high - low) * k / steps for k in range(steps + 1)]
+        return tuple((x + r * math.cos(angle), y + r * math.sin(angle)) for angle in angles)
+
 
 class Label(NamedTuple):
     """Lines of text next to a symbol."""
@@ -95,7 +106,6 @@ class Block:
     """A component in a drawing."""
 
     name: str
-    kind: str
     strokes: Sequence[Shape]
     ports: Mapping[str, Place]
     directions: Mapping[str, str]  # side on which each port leaves
@@ -193,11 +203,11 @@ def _block(name: str, one: Component) -> Block:
     else:
         strokes, places = _plain(entry)
     ports = {port["name"]: place for port, place in zip(entry["ports"], places, strict=True)}
-    box = bounds([*(point for stroke in strokes for point in _points(stroke)), *places])
+    box = bounds([*(point for stroke in strokes for point in stroke.outline()), *places])
     directions = {port: _side(place, box) for port, place in ports.items()}
     label = _label(name, one, box, set(directions.values()))
     whole = bounds([corner for one_box in (box, label_box(label)) for corner in (one_box[:2], one_box[2:])])
-    return Block(name, one.kind, strokes, ports, directions, box, label, whole)
+    return Block(name, strokes, ports, directions, box, label, whole)
 
 
 def _drawn(strokes: Sequence[Keyed], right: float = 0.0) -> Iterator[Shape]:
@@ -243,16 +253,6 @@ def _plain(entry: Keyed) -> tuple[list[Shape], list[Place]]:
                 inner, text = (x, min(max(y, 0), height)), (x, height - 0.7 if side == "up" else 0.7)
             strokes += [Shape("line", ((x, y), inner)), Shape("text", (text,), size=TEXT_PT, text=name)]
     return strokes, [places[port["name"]] for port in entry["ports"]]
-
-
-def _points(shape: Shape) -> Points:
-    """Return points that bound a shape."""
-    if shape.word != "arc":
-        return shape.points
-    ((x, y),) = shape.points
-    low, high = map(math.radians, shape.angles)
-    steps = [low + (high - low) * k / 24 for k in range(25)]
-    return tuple((x + shape.size * math.cos(angle), y + shape.size * math.sin(angle)) for angle in steps)
 
 
 def bounds(points: Iterable[Point], room: float = 0.0) -> Box:
@@ -341,10 +341,10 @@ class Routes:
     def __init__(self, placed: Placed, nets: Sequence[Net]) -> None:
         self.blocked = {cell for block in placed.values() for cell in block.cells()}
         self.bounds = bounds(self.blocked, MARGIN)
-        self.pins = {point: number for number, net in enumerate(nets) for point in net.points(placed)}
         self.through: dict[Place, dict[int, str]] = {}  # point -> net -> "h", "v", or "x" where it bends or branches
         self.lines: list[dict[Step, bool]] = [{} for _ in nets]
         points = [net.points(placed) for net in nets]
+        self.pins = {point for own in points for point in own}
         # Short lines first; but of the rods below a platform the outermost first, so that they do not cross.
         is_rod = [net.kind == "axis" for net in nets]
         order = [(rod, -_reach(own) if rod else _reach(own)) for rod, own in zip(is_rod, points, strict=True)]
@@ -360,28 +360,28 @@ class Routes:
             left.remove(goal)
             if goal in tree:
                 continue
-            way = self._way(net, tree, goal)
+            way = self._way(tree, goal)
             self.lines[net] |= {tuple(sorted(pair)): goal in pilots for pair in pairwise(way)}  # type: ignore[misc]
             tree |= set(way)
-        for point in tree:
-            self.through.setdefault(point, {})[net] = self._kind(net, point)
+        for point, ways in self._ways(net, tree).items():
+            is_straight = len(ways) == 2 and ways[0] == ways[1] and point not in self.pins
+            self.through.setdefault(point, {})[net] = ways[0] if is_straight else "x"
 
-    def _kind(self, net: int, point: Place) -> str:
-        x, y = point
-        ends = {step: (x + step[0], y + step[1]) for step in _STEPS}
-        ways = [step for step, end in ends.items() if tuple(sorted((point, end))) in self.lines[net]]
-        if len(ways) != 2 or point in self.pins:
-            return "x"
-        (ax, _), (bx, _) = ways
-        return "x" if abs(ax) != abs(bx) else "h" if ax else "v"
+    def _ways(self, net: int, points: Iterable[Place] = ()) -> dict[Place, list[str]]:
+        """Return the directions, "h" or "v", of the steps of a line at each of its points."""
+        ways: dict[Place, list[str]] = {point: [] for point in points}
+        for low, high in self.lines[net]:
+            for point in (low, high):
+                ways.setdefault(point, []).append("h" if low[1] == high[1] else "v")
+        return ways
 
-    def _way(self, net: int, tree: Iterable[Place], goal: Place) -> list[Place]:
-        """Return the cheapest path from any point of a net to a port."""
+    def _way(self, tree: Iterable[Place], goal: Place) -> list[Place]:
+        """Return the cheapest path from any point of a net to a port, past the lines of the nets before it."""
         queue: list[tuple[int, int, Place, Place, list[Place]]] = []
         best: dict[tuple[Place, Place], int] = {}
         still = (0, 0)
         for point in sorted(tree):
-            if not any(other != net for other in self.through.get(point, ())):
+            if point not in self.through:
                 best[point, still] = 0
                 heapq.heappush(queue, (_far(point, goal), 0, point, still, [point]))
         while queue:
@@ -390,12 +390,12 @@ class Routes:
                 return way
             if cost > best[point, last]:
                 continue
-            crosses = last != still and any(other != net for other in self.through.get(point, ()))
+            crosses = last != still and point in self.through
             for step in _STEPS:
                 if step == (-last[0], -last[1]) or (crosses and step != last):
                     continue
                 to = point[0] + step[0], point[1] + step[1]
-                extra = self._enter(net, to, step, goal)
+                extra = self._enter(to, step, goal)
                 if extra is None:
                     continue
                 new = cost + 1 + extra + (BEND if last not in (still, step) else 0)
@@ -404,26 +404,17 @@ class Routes:
                     heapq.heappush(queue, (new + _far(to, goal), new, to, step, [*way, to]))
         raise NoWayError
 
-    def _enter(self, net: int, to: Place, step: Place, goal: Place) -> int | None:
+    def _enter(self, to: Place, step: Place, goal: Place) -> int | None:
         """Return the extra cost of entering a point; None if no line may enter it."""
         low_x, low_y, high_x, high_y = self.bounds
         if not (low_x <= to[0] <= high_x and low_y <= to[1] <= high_y):
             return None
         if to != goal and (to in self.blocked or to in self.pins):
             return None
-        others = [way for other, way in self.through.get(to, {}).items() if other != net]
-        across = "v" if step[0] else "h"
-        if any(way != across for way in others) or (others and to == goal):
+        others = self.through.get(to, {}).values()
+        if not {"v" if step[0] else "h"}.issuperset(others) or (others and to == goal):
             return None
         return CROSSING * len(others)
-
-    def branches(self, net: int) -> list[Place]:
-        """Return the points at which more than two parts of a line meet."""
-        count: dict[Place, int] = {}
-        for step in self.lines[net]:
-            for point in step:
-                count[point] = count.get(point, 0) + 1
-        return sorted(point for point, number in count.items() if number > 2)
 
     def runs(self, net: int, *, pilots: bool) -> list[Step]:
         """Return the longest straight parts of a line: of its pilot lines, or of its other lines."""
@@ -442,11 +433,10 @@ class Routes:
     def shapes(self, nets: Sequence[Net]) -> Iterator[Shape]:
         """Yield the lines of all nets, their pilot lines, and the dots where they branch."""
         for number, net in enumerate(nets):
-            for ends in self.runs(number, pilots=False):
-                yield Shape("thick" if net.kind == "axis" else "line", moved(ends), net=number)
-            for ends in self.runs(number, pilots=True):
-                yield Shape("dashed", moved(ends), net=number)
-            for branch in self.branches(number):
+            for word, is_pilot in (("thick" if net.kind == "axis" else "line", False), ("dashed", True)):
+                for ends in self.runs(number, pilots=is_pilot):
+                    yield Shape(word, moved(ends), net=number)
+            for branch in sorted(point for point, ways in self._ways(number).items() if len(ways) > 2):
                 yield Shape("dot", moved([branch]), size=0.28, net=number)
 
 
@@ -466,9 +456,9 @@ GAP = 3.0  # between blocks of a rank
 class Net(NamedTuple):
     """Ports that one line joins."""
 
-    pins: tuple[tuple[str, str], ...]  # component, port
+    pins: tuple[Pin, ...]
     kind: str  # "gas" or "axis"
-    pilots: tuple[tuple[str, str], ...] = ()  # pilot ports
+    pilots: tuple[Pin, ...] = ()  # pilot ports
 
     def points(self, placed: Placed) -> list[Place]:
         """Return the positions of the ports."""
@@ -525,10 +515,10 @@ def place(circuit: Circuit, spread: float) -> tuple[dict[str, Block], list[Net]]
     return placed, lines
 
 
-def _beside(lines: Sequence[Net], circuit: Circuit, above: Collection[str]) -> dict[str, tuple[str, str]]:
+def _beside(lines: Sequence[Net], circuit: Circuit, above: Collection[str]) -> Beside:
     """Return the components without gas that move with an actuator, each with the neighbour that moves it."""
     has_gas = {name for name in circuit.components if any(p.kind == "gas" for p in circuit.wiring.ports(name))}
-    out: dict[str, tuple[str, str]] = {}
+    out: Beside = {}
     axes = [line for line in lines if line.kind == "axis"]
     for line in len(axes) * axes:  # each pass reaches at least one line more
         known = next((name for name, _ in line.pins if name in has_gas or name in out), None)
@@ -608,12 +598,12 @@ def _behind(name: str, ports: Mapping[str, Sequence[object]], wiring: Wiring, kn
     return None
 
 
-def _pulls(lines: Sequence[Net], beside: Beside, above: Collection[str]) -> dict[str, list[tuple[str, str, str]]]:
+def _pulls(lines: Sequence[Net], beside: Beside, above: Collection[str]) -> Pulls:
     """Return, for each component, pairs of a port and a neighbouring port near which it is placed.
 
     A component carried by actuators is placed above them, without moving the actuators apart.
     """
-    pulls: dict[str, list[tuple[str, str, str]]] = {}
+    pulls: Pulls = {}
     rods = {name: (name, port) for line in lines if line.kind == "axis" for name, port in line.pins}
     for line in lines:
         for name, port in line.pins:
@@ -627,7 +617,7 @@ def _pulls(lines: Sequence[Net], beside: Beside, above: Collection[str]) -> dict
 def _order(
     rows: Mapping[int, list[str]],
     extent: Mapping[str, Interval],
-    pulls: Mapping[str, Sequence[tuple[str, str, str]]],
+    pulls: Pulls,
     placed: Placed,
     spread: float,
 ) -> None:
@@ -674,9 +664,7 @@ def _fix(circuit: Circuit, placed: Placed) -> None:
         for other in standing:
             if _overlap(block, other):
                 remedy = f"Move {name}; {other.name} takes x {_range(other, 0)}, y {_range(other, 1)}."
-                error = DescriptionError(f"{other.name} and {name} overlap", remedy=remedy)
-                error.key = f"components.{name}.at"
-                raise error
+                raise wrong(f"components.{name}.at", f"{other.name} and {name} overlap", remedy=remedy)
         standing.append(block)
     for name, block in placed.items() if places else ():
         if name not in places:

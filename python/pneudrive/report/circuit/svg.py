@@ -243,11 +243,7 @@ def _pen(shape: Shape) -> PenStroke:
         return PenStroke(
             points, shape.text, size=shape.size, align=f"{align} {top or 'center'}", bold=shape.size == NAME_PT
         )
-    if word in ("arc", "dot"):
-        low, high = map(radians, shape.angles)
-        angles = [low + (high - low) * k / ARC_STEPS for k in range(ARC_STEPS + 1)]
-        (x, y), r = points[0], shape.size
-        points = tuple((x + r * cos(angle), y + r * sin(angle)) for angle in angles)
+    points = shape.outline(("arc", "dot"), ARC_STEPS)
     closed = (*points, points[0]) if word in ("triangle", "head") else points
     fill, dash = "black" if word in ("head", "dot") else "", (4, 2) if word == "dashed" else ()
     return PenStroke(closed, fill=fill, dash=dash, width={"thick": THICK, "dot": 0.0}.get(word, PEN))

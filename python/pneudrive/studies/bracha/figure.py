@@ -10,9 +10,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pneudrive.campaign.storage.control import write_whole
-from pneudrive.errors import CampaignError
+from pneudrive.errors import CampaignError, package_table
 from pneudrive.files.content import read_json
-from pneudrive.report.page import texts_of
 from pneudrive.rig.interface import Move, Step
 
 if TYPE_CHECKING:
@@ -144,7 +143,7 @@ def judge(whole: object, *, part: object) -> str:
 
 def claims_of(topic: str, verdicts: Mapping[str, str], numbers: Keyed) -> tuple[Claim, ...]:
     """Return the sentences of a topic with verdicts and numbers."""
-    said, shown = texts_of(TEXTS)[topic]["claims"], readable(numbers)
+    said, shown = package_table(__file__, TEXTS.name)[topic]["claims"], readable(numbers)
     return tuple(
         Claim(one["place"], one["said"], verdicts[name], one["found"].format(**shown)) for name, one in said.items()
     )
@@ -212,7 +211,7 @@ class PaperFigure:
     ) -> PaperFigure:
         """Return a figure from these numbers. The numbers in `more` are used only in its texts."""
         found = {name: float(value) for name, value in quantities.items()}
-        texts, numbers = texts_of(TEXTS)[str(number)], {**found, **more}
+        texts, numbers = package_table(__file__, TEXTS.name)[str(number)], {**found, **more}
         claims = claims_of(str(number), verdicts, numbers)
         measured = texts["measured"].format(**readable(numbers))
         return cls(number, texts["title"], claims, measured, found, columns, texts.get("assumed", ""), rig)

@@ -93,7 +93,7 @@ class ExtrasRequest(RunRequest):
             columns = {name: values for name, values in compared[path].items() if name not in references}
             arrays |= {f"{number}/{name}": values for name, values in drawn_columns(columns, self.pixels).items()}
             others.append({"path": path, **_differences(run.columns, columns)})
-        head: Plain = {"others": others, "cylinders": list(_cylinders(described, run.columns))}
+        head: Plain = {"others": others, "cylinders": [one for _, one in _cylinders(described, run.columns)]}
         if self.motion:
             rows = np.linspace(0, len(run.columns["time_s"]) - 1, MOTION_SAMPLES).round().astype(int)
             moving = [column for column in run.columns if column == "time_s" or _ANIMATED.search(column)]
@@ -282,25 +282,24 @@ def _differences(run: Columns, other: Columns) -> dict[str, dict[str, float]]:
     return {what: {name: one for name, one in of.items() if math.isfinite(one)} for what, of in told.items()}
 
 
-def _cylinders(described: Described, columns: Columns) -> Iterator[Plain]:
-    """Yield name, stroke and columns of each double-acting cylinder."""
+def _cylinders(described: Described, columns: Columns) -> Iterator[tuple[Plain, Plain]]:
+    """Yield each double-acting cylinder, and its name, stroke and columns."""
     for name, cylinder in double_acting(described.circuit.core_json()).items():
         for place in _PLACES:
             position, *pressures = (one.format(name) for one in place)
             if all(one in columns for one in (position, *pressures)):
                 stroke = cylinder["numbers"]["stroke"]
-                yield {"name": name, "stroke_m": stroke, "position": position, "pressures": pressures}
+                yield cylinder, {"name": name, "stroke_m": stroke, "position": position, "pressures": pressures}
                 break
 
 
 def _loops(described: Described, columns: Columns, pixels: int) -> dict[str, Columns]:
     """Return volume and pressure of each chamber. Long runs are thinned."""
-    each = double_acting(described.circuit.core_json())
     count = len(columns["time_s"])
     part = slice(None) if count <= 2 * pixels + 1 else np.linspace(0, count - 1, 2 * pixels).astype(int)
     out = {}
-    for one in _cylinders(described, columns):
-        volumes = chamber_volumes(each[one["name"]], columns[one["position"]][part])
+    for cylinder, one in _cylinders(described, columns):
+        volumes = chamber_volumes(cylinder, columns[one["position"]][part])
         for end, volume, pressure in zip("ab", volumes, one["pressures"], strict=True):
             out[f"{one['name']}.{end}"] = {"volume_m3": volume, "pressure_pa": columns[pressure][part]}
     return out
