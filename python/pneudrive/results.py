@@ -454,9 +454,9 @@ class ResultComparison(Shown):
             raise CommandError(f"two results of the kind {self.kind} have no common curves to draw")
         panels = []
         for first, second, x, difference, half in pairs:
-            looks = ((first, COMPARED[0]), (second, COMPARED[1]))
-            marks: list[Any] = [Band(c.x, *c.band, look=look) for c, look in looks if c.band is not None]
-            marks += [Line(c.x, c.y, name, look) for name, (c, look) in zip(self.names, looks, strict=True)]
+            sides = list(zip((first, second), self.names, COMPARED, strict=True))
+            marks: list[Any] = [Band(c.x, *c.band, look=look) for c, _, look in sides if c.band is not None]
+            marks += [Line(c.x, c.y, name, look) for c, name, look in sides]
             across = _axis(first.x_quantity, first.x_unit)
             title = "" if first.label == first.quantity else first.label
             panels.append(Panel(marks, title, across, _axis(first.quantity, first.unit)))

@@ -15,7 +15,7 @@ from pneudrive.datasheet.sheet import Datasheet, energy_limit_j, in_words, shown
 from pneudrive.errors import CommandError
 from pneudrive.figures import MODEL, Axis, Band, Bars, Figure, Line, Markers, Panel, look
 from pneudrive.numbers import plain
-from pneudrive.report.circuit.svg import draw_circuit
+from pneudrive.report.circuit.svg import circuit_figure
 from pneudrive.report.page import Items, Report, Section, Topic, figure_of, references, view_section, write_pdf
 from pneudrive.report.render import DrawnFigure, draw_figure
 from pneudrive.report.validation import MOST_SHOWN, channel_figure, friction_figure
@@ -189,7 +189,7 @@ def write_datasheet(found: Datasheet, path: str | Path) -> Path:
     curves, *compared = view.figures
     rest = replace(view, title=numbers.say("title"), leading=(), findings=(), notes=notes, figures=(curves,))
     sections = [
-        drive.section(drive.figure("circuit", draw_circuit(found.drive)), synthetic=False),
+        drive.section(drive.figure("circuit", circuit_figure(found.drive)), synthetic=False),
         view_section("numbers", rest),
         _definitions(found),
     ]

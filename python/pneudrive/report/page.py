@@ -72,7 +72,7 @@ class Items:
 
 def drawn(shown: ShownFigure, synthetic: bool) -> DrawnFigure:
     """Draw a figure, within `applied`, with panel letters, mark of synthetic data and fixed panel positions."""
-    figure = render(shown.figure) if isinstance(shown.figure, Figure) else shown.figure
+    figure = render(shown.figure)
     finish(figure, synthetic=synthetic)
     lay_out(figure)
     return figure
@@ -376,7 +376,7 @@ class Topic:
         lines, lead = list(items), (self.text(name),) if name else ()
         return (*lead, Items(lines)) if lines else ()
 
-    def figure(self, name: str, figure: Any, /, **values: object) -> ShownFigure:  # noqa: ANN401 - also of matplotlib
+    def figure(self, name: str, figure: Figure, /, **values: object) -> ShownFigure:
         """Return a figure with its caption."""
         return ShownFigure(name, self.texts["pictures"][name].format(**values), figure)
 
@@ -412,9 +412,6 @@ class Topic:
 
 
 # --- A report as a PDF, set by typst (extra ``pdf``).
-
-#: Characters after which a long word may be broken.
-BREAKS = "_./"
 
 
 def write_pdf(report: Report, target: Path) -> Path:
@@ -454,10 +451,7 @@ def typst_of(report: Report) -> str:
 
 def _breakable(text: str) -> str:
     """Return a text as a typst string, with possible breaks in long words."""
-    made = literal(text)
-    for letter in BREAKS:
-        made = made.replace(letter, letter + "\u200b")
-    return made
+    return re.sub(r"([_./])", "\\1\u200b", literal(text))
 
 
 def literal(text: str) -> str:

@@ -20,7 +20,7 @@ from pneudrive.simulation.trajectory import check_target, columns_in, read_colum
 from pneudrive.views import LeadingValue, ShownFigure, ShownTable, ShownValue, View, worst
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
+    from collections.abc import Iterator
     from pathlib import Path
 
     from numpy.typing import ArrayLike
@@ -341,7 +341,7 @@ def read_platform_run(platform: Platform, path: str | Path) -> Columns:
     return found
 
 
-def write_platform_page(platform: Platform, columns: Mapping[str, Array], path: str | Path) -> Path:
+def write_platform_page(platform: Platform, columns: Columns, path: str | Path) -> Path:
     """Write a page of a run of a platform. The page loads no other files.
 
     Parameters
@@ -397,7 +397,7 @@ def platform_view(platform: Platform) -> View:
     )
 
 
-def platform_run_view(platform: Platform, columns: Mapping[str, Array]) -> View:
+def platform_run_view(platform: Platform, columns: Columns) -> View:
     """Return the ranges of the curves of a run, the drawing at its end, and its curves."""
     found = {**columns, **platform_outputs(platform, columns)}
     rows, time = [], columns["time_s"]
@@ -418,7 +418,7 @@ def platform_run_view(platform: Platform, columns: Mapping[str, Array]) -> View:
     )
 
 
-def _answer(platform: Platform, columns: Mapping[str, Array]) -> tuple[list[str], tuple[LeadingValue, ...]]:
+def _answer(platform: Platform, columns: Columns) -> tuple[list[str], tuple[LeadingValue, ...]]:
     """Return sentences on a run, and its leading values: path error, end positions of the legs, singularity, forces."""
     own, legs = platform.name, platform.legs
     leading = []
@@ -460,7 +460,7 @@ def _answer(platform: Platform, columns: Mapping[str, Array]) -> tuple[list[str]
     return sentences, (*leading, LeadingValue(value, limit, "good" if is_held else "open"))
 
 
-def _panels(platform: Platform, columns: Mapping[str, Array]) -> list[tuple[str, Columns]]:
+def _panels(platform: Platform, columns: Columns) -> list[tuple[str, Columns]]:
     """Return the label and the named curves of each panel."""
     pose, panels = pose_columns(platform)[0], []
     for label, unit in (("place / mm", "m"), ("tilt / deg", "rad")):
@@ -475,7 +475,7 @@ def _panels(platform: Platform, columns: Mapping[str, Array]) -> list[tuple[str,
     return [panel for panel in panels if panel[1]]
 
 
-def run_figure(platform: Platform, columns: Mapping[str, Array]) -> Figure:
+def run_figure(platform: Platform, columns: Columns) -> Figure:
     """Draw the platform at the end of a run and the curves of the run. One legend names the legs."""
     time, pose = columns["time_s"], motion_of(platform, columns)[0]
     part, legs, panels = thin(time, MOST_SAMPLES), {leg.name for leg in platform.legs}, []

@@ -8,7 +8,7 @@ from __future__ import annotations
 import os
 import sys
 from contextlib import contextmanager
-from functools import lru_cache
+from functools import cache
 from importlib import import_module
 from io import BytesIO
 from pathlib import Path
@@ -87,7 +87,7 @@ def applied(*, dark: bool = False) -> Iterator[None]:
         yield
 
 
-@lru_cache(maxsize=1)
+@cache
 def _figure_class() -> type[Figure]:
     """Return a class of figures that a notebook shows without pyplot."""
     load_matplotlib()

@@ -15,7 +15,7 @@ from pneudrive.describe.all_values import values_of
 from pneudrive.describe.files import toml
 from pneudrive.figures import Figure, Line, Look, Markers, Panel, Rule
 from pneudrive.files.writing import make_subfolder
-from pneudrive.report.circuit.svg import draw_circuit
+from pneudrive.report.circuit.svg import circuit_figure
 from pneudrive.report.layout_figure import sketch
 from pneudrive.report.page import Items, Paragraph, Report, Section, Topic, figure_of, references, view_section
 from pneudrive.report.render import DrawnFigure, draw_figure
@@ -273,7 +273,7 @@ def _best(found: SizingResult) -> list[Section]:
     rest = tuple(line for line in circuit.assumed() if not line.startswith(tuple(named)))
     parts = [f"{slot.replace('_', ' ')}: {name}" for slot, name in best.parts.items()]
     topic, sourced = Topic("sizing", "best"), Topic("sizing", "values")
-    drawing = topic.figure("circuit", draw_circuit(circuit), parts=best.part_names)
+    drawing = topic.figure("circuit", circuit_figure(circuit), parts=best.part_names)
     return [
         topic.section(Items((*parts, best.needles)), drawing, synthetic=False),
         sourced.section(sourced.table(values), Items(rest), synthetic=False),

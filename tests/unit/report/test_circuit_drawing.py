@@ -195,7 +195,7 @@ def test_a_cushion_is_drawn_where_there_is_one(end):
     cushion = {"length": "20 mm", "plunger_diameter": "16 mm", "needle_conductance": "0.1 dm3/(s bar)"}
     cushioned = plain | {"cushion": {end: cushion | {"port_volume": "6 cm3"}}}
     without, own = (blocks._block("axis", component(table)) for table in (plain, cushioned))
-    added = [point for stroke in own.strokes if stroke not in without.strokes for point in blocks._points(stroke)]
+    added = [point for stroke in own.strokes if stroke not in without.strokes for point in stroke.outline()]
     assert min(x for x, _ in added) < 3.0 if end == "a" else max(x for x, _ in added) > 3.8  # faces of the piston
     assert own.box == without.box
 
@@ -227,7 +227,7 @@ def test_every_kind_has_a_symbol_and_a_box(kind):
     drawn = list(blocks._drawn(symbol["strokes"])), list(map(tuple, symbol["ports"]))
     for strokes, places in (blocks._plain(entry), drawn):
         assert len(set(places)) == len(places) == len(entry["ports"])
-        box = blocks.bounds([*(point for stroke in strokes for point in blocks._points(stroke)), *places])
+        box = blocks.bounds([*(point for stroke in strokes for point in stroke.outline()), *places])
         for x, y in places:
             assert min(x - box[0], box[2] - x, y - box[1], box[3] - y) == x % 1 == y % 1 == 0
 

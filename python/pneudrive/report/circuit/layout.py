@@ -160,8 +160,7 @@ def _mark(name: str, at: Point, direction: Place, mark: str) -> Iterator[Shape]:
         yield Shape("triangle", moved([*wide, (base[0] + MARK * dx, base[1] + MARK * dy)]), name)
     else:
         for side in (1, -1):
-            ends = [(x - 0.35 * (dy * side + dx), y - 0.35 * (dx * side + dy))]
-            ends.append((x + 0.35 * (dy * side + dx), y + 0.35 * (dx * side + dy)))
+            ends = [(x + end * (dy * side + dx), y + end * (dx * side + dy)) for end in (-0.35, 0.35)]
             yield Shape("line", moved(ends), name)
 
 
@@ -679,10 +678,8 @@ def _range(block: Block, axis: int) -> str:
 
 
 def _overlap(one: Block, other: Block) -> bool:
-    left, top, right, bottom = one.rectangle()
-    other_left, other_top, other_right, other_bottom = other.rectangle()
-    in_width = left - 1 < other_right and other_left - 1 < right
-    return in_width and top - 1 < other_bottom and other_top - 1 < bottom
+    both = one.rectangle(), other.rectangle()
+    return all(low[axis] - 1 < high[axis + 2] for low, high in (both, both[::-1]) for axis in (0, 1))
 
 
 #: Factors on the room between blocks, tried in turn until all lines have a path.

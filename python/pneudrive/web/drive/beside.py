@@ -6,7 +6,7 @@ import math
 import re
 from contextlib import suppress
 from dataclasses import replace
-from typing import TYPE_CHECKING, Annotated, Any, cast
+from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
 from pydantic import Field, StrictStr, field_validator
@@ -19,7 +19,7 @@ from pneudrive.progress import Watch
 from pneudrive.simulation.run_view import run_view
 from pneudrive.simulation.trajectory import columns_in, meaning, read_columns
 from pneudrive.units import parse, readable
-from pneudrive.views import STATES, Finding, SentView, View, worst
+from pneudrive.views import STATES, Finding, View, worst
 from pneudrive.web.drive.run_request import Described, Run, RunLimit, RunRequest, described_at
 from pneudrive.web.measured.tiles import drawn_columns
 from pneudrive.web.messages import shell, wrong_request
@@ -351,7 +351,7 @@ def platform_motion(
     return sent, arrays
 
 
-def _run_answer(view: View, run: Run) -> SentView:
+def _run_answer(view: View, run: Run) -> Plain:
     """Return sentence and numbers of a platform, with the strongest impact and the hazards of the run."""
     of_run = run_view(run.columns, run.provenance)
     hardest = tuple(one for one in of_run.leading if one.value.key == "hardest impact")
@@ -365,7 +365,7 @@ def _run_answer(view: View, run: Run) -> SentView:
     findings = tuple(Finding(text.replace("{}", ", ".join(names), 1), "bad") for text, names in alike.items())
     state = max((view.state, worst(findings)), key=STATES.index)
     answer = View(view.title, state=state, leading=(*hardest, *view.leading), findings=findings)
-    return cast("SentView", answer.data())
+    return answer.data()
 
 
 def _poses_of(poses: list[str], others: Mapping[str, Columns]) -> Iterator[tuple[str, list[Array]]]:

@@ -66,9 +66,17 @@ def restructured(
     if not isinstance(described, Circuit):
         raise CommandError("a drive has a fixed structure", remedy="Open it as a circuit first.")
     change = CircuitText(text, described.wiring)
-    arguments = {"add": (kind, one), "join": (one, other)}.get(act, (one,))
-    chosen = getattr(change, act)(*arguments)
-    return {"text": change.written(), "chosen": chosen or ""}
+    chosen = ""
+    match act:
+        case "add":
+            chosen = change.add(kind, one)
+        case "join":
+            change.join(one, other)
+        case "cut":
+            change.cut(one)
+        case "remove":
+            change.remove(one)
+    return {"text": change.written(), "chosen": chosen}
 
 
 class CircuitText:

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from pathlib import Path
-from posixpath import basename, dirname
+from posixpath import basename, dirname, join
 from typing import TYPE_CHECKING, Annotated, Literal
 
 import numpy as np
@@ -91,7 +90,7 @@ def shown_map(workspace: Workspace, path: str, fit: str) -> Plain:
         raise CommandError(f"there is no fit {fit[:80]} next to the map")
     found = drawn_map(workspace.path(path, MAPS), basename(fit) or FIT)
     names = dict.fromkeys(group["assembly"] for group in found["groups"])
-    files = {name: _beside(path, fit_file(name) if len(names) > 1 else FIT) for name in names}
+    files = {name: join(dirname(path), fit_file(name) if len(names) > 1 else FIT) for name in names}
     seals = {name: file if file in fits else "" for name, file in files.items()}
     return {**found, "fits": fits, "seals": seals, "recordings": recordings_of_map(workspace, path)}
 
@@ -128,10 +127,10 @@ def drawn_map(path: Path, fit_name: str = FIT) -> Plain:
     table, groups, fits, why = _drawn_groups(path, fit_name)
     ends = np.abs(table["velocity_m_s"].to_numpy())
     speeds = np.geomspace(ends.min(), ends.max(), SPEEDS) if ends.min() < ends.max() else ends[:1]
-    curves = Counter[str]()
+    curves: dict[str, int] = {}
     for group in groups:
         fit = fits.get(group["assembly"])
-        curves[group["assembly"]] += 1
+        curves[group["assembly"]] = curves.get(group["assembly"], 0) + 1
         if fit is not None and curves[group["assembly"]] <= MOST_CURVES:
             own = [point["speed"] for point in group["points"]]
             band = _band(fit, speeds, *group["gauges"])
@@ -195,14 +194,10 @@ def map_slice(workspace: Workspace, path: str, fit: str, speed: Literal["all"] |
                 band = _band(fits[name], np.full(SPEEDS, speed_m_s), *pair)
                 group["curve"] = {"gauge": over.tolist(), "measured": [min(known), max(known)], **band}
                 file = fit_file(name) if len(names) > 1 else fit_name
-                levels.append((_beside(path, file), speed_m_s, other, float(reach.min()), float(reach.max())))
+                levels.append((join(dirname(path), file), speed_m_s, other, float(reach.min()), float(reach.max())))
     ends = ", ".join([f"np.linspace(low, high, {SPEEDS})", "other"][:: 1 - 2 * along])
     lines = python("slice", other="ba"[along], along="ab"[along], levels=levels, ends=ends) if levels else ""
     return {"chamber": "ab"[along], "groups": groups, "python": lines}
-
-
-def _beside(path: str, name: str) -> str:
-    return f"{path.rpartition('/')[0]}/{name}".lstrip("/")
 
 
 def _band(fit: FrictionFit, *at: Array | float) -> Plain:
