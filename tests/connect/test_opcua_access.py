@@ -1,23 +1,27 @@
-"""Who may command a rig: a stranger's certificate, a wrong user or password is refused, on both sides."""
+"""Who may command a rig: a stranger's certificate, a wrong user or password is refused, on both sides.
+
+The server of pneudrive admits certificates. A server of others may also ask for a user.
+"""
 
 from __future__ import annotations
 
-import io
 import stat
+from contextlib import ExitStack
 from pathlib import Path
 
 import pytest
 
 from pneudrive.cli.main import run
-from pneudrive.errors import CommandError, RigError
+from pneudrive.errors import CommandError, PneudriveWarning, RigError
 from pneudrive.rig import load_rig
-from pneudrive.rig.opcua.access import OpcUaFile, Protection, make_certificate
+from pneudrive.rig.opcua.access import OpcUaFile, Protection, der, make_certificate, ua
 from pneudrive.rig.opcua.client import open_rig
 from pneudrive.rig.opcua.nodes import load_map
 from pneudrive.rig.opcua.server import RigServer
 
 PASSWORD = "correct horse"
 URL = "opc.tcp://127.0.0.1:1"
+ENCRYPTED = 'certificate = "client.pem"\nkey = "client.key"\nserver_certificate = "server.pem"\n'
 
 
 @pytest.fixture(scope="module")
@@ -25,20 +29,42 @@ def files(tmp_path_factory) -> Path:
     folder = tmp_path_factory.mktemp("certificates")
     for name in ("server", "client", "stranger", "carla"):
         assert run(["rig", "certificate", name, "--out", str(folder), "--host", "localhost"]) == 0
-    with pytest.MonkeyPatch.context() as patch:
-        for name, password in (("anna", "old"), ("bert", "another"), ("anna", PASSWORD)):
-            patch.setattr("sys.stdin", io.StringIO(f"{password}\n"))
-            assert run(["rig", "user", name, "--user-file", str(folder / "users")]) == 0
-    (folder / "password").write_text(f"{PASSWORD}\n")
-    (folder / "password").chmod(0o600)
+    for name, password in (("password", PASSWORD), ("other", "wrong")):
+        (folder / name).write_text(f"{password}\n")
+        (folder / name).chmod(0o600)
     return folder
 
 
+class Users(Protection):
+    """Protection of a server of others: a user logs in by name and password, or by certificate."""
+
+    async def protect(self, server):
+        await super().protect(server)
+        server.set_identity_tokens([ua.UserNameIdentityToken, ua.X509IdentityToken])
+
+    def get_user(self, iserver, *, username, password, certificate):
+        if username is None:
+            known = certificate == der(self.certificate.with_name("carla.pem"))
+        else:
+            known = (username, password) == ("anna", PASSWORD) and certificate in self.trusted
+        return super().get_user(iserver, certificate=self.trusted[0]) if known else None
+
+
 @pytest.fixture(scope="module")
-def served(files):
-    protection = Protection.of(files / "server.pem", [files / "client.pem"], files / "users")
-    with RigServer(load_rig("default", seed=3), load_map(), port=0, protection=protection) as server:
-        yield server
+def urls(files):
+    """Address of a server with each protection."""
+    with ExitStack() as running:
+        yield {
+            kind: running.enter_context(
+                RigServer(
+                    load_rig("default", seed=3),
+                    load_map(),
+                    port=0,
+                    protection=kind.of(files / "server.pem", [files / "client.pem"]),
+                )
+            ).url
+            for kind in (Protection, Users)
+        }
 
 
 def access(files: Path, url: str, certificate: str = "client", server: str = "server", **fields: object) -> OpcUaFile:
@@ -53,77 +79,60 @@ def access(files: Path, url: str, certificate: str = "client", server: str = "se
     return file
 
 
-def test_a_password_from_the_environment(served, files, monkeypatch):
+@pytest.mark.parametrize("source", ["file", "env"])
+def test_a_password_is_sent_and_said(urls, files, monkeypatch, source):
+    given = {"file": "password", "env": "PNEUDRIVE_RIG_PASSWORD"}[source]
     monkeypatch.setenv("PNEUDRIVE_RIG_PASSWORD", PASSWORD)
-    rig = open_rig(access(files, served.url, password_file=None, password_env="PNEUDRIVE_RIG_PASSWORD"))
+    own = f'url = "{urls[Users]}"\nuser = "anna"\npassword_{source} = "{given}"\n'
+    (files / "bench.toml").write_text('kind = "opc-ua"\n' + own + ENCRYPTED)
+    with pytest.warns(PneudriveWarning, match=f"the password in {given} is sent to 127.0.0.1:.*, as bench.toml states"):
+        rig = load_rig(files / "bench.toml")
     rig.home()
     rig.close()
 
 
-def test_a_server_of_others_may_admit_the_certificate_of_a_user(files):
-    """Another server than that of pneudrive: the client signs with the key of the user."""
-    import asyncio
+def test_a_user_logs_in_by_certificate(urls, files):
+    """The client signs with the key of the user; the key of another one is refused."""
+    nobody = {"user": None, "password_file": None, "user_certificate": "carla.pem"}
+    rig = open_rig(access(files, urls[Users], **nobody, user_key="carla.key"))
+    rig.home()
+    rig.close()
+    with pytest.raises(RigError, match="rejects this client"):
+        open_rig(access(files, urls[Users], **nobody, user_key="stranger.key"))
 
-    from asyncua import Server
-    from asyncua.crypto.permission_rules import User, UserRole
 
-    from pneudrive.rig.opcua.access import der, protect, ua
-    from pneudrive.rig.opcua.link import Link, LoopThread
-
-    nobody = {"user": None, "password_file": None}
-    users = []
-
-    class Admit:
-        def get_user(self, _, username=None, password=None, certificate=None):
-            users.append(certificate)
-            return User(role=UserRole.User)
-
-    async def start() -> Server:
-        server = Server()
-        await server.init()
-        server.set_endpoint("opc.tcp://127.0.0.1:0")
-        await protect(server, Protection.of(files / "server.pem", [files / "client.pem"], None))
-        server.iserver.set_user_manager(Admit())
-        server.set_identity_tokens([ua.X509IdentityToken])
-        await server.start()
-        return server
-
-    loop = LoopThread()
-    server = loop.run(start())
-    url = f"opc.tcp://127.0.0.1:{server.bserver.port}"
-    for key, admitted in (("carla", True), ("stranger", False)):  # the second one is not her key
-        own = {"user_certificate": "carla.pem", "user_key": f"{key}.key"}
-        link = Link(access(files, url, **nobody, **own), load_map())
-        with pytest.raises(RigError, match="no namespace" if admitted else "rejects this client"):
-            link.connect()
-        link.close()
-    assert users == [der(files / "carla.pem")]
-    loop.run(asyncio.wait_for(server.stop(), 5.0))
-    loop.close()
+NOBODY = {"user": None, "password_file": None}
 
 
 @pytest.mark.parametrize(
-    ("who", "words"),
+    ("kind", "who", "words"),
     [
-        ({"certificate": "stranger"}, "rejects this client: BadCertificateUntrusted"),
-        ({"user": "carl"}, "rejects this client: BadUserAccessDenied"),
-        ({"user": "jürgen"}, "rejects this client: BadUserAccessDenied"),
-        ({"user": "bert"}, "rejects this client: BadUserAccessDenied"),
-        ({"user": None, "password_file": None}, "rejects this client: BadIdentityTokenRejected"),
-        ({"server": "stranger"}, "server_certificate is not its certificate"),
-        (None, "rejects this client: .*No matching endpoints"),
+        (Protection, NOBODY | {"certificate": "stranger"}, "rejects this client: BadCertificateUntrusted"),
+        (Protection, NOBODY | {"server": "stranger"}, "server_certificate is not its certificate"),
+        (Protection, {}, "rejects this client: BadIdentityTokenRejected"),
+        (Protection, None, "rejects this client: .*No matching endpoints"),
+        (Users, {"user": "carl"}, "rejects this client: BadUserAccessDenied"),
+        (Users, {"user": "jürgen"}, "rejects this client: BadUserAccessDenied"),
+        (Users, {"password_file": "other"}, "rejects this client: BadUserAccessDenied"),
+        (Users, NOBODY, "rejects this client: BadIdentityTokenRejected"),
     ],
-    ids=["certificate", "user", "user in other letters", "password", "no user", "server", "nothing"],
+    ids=["certificate", "server", "a user", "nothing", "user", "user in other letters", "password", "no user"],
 )
-def test_others_are_refused(served, files, who, words):
+def test_others_are_refused(urls, files, kind, who, words):
     with pytest.raises(RigError, match=words):
-        open_rig(OpcUaFile(url=served.url) if who is None else access(files, served.url, **who))
+        open_rig(OpcUaFile(url=urls[kind]) if who is None else access(files, urls[kind], **who))
+
+
+def test_a_trusted_certificate_is_that_of_the_connection(files):
+    """A client may name a trusted certificate, which is public, on a connection with its own."""
+    protection = Protection.of(files / "server.pem", [files / "client.pem"])
+    assert protection.get_user(None, certificate=der(files / "client.pem")) is not None
+    for stranger in (der(files / "stranger.pem"), None):
+        assert protection.get_user(None, certificate=stranger) is None
 
 
 def test_secrets_stay_secret(files, tmp_path):
-    for name in ("server.key", "users"):
-        assert stat.S_IMODE((files / name).stat().st_mode) == 0o600
-    assert PASSWORD not in (files / "users").read_text()
+    assert stat.S_IMODE((files / "server.key").stat().st_mode) == 0o600
     with pytest.raises(RigError, match="already exists"):
         make_certificate(files, "server")
     (tmp_path / "password").write_text(PASSWORD)
@@ -167,21 +176,13 @@ def test_rig_files_that_would_give_a_secret_away(tmp_path, text, words):
 
 def test_a_server_is_not_open_to_the_network_by_mistake(files, refusal):
     refusal(["rig", "serve", "--bind", "0.0.0.0"], "anyone who reaches this address could move the axis")
-    with pytest.raises(CommandError, match="need --certificate"):
-        Protection.of(None, None, files / "users")
+    with pytest.raises(CommandError, match="needs --certificate"):
+        Protection.of(None, [files / "client.pem"])
     with pytest.raises(CommandError, match="needs --trust"):
-        Protection.of(files / "server.pem", None, None)
+        Protection.of(files / "server.pem", None)
 
 
 @pytest.mark.parametrize("url", ["opc.tcp://127.0.0.1:4840,", "opc.tcp://127.0.0.1:99999"])
 def test_an_address_that_is_none_is_refused_in_words(url):
     with pytest.raises(RigError, match="not an address"):
         load_rig(url)
-
-
-def test_users_that_cannot_be_written_are_one_message(tmp_path, monkeypatch, refusal):
-    monkeypatch.setattr("sys.stdin", io.StringIO("secret\n"))
-    refusal(
-        ["rig", "user", "anna", "--user-file", tmp_path / "nowhere" / "users"],
-        "users cannot be written: No such file or directory",
-    )

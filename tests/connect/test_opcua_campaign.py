@@ -19,9 +19,9 @@ import pytest
 from connect import served_child
 from pneudrive.campaign.run import run_campaign
 from pneudrive.campaign.storage.folder import Campaign
-from pneudrive.errors import ConnectionLostError, PneudriveWarning
+from pneudrive.errors import ConnectionLostError
 from pneudrive.rig import load_rig
-from pneudrive.rig.opcua.access import add_user, make_certificate, write_secret
+from pneudrive.rig.opcua.access import make_certificate
 from pneudrive.rig.opcua.nodes import load_map
 from pneudrive.rig.opcua.server import RigServer
 
@@ -58,7 +58,7 @@ def test_a_campaign_over_a_connection_is_the_direct_one(direct, tmp_path):
 
 
 class Server:
-    """`pneudrive rig serve` over TLS with a user in a process of its own, killed and started again.
+    """`pneudrive rig serve` over TLS in a process of its own, killed and started again.
 
     A process that has imported everything forks it, so that it is there again fast.
     """
@@ -70,10 +70,8 @@ class Server:
         self.options = ["default", "--port", str(self.port), "--speed", str(PACE), "--seed", str(seed)]
         for name in ("server", "client"):
             make_certificate(folder, name)
-        add_user(folder / "users", "anna", "correct horse")
-        files = {"--certificate": "server.pem", "--trust": "client.pem", "--user-file": "users"}
+        files = {"--certificate": "server.pem", "--trust": "client.pem"}
         self.options += [text for option, name in files.items() for text in (option, str(folder / name))]
-        write_secret(folder / "password.txt", b"correct horse\n")
         self.rig = folder / "bench.toml"
         self.rig.write_text(BENCH.format(port=self.port))
         self.context = multiprocessing.get_context("forkserver")
@@ -113,8 +111,7 @@ def test_a_server_that_is_killed_costs_at_most_the_running_cycle(direct, tmp_pat
     killer = threading.Thread(target=server.keep_killing, args=(tmp_path / "there", np.random.default_rng(5)))
     killer.start()
     try:
-        with pytest.warns(PneudriveWarning, match=f"in password.txt is sent to 127.0.0.1:{server.port}"):
-            run_campaign(PROTOCOL, str(server.rig), tmp_path / "there")
+        run_campaign(PROTOCOL, str(server.rig), tmp_path / "there")
     finally:
         server.over.set()
         killer.join()

@@ -41,8 +41,8 @@ campaign = group(
     "Plan, run, watch and resume friction campaigns.",
 )
 rig = group(
-    dict.fromkeys(("serve", "certificate", "user"), "pneudrive.cli.rig"),
-    "Serve a rig over OPC UA, with certificates and users.",
+    dict.fromkeys(("serve", "certificate"), "pneudrive.cli.rig"),
+    "Serve a rig over OPC UA, with certificates.",
 )
 
 

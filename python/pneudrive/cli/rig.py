@@ -1,4 +1,4 @@
-"""``pneudrive rig``: serve a rig over OPC UA; make certificates and users."""
+"""``pneudrive rig``: serve a rig over OPC UA; make certificates."""
 
 from __future__ import annotations
 
@@ -32,7 +32,6 @@ def serve(
     map: Path | None = None,  # noqa: A002 - the name of the option
     certificate: Path | None = None,
     trust: list[Path] | None = None,
-    user_file: Path | None = None,
     unprotected: bool = False,
 ) -> None:
     """Serve a rig over OPC UA, with the nodes of a map, until Ctrl-C.
@@ -55,8 +54,6 @@ def serve(
         Certificate of this server, with its private key beside it (.key); all messages are signed and encrypted.
     trust
         Certificate of a client that may connect; repeatable.
-    user_file
-        File of users that may log in; made by `pneudrive rig user`.
     unprotected
         Allow anyone on the network to command the axis.
 
@@ -64,7 +61,7 @@ def serve(
     --------
     pneudrive rig serve default
     """
-    protection = access.Protection.of(certificate, trust, user_file)
+    protection = access.Protection.of(certificate, trust)
     if bind not in LOOPBACK and certificate is None and not unprotected:
         raise CommandError.of("cli.bind", address=bind)
     if speed < 0.0 or 0.0 < speed < 1.0:
@@ -105,25 +102,3 @@ def certificate(
     pneudrive rig certificate server --out certificates
     """
     terminal.show_paths(*access.make_certificate(out, name, host, days))
-
-
-def user(name: str, *, user_file: Path) -> None:
-    """Add a user, or change a password. The command asks for the password, or reads it from standard input.
-
-    Options
-    -------
-    name
-        Name of the user.
-    user_file
-        File of users; it keeps salted hashes, no passwords.
-
-    Examples
-    --------
-    pneudrive rig user anna --user-file certificates/users
-    """
-    if sys.stdin.isatty():
-        password = typer.prompt("Password", hide_input=True, confirmation_prompt=True)
-    else:
-        password = sys.stdin.readline().rstrip("\r\n")
-    access.add_user(user_file, name, password)
-    terminal.show_paths(user_file)

@@ -1,15 +1,10 @@
-"""Access to a rig over OPC UA: certificates, users and passwords. Rig files never contain passwords."""
+"""Access to a rig over OPC UA: certificates, and the login of the client. Rig files never contain passwords."""
 
 from __future__ import annotations
 
-import base64
-import hashlib
-import hmac
 import os
-import re
-import secrets
 import socket
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -31,12 +26,6 @@ from pneudrive.rig.rig_file import RigFile
 ua: Any = asyncua.ua
 SCHEME = "opc.tcp"
 RECONNECT_S = 60.0
-SCRYPT = {"n": 2**14, "r": 8, "p": 1}  # 16 MB and about 50 ms for each attempt
-SALT_BYTES = 16
-#: Line of a user file: name, and salted hash of the password.
-_USER = re.compile(r"(?P<name>[^:]+):scrypt:(?P<salt>[^:]*):[^:]+")
-#: Dummy line for unknown users, so that their check takes equally long.
-_NOBODY = ":scrypt::"
 PREFIX = "PNEUDRIVE_"  # of variables whose content a rig file may send to the server that it names
 OTHERS_MAY_READ = 0o077
 
@@ -149,25 +138,21 @@ class OpcUaFile(RigFile):
 
 @dataclass(frozen=True)
 class Protection:
-    """Certificates and users of a served rig.
+    """Certificates of a served rig.
 
     Attributes
     ----------
-    certificate, key : Path or None
-        Certificate and key of the server; None: no encryption, any client is admitted.
+    certificate : Path or None
+        Certificate of the server, with its key beside it (.key); None: no encryption, any client is admitted.
     trusted : tuple of bytes
         Certificates of admitted clients, DER.
-    users : dict
-        Name -> line of the user file. With users, a client must log in as one of them.
     """
 
     certificate: Path | None = None
-    key: Path | None = None
     trusted: tuple[bytes, ...] = ()
-    users: dict[str, str] = field(default_factory=dict)
 
     @classmethod
-    def of(cls, certificate: Path | None, trusted: list[Path] | None, user_file: Path | None) -> Protection:
+    def of(cls, certificate: Path | None, trusted: list[Path] | None) -> Protection:
         """Read the files named by the options of a command.
 
         Raises
@@ -175,32 +160,19 @@ class Protection:
         CommandError, RigError
             The options do not fit together, or a file cannot be read.
         """
-        if certificate is None and (trusted or user_file):
-            raise CommandError("--trust and --user-file need --certificate", remedy="pneudrive rig certificate")
         if certificate is None:
+            if trusted:
+                raise CommandError("--trust needs --certificate", remedy="pneudrive rig certificate")
             return cls()
-        key = certificate.with_suffix(".key")
         if not trusted:
             raise CommandError("--certificate needs --trust", rule="--trust gives the certificates of admitted clients")
-        secret(key)
-        return cls(certificate, key, tuple(map(der, trusted)), read_users(user_file) if user_file else {})
+        secret(certificate.with_suffix(".key"))
+        return cls(certificate, tuple(map(der, trusted)))
 
-    def get_user(
-        self,
-        iserver: Any,  # noqa: ANN401 - signature of asyncua
-        username: str | None = None,
-        password: str | None = None,
-        certificate: bytes | None = None,
-    ) -> User | None:
-        """Return the user of a client, or None to reject it."""
-        if self.certificate is not None and certificate not in self.trusted:
-            return None
-        if self.users:
-            line = self.users.get(username or "", _NOBODY)
-            made = _user_line(username or "", password or "", line.split(":")[2])
-            if not hmac.compare_digest(made.encode(), line.encode()):  # texts are compared only in ASCII
-                return None
-        return User(role=UserRole.User, name=username)
+    def get_user(self, _: object, *, certificate: bytes | None, **__: object) -> User | None:
+        """Return a user for the certificate of a connection, or None to reject the client."""
+        admitted = self.certificate is None or certificate in self.trusted
+        return User(role=UserRole.User) if admitted else None
 
     async def validate(self, certificate: x509.Certificate, application: Any) -> None:  # noqa: ANN401 - asyncua's
         """Check that the certificate of a client is trusted and has valid dates and the right application."""
@@ -208,22 +180,20 @@ class Protection:
             raise ServiceError(ua.StatusCodes.BadCertificateUntrusted)
         await _validator(CertificateValidatorOptions.PEER_CLIENT).validate(certificate, application)
 
-
-async def protect(server: Any, protection: Protection) -> None:  # noqa: ANN401 - asyncua's server
-    """Set the protection of a server before it starts."""
-    server.iserver.set_user_manager(protection)
-    if protection.certificate is None or protection.key is None:
-        server.set_security_policy([ua.SecurityPolicyType.NoSecurity])
+    async def protect(self, server: Any) -> None:  # noqa: ANN401 - asyncua's server
+        """Set the protection of a server before it starts."""
+        server.iserver.set_user_manager(self)
         server.set_identity_tokens([ua.AnonymousIdentityToken])
-        return
-    await server.set_application_uri(application_uri(protection.certificate))
-    server.set_security_policy([ua.SecurityPolicyType.Basic256Sha256_SignAndEncrypt])
-    server.set_identity_tokens([ua.UserNameIdentityToken if protection.users else ua.AnonymousIdentityToken])
-    certificate = _properties(read(protection.certificate))
-    key = _properties(secret(protection.key))
-    await server.load_certificate(certificate.path_or_content, certificate.extension)
-    await server.load_private_key(key.path_or_content, format=key.extension)
-    server.set_certificate_validator(protection.validate)
+        if self.certificate is None:
+            server.set_security_policy([ua.SecurityPolicyType.NoSecurity])
+            return
+        await server.set_application_uri(application_uri(self.certificate))
+        server.set_security_policy([ua.SecurityPolicyType.Basic256Sha256_SignAndEncrypt])
+        certificate = _properties(read(self.certificate))
+        key = _properties(secret(self.certificate.with_suffix(".key")))
+        await server.load_certificate(certificate.path_or_content, certificate.extension)
+        await server.load_private_key(key.path_or_content, format=key.extension)
+        server.set_certificate_validator(self.validate)
 
 
 def make_certificate(folder: Path, name: str, hosts: list[str] | None = None, days: int = 365) -> tuple[Path, Path]:
@@ -254,61 +224,14 @@ def make_certificate(folder: Path, name: str, hosts: list[str] | None = None, da
     made = cert_gen.generate_self_signed_app_certificate(key, name, {}, names, both, days=days)
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        write_secret(key_path, cert_gen.dump_private_key_as_pem(key))
+        with os.fdopen(os.open(key_path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600), "wb") as file:
+            file.write(cert_gen.dump_private_key_as_pem(key))
         certificate_path.write_bytes(made.public_bytes(Encoding.PEM))
     except FileExistsError:
         raise RigError(f"{key_path} already exists", remedy="Choose another name, or remove the file.") from None
     except OSError as error:
         raise RigError(f"{folder} cannot be written to: {error.strerror}") from None
     return certificate_path, key_path
-
-
-def write_secret(path: Path, content: bytes) -> None:
-    """Write a new file that only its owner may read."""
-    handle = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
-    with os.fdopen(handle, "wb") as file:
-        file.write(content)
-
-
-def add_user(path: Path, name: str, password: str) -> None:
-    """Add a user to a user file, or change a password; only a salted hash is stored.
-
-    Raises
-    ------
-    CommandError
-        The name or the password is empty, or the name is not valid in a user file.
-    RigError
-        The file is not a user file, or cannot be written.
-    """
-    if not name or ":" in name or name != name.strip() or not password:
-        raise CommandError(f"user {name!r} cannot be added", rule="a user needs a name without colon, and a password")
-    users = read_users(path) if path.exists() else {}
-    users[name] = _user_line(name, password, base64.b64encode(secrets.token_bytes(SALT_BYTES)).decode())
-    new = path.with_suffix(path.suffix + ".new")
-    try:
-        new.unlink(missing_ok=True)
-        write_secret(new, "".join(f"{line}\n" for line in users.values()).encode())
-        new.replace(path)
-    except OSError as error:
-        raise RigError.of("rig.not-written", file=path, reason=error.strerror) from None
-
-
-def read_users(path: Path) -> dict[str, str]:
-    """Read a user file: name -> its line.
-
-    Raises
-    ------
-    RigError
-        The file cannot be read, other users may read it, or a line is not valid.
-    """
-    users = {}
-    for number, line in enumerate(secret(path).decode("utf-8").splitlines(), start=1):
-        if not (user := _USER.fullmatch(line)):
-            raise RigError.of("rig.no-user", where=f"{path}:{number}")
-        users[user["name"]] = line
-    if not users:
-        raise RigError("the file has no users", where=str(path), remedy="pneudrive rig user NAME --user-file FILE")
-    return users
 
 
 def application_uri(certificate: Path) -> str:
@@ -357,8 +280,3 @@ def _properties(content: bytes) -> CertProperties:
 def _validator(peer: CertificateValidatorOptions) -> CertificateValidator:
     """Return a validator of the dates and the application of a certificate."""
     return CertificateValidator(CertificateValidatorOptions.BASIC_VALIDATION | peer)
-
-
-def _user_line(name: str, password: str, salt: str) -> str:
-    digest = hashlib.scrypt(password.encode("utf-8"), salt=base64.b64decode(salt), **SCRYPT)
-    return f"{name}:scrypt:{salt}:{base64.b64encode(digest).decode()}"

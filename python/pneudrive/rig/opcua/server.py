@@ -25,7 +25,7 @@ from pneudrive.errors import PneudriveError, RigError
 from pneudrive.files.content import parse_json
 from pneudrive.rig.interface import Hold, Move, Rig, Samples, Sampling, Step, closed_after
 from pneudrive.rig.job_thread import JobThread
-from pneudrive.rig.opcua.access import Protection, protect, ua
+from pneudrive.rig.opcua.access import Protection, ua
 from pneudrive.rig.opcua.link import COUNTER, LoopThread, quieten
 from pneudrive.rig.opcua.nodes import HOLD, IN_RING, RELEASED, SAMPLES, SAMPLING, SHUT, STATE, STEPS, NodeMap, Verb
 
@@ -116,7 +116,7 @@ class RigServer:
     host, port : str, int
         Address to listen on. Port 0 means any free port; `url` then contains its number.
     protection : Protection, optional
-        Admitted clients and users. Default: anyone.
+        Admitted clients. Default: anyone.
     heartbeat_s : float, optional
         Heartbeat time; the default is in the map.
 
@@ -199,7 +199,7 @@ class RigServer:
         server.set_endpoint(f"opc.tcp://{self.host}:{self.port}")
         server.set_match_discovery_client_ip(False)
         server.limits = ServerLimits(BUFFER, BUFFER, LARGEST_MESSAGE // BUFFER + 1, LARGEST_MESSAGE)
-        await protect(server, self.protection)
+        await self.protection.protect(server)
         internal = server.iserver
         internal.max_connections = MOST_CONNECTIONS
         internal.max_pending_activation_seconds = SESSION_S
