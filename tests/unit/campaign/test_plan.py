@@ -66,7 +66,7 @@ def limits():
 
 
 def points(plan):
-    return [one.cycle for one in plan.planned if one.cell is not None]
+    return [cycle for cycle in plan.cycles if cycle.kind in ("sweep", "stop")]
 
 
 def test_keys_are_unique_and_readable(planned):

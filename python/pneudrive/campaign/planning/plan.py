@@ -8,7 +8,7 @@ from __future__ import annotations
 import hashlib
 import math
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from functools import lru_cache
 from itertools import groupby, product
@@ -16,9 +16,9 @@ from typing import Any, TypeVar
 
 from pneudrive.batching import many_objects
 from pneudrive.campaign.cycle import Cycle
-from pneudrive.campaign.planning.planned import BYTES_PER_SAMPLE, Cell, Plan, Planned, Way, size_of
+from pneudrive.campaign.planning.planned import BYTES_PER_SAMPLE, Plan, Planned, Way, size_of
 from pneudrive.campaign.planning.preflight import ROUNDING, check, margins, millimetres
-from pneudrive.campaign.planning.protocol import VENTED, Pair, Protocol
+from pneudrive.campaign.planning.protocol import VENTED, AxisPosition, Pair, Protocol
 from pneudrive.constants import STANDARD_GRAVITY_M_S2
 from pneudrive.errors import ProtocolError
 from pneudrive.files.bounds import within
@@ -28,6 +28,10 @@ from pneudrive.rig.interface import Envelope, Hold, Identity, Move, Sampling, St
 from pneudrive.rig.motion import Limits, move, step_samples
 
 T = TypeVar("T")
+#: Kinds of cycles that measure a design point.
+POINTS = ("sweep", "stop")
+#: End of the key of a cycle that occurs several times in a block: repeats of a point, and control runs.
+NUMBERED = dict.fromkeys(POINTS, "/r{}") | {"sentinel": "/n{}"}
 
 
 def _sweep_levels(protocol: Protocol) -> list[tuple[str, float]]:
@@ -95,31 +99,26 @@ def ordered_blocks(protocol: Protocol) -> list[dict[str, str]]:
     return blocks
 
 
-def ordered_cells(protocol: Protocol, block: int) -> list[tuple[Cell, int]]:
-    """Return the design points of a block in running order, each with its repeat number from 1."""
-    repeats, kind, levels = range(1, protocol.repeats + 1), protocol.order.kind, protocol.pressure.levels
-    turns, stops = _sweep_levels(protocol), list(product(*_stop_levels(protocol)))
-    families = (
-        [Cell("sweep", pair, speed, protocol.directions, turn) for pair in levels for turn, speed in turns],
-        [
-            Cell("stop", pair, speed, direction, stop_s=stop_s, released=released, position=position)
-            for pair in levels
-            for position, released, speed, direction, stop_s in stops
-        ],
-    )
+def ordered_points(protocol: Protocol, block: int, families: Sequence[list[list[Planned]]]) -> list[Planned]:
+    """Return the design points of a block in running order, each as often as it is repeated.
+
+    Parameters
+    ----------
+    protocol : Protocol
+    block : int
+        Number of the block, from 1.
+    families : sequence of list
+        Points of the sweep and of the stops, a list for each pressure.
+    """
+    kind, repeats = protocol.order.kind, protocol.repeats
     if kind == "as-given":  # a change of pressure is slow: the list is repeated at each pressure
-        listed = ([(cell, repeat) for repeat in repeats for cell in cells] for cells in families)
-        return [
-            entry for entries in listed for entry in sorted(entries, key=lambda entry: levels.index(entry[0].pressures))
-        ]
+        return [point for family in families for points in family for point in points * repeats]
     if kind == "interleaved":
-        return [(cell, repeat) for repeat in repeats for cells in families for cell in _interleaved(cells)]
-    every = [cell for cells in families for cell in cells]
-    return [
-        (cell, repeat)
-        for repeat in repeats
-        for cell in shuffle(every, lambda cell: cell.name, f"{protocol.seed}/b{block}/r{repeat}")
-    ]
+        columns = [[alternate(points) for points in alternate(family)] for family in families]
+        return [point for family in columns for row in zip(*family, strict=True) for point in row] * repeats
+    every = [point for family in families for points in family for point in points]
+    seeds = (f"{protocol.seed}/b{block}/r{repeat}" for repeat in range(1, repeats + 1))
+    return [point for seed in seeds for point in shuffle(every, lambda point: point.cycle.key, seed)]
 
 
 def shuffle(items: Sequence[T], name: Callable[[T], str], seed: str) -> list[T]:
@@ -140,13 +139,6 @@ def alternate(items: Sequence[T]) -> list[T]:
     """
     half = (len(items) + 1) // 2
     return [items[index // 2 + index % 2 * half] for index in range(len(items))]
-
-
-def _interleaved(cells: list[Cell]) -> list[Cell]:
-    """Order the levels of each pressure by `alternate`, and keep the order of the pressures."""
-    by_pressure = [list(group) for _, group in groupby(cells, key=lambda cell: cell.pressures)]
-    columns = [alternate(group) for group in alternate(by_pressure)]
-    return [cell for row in zip(*columns, strict=True) for cell in row]
 
 
 # --- Layout of a protocol, and its text.
@@ -188,7 +180,8 @@ def lay_out(protocol: Protocol, identity: Identity, envelope: Envelope) -> Plan:
 
 def draft(protocol: Protocol, identity: Identity, envelope: Envelope) -> Plan:
     """Lay out a protocol without a check against the rig's limits; `lay_out` does both."""
-    way, (low, high) = Way.on(protocol, envelope), envelope.position_m
+    plan, (low, high) = Plan(protocol, identity, envelope), envelope.position_m
+    way = plan.way
     if way.length_m <= 0.0 or way.low_m < low - ROUNDING or way.high_m > high + ROUNDING:
         raise protocol.fail(
             "position",
@@ -199,160 +192,157 @@ def draft(protocol: Protocol, identity: Identity, envelope: Envelope) -> Plan:
     count = cycle_count(protocol)
     within("cycles", count, f"the protocol asks for {count:,} cycles or more", ProtocolError, protocol.origin)
     with many_objects():
-        planned = _Layout(protocol, identity, envelope).run()
-    keys = Counter(p.cycle.key for p in planned)
-    for key, times in keys.items():
-        if times > 1:
+        plan = replace(plan, planned=tuple(_planned(plan)))
+    times = Counter(cycle.key.rpartition("/")[0] for cycle in plan.cycles if cycle.kind in POINTS)
+    for point, count in times.items():
+        if count > protocol.repeats:
             rule = "levels must differ within 6 significant digits"
-            raise ProtocolError(f"two cycles have the key {key}", where=protocol.origin, rule=rule)
-    return Plan(protocol, identity, envelope, tuple(planned))
+            raise ProtocolError(f"two cycles have the key {point}/r1", where=protocol.origin, rule=rule)
+    return plan
 
 
-class _Layout:
-    """Builder of the cycles of a plan, block by block in running order."""
+def _planned(plan: Plan) -> Iterator[Planned]:
+    """Yield the cycles of all blocks in running order. Repeats of a design point share their steps."""
+    protocol, pairs, before, uses = plan.protocol, plan.protocol.pressure.levels, None, dict[str, tuple[float, int]]()
+    families = (
+        [[_sweep(plan, pair, *levels) for levels in _sweep_levels(protocol)] for pair in pairs],
+        [[_stop(plan, pair, *levels) for levels in product(*_stop_levels(protocol))] for pair in pairs],
+    )
+    at = VENTED.absolute_pa(plan.identity.ambient_pressure_pa)
+    for block, levels in enumerate(ordered_blocks(protocol), start=1):
+        numbers = Counter[str]()
+        for entry in _block(plan, before, levels, ordered_points(protocol, block, families)):
+            cycle, name = entry.cycle, entry.cycle.key
+            if name not in uses:
+                uses[name] = axis_use(cycle.steps, plan.way, cycle.sampling)
+            numbers[name] += 1
+            key = f"b{block}/{name}{NUMBERED.get(cycle.kind, '').format(numbers[name])}"
+            repeat = numbers[name] if cycle.kind in POINTS else 1
+            before_pa, at = at, (cycle.pressure_a_pa, cycle.pressure_b_pa)
+            wait_s = entry.wait_s + (protocol.pressure.settling_s if at != before_pa else 0.0)
+            yield Planned(replace(cycle, key=key, block=block, repeat=repeat, levels=levels), wait_s, *uses[name])
+        before = levels
 
-    def __init__(self, protocol: Protocol, identity: Identity, envelope: Envelope) -> None:
-        self.protocol, self.ambient_pa = protocol, identity.ambient_pressure_pa
-        self.way = Way.on(protocol, envelope)
-        self.first = protocol.pressure.levels[0]
-        self.block, self.levels = 0, dict[str, str]()
-        self.planned: list[Planned] = []
-        self._uses: dict[str, tuple[tuple[Step, ...], float, int]] = {}  # cell or key -> steps, axis time, samples
-        self._pressures = VENTED.absolute_pa(self.ambient_pa)
 
-    def run(self) -> list[Planned]:
-        """Return the cycles of all blocks."""
-        for levels in ordered_blocks(self.protocol):
-            before, self.levels = self.levels, levels
-            self.block += 1
-            self._block(before, ordered_cells(self.protocol, self.block))
-        return self.planned
+def _block(
+    plan: Plan, before: dict[str, str] | None, levels: dict[str, str], points: list[Planned]
+) -> Iterator[Planned]:
+    """Yield the cycles of a block in running order, without their place in the plan.
 
-    def _block(self, before: dict[str, str], cells: list[tuple[Cell, int]]) -> None:
-        p, levels, blank_m_s = self.protocol, self.levels, self.protocol.before_block.blank_stroke_m_s
-        for name, factor in p.hard.items():
-            if before.get(name) != levels[name] or (self.block > 1 and before == levels):
-                ask = factor.ask or f"{name}: {{level}}. Confirm when it is in place."
-                self._operator(name, ask.replace("{level}", levels[name]), factor.time_s)
-        self._prepare(new=self.block == 1 or any(before.get(name) != levels.get(name) for name in ("seal", "drive")))
-        if blank_m_s is not None:
-            self._add("blank-before", "blank", self._out_and_back(blank_m_s), speed_m_s=blank_m_s)
-        every = p.sentinel.every if p.sentinel is not None else 0
-        for index, (cell, repeat) in enumerate(cells):
-            if every and index % every == 0:
-                self._sentinel(index // every + 1)
-            self._point(cell, repeat)
-        if every:
-            self._sentinel(math.ceil(len(cells) / every) + 1)
-        if blank_m_s is not None:
-            self._add("blank-after", "blank", self._out_and_back(blank_m_s), speed_m_s=blank_m_s)
+    Parameters
+    ----------
+    plan : Plan
+    before, levels : dict
+        Levels of the factors that are changed by hand, in the block before (None: no block) and in this block.
+    points : list of Planned
+        Design points in running order.
+    """
+    p, old, blank_m_s = plan.protocol, before or {}, plan.protocol.before_block.blank_stroke_m_s
+    for name, factor in p.hard.items():
+        if old.get(name) != levels[name] or before == levels:
+            ask = factor.ask or f"{name}: {{level}}. Confirm when it is in place."
+            text = ask.replace("{level}", levels[name])
+            yield _entry(plan, f"operator/{name}", "operator", wait_s=factor.time_s, text=text)
+    new = before is None or any(old.get(name) != levels.get(name) for name in ("seal", "drive"))
+    yield from _preparations(plan, new=new)
+    if blank_m_s is not None:
+        yield _entry(plan, "blank-before", "blank", _out_and_back(plan, blank_m_s), speed_m_s=blank_m_s)
+    if p.sentinel is not None:
+        every, speed, pressure = p.sentinel.every, p.sentinel.speed_m_s, p.sentinel.pressure
+        pair = p.pressure.levels[0] if pressure is None else Pair(pressure, pressure)
+        control = _entry(plan, "sentinel", "sentinel", _out_and_back(plan, speed), pair, speed_m_s=speed)
+        for start in range(0, len(points), every):
+            yield from (control, *points[start : start + every])
+        yield control
+    else:
+        yield from points
+    if blank_m_s is not None:
+        yield _entry(plan, "blank-after", "blank", _out_and_back(plan, blank_m_s), speed_m_s=blank_m_s)
 
-    def _prepare(self, *, new: bool) -> None:
-        """Add run-in, warm-up and sensor checks, in this order, so that zeros are measured on the warm rig."""
-        p, warm_up, checks = self.protocol, self.protocol.warm_up, self.protocol.before_block
-        if warm_up is not None:
-            for word, times in (("run-in", warm_up.run_in_cycles if new else 0), ("warm-up", warm_up.cycles)):
-                if times:
-                    steps = self._out_and_back(warm_up.speed_m_s, times)
-                    self._add(word, "warm-up", steps, self.first, sampling=PREPARING)
-        if checks.tare_s is not None:
-            hold = Hold(checks.tare_s, released=True)
-            self._add("tare", "tare", (hold,), sampling=CHECKING, released=True)
-        weight = checks.known_weight
-        if weight is not None:
-            mass, force = f"{weight.mass_kg:g} kg", weight.mass_kg * STANDARD_GRAVITY_M_S2
-            on = f"Uncouple the drive and hang the known weight of {mass} on the force sensor, pulling in +x."
-            off = f"Take the weight of {mass} off and couple the drive again."
-            self._operator("weight-on", on, weight.change_s)
-            hold = Hold(weight.time_s, weight_n=force)
-            self._add("weight", "weight", (hold,), sampling=CHECKING, weight_kg=weight.mass_kg)
-            self._operator("weight-off", off, weight.change_s)
-        if checks.leak_check_s is not None:
-            sides = zip(*p.pressure.levels, strict=True)
-            highest = Pair(*(max(side, key=lambda pressure: pressure.absolute_pa(self.ambient_pa)) for side in sides))
-            self._add("leak", "leak", (Hold(checks.leak_check_s, shut=True),), highest, sampling=CHECKING)
 
-    def _operator(self, word: str, text: str, wait_s: float) -> None:
-        self._add(f"operator/{word}", "operator", (), wait_s=wait_s, text=text)
+def _preparations(plan: Plan, *, new: bool) -> Iterator[Planned]:
+    """Yield run-in, warm-up and sensor checks, in this order, so that zeros are measured on the warm rig."""
+    p, warm_up, checks = plan.protocol, plan.protocol.warm_up, plan.protocol.before_block
+    if warm_up is not None:
+        for word, times in (("run-in", warm_up.run_in_cycles if new else 0), ("warm-up", warm_up.cycles)):
+            if times:
+                steps = _out_and_back(plan, warm_up.speed_m_s, times)
+                yield _entry(plan, word, "warm-up", steps, p.pressure.levels[0], PREPARING)
+    if checks.tare_s is not None:
+        hold = Hold(checks.tare_s, released=True)
+        yield _entry(plan, "tare", "tare", (hold,), sampling=CHECKING, released=True)
+    weight = checks.known_weight
+    if weight is not None:
+        mass, force = f"{weight.mass_kg:g} kg", weight.mass_kg * STANDARD_GRAVITY_M_S2
+        on = f"Uncouple the drive and hang the known weight of {mass} on the force sensor, pulling in +x."
+        off = f"Take the weight of {mass} off and couple the drive again."
+        yield _entry(plan, "operator/weight-on", "operator", wait_s=weight.change_s, text=on)
+        hold = Hold(weight.time_s, weight_n=force)
+        yield _entry(plan, "weight", "weight", (hold,), sampling=CHECKING, weight_kg=weight.mass_kg)
+        yield _entry(plan, "operator/weight-off", "operator", wait_s=weight.change_s, text=off)
+    if checks.leak_check_s is not None:
+        ambient_pa, sides = plan.identity.ambient_pressure_pa, zip(*p.pressure.levels, strict=True)
+        highest = Pair(*(max(side, key=lambda pressure: pressure.absolute_pa(ambient_pa)) for side in sides))
+        yield _entry(plan, "leak", "leak", (Hold(checks.leak_check_s, shut=True),), highest, CHECKING)
 
-    def _sentinel(self, number: int) -> None:
-        """Add a control run. Control runs are counted from 1 in each block."""
-        sentinel = self.protocol.sentinel
-        assert sentinel is not None
-        pair = self.first if sentinel.pressure is None else Pair(sentinel.pressure, sentinel.pressure)
-        steps = self._out_and_back(sentinel.speed_m_s)
-        self._add(f"sentinel/n{number}", "sentinel", steps, pair, speed_m_s=sentinel.speed_m_s)
 
-    def _point(self, cell: Cell, repeat: int) -> None:
-        """Add the cycle that measures a design point."""
-        factors = {name: getattr(cell, name) for name in ("speed_m_s", "stop_s", "released")}
-        steps = () if cell.name in self._uses else self._sweep(cell) if cell.position is None else self._stop(cell)
-        self._add(f"{cell.name}/r{repeat}", cell.kind, steps, cell.pressures, cell=cell, repeat=repeat, **factors)
+def _entry(
+    plan: Plan,
+    name: str,
+    kind: str,
+    steps: tuple[Step, ...] = (),
+    pair: Pair = VENTED,
+    sampling: Sampling | None = None,
+    wait_s: float = 0.0,
+    **about: Any,  # noqa: ANN401 - the optional fields of Cycle
+) -> Planned:
+    """Return a cycle without its place in the plan: its key is only the part that does not depend on the block."""
+    pressures = pair.absolute_pa(plan.identity.ambient_pressure_pa)
+    cycle = Cycle(name, kind, steps, sampling or plan.protocol.sampling, *pressures, start_m=plan.way.low_m, **about)
+    return Planned(cycle, wait_s)
 
-    def _add(
-        self,
-        key: str,
-        kind: str,
-        steps: tuple[Step, ...],
-        pair: Pair = VENTED,
-        *,
-        wait_s: float = 0.0,
-        cell: Cell | None = None,
-        sampling: Sampling | None = None,
-        **rest: Any,  # noqa: ANN401 - the optional fields of Cycle
-    ) -> None:
-        """Add a cycle to the plan. Repeats of a design point reuse the steps of its first cycle."""
-        key, sampling = f"b{self.block}/{key}", sampling or self.protocol.sampling
-        name = cell.name if cell is not None else key
-        if name not in self._uses:
-            self._uses[name] = (steps, *axis_use(steps, self.way, sampling))
-        steps, axis_s, samples = self._uses[name]
-        pressures = pair.absolute_pa(self.ambient_pa)
-        if pressures != self._pressures:
-            wait_s += self.protocol.pressure.settling_s
-            self._pressures = pressures
-        rest |= {"block": self.block, "levels": self.levels, "start_m": self.way.low_m}
-        self.planned.append(
-            Planned(Cycle(key, kind, steps, sampling, *pressures, **rest), axis_s, wait_s, samples, cell)
-        )
 
-    def _out_and_back(self, speed_m_s: float, times: int = 1) -> tuple[Step, ...]:
-        return (Move(self.way.high_m, speed_m_s), Move(self.way.low_m, speed_m_s)) * times
+def _out_and_back(plan: Plan, speed_m_s: float, times: int = 1) -> tuple[Step, ...]:
+    return (Move(plan.way.high_m, speed_m_s), Move(plan.way.low_m, speed_m_s)) * times
 
-    def _sweep(self, cell: Cell) -> tuple[Step, ...]:
-        """Return the strokes of a sweep; their number gives the requested time at constant speed."""
-        speeds, speed = self.protocol.speed, cell.speed_m_s
-        assert speeds is not None
-        cruise = self.way.cruise_s(speed)
-        strokes = min(max(math.ceil(speeds.settled_time_s / cruise), 1), speeds.most_strokes) if cruise else 1
-        back = speed if cell.direction == "both" else speeds.return_speed_m_s
-        out_speed, back_speed = (back, speed) if cell.direction == "-x" else (speed, back)
-        return (Move(self.way.high_m, out_speed), Move(self.way.low_m, back_speed)) * strokes
 
-    def _stop(self, cell: Cell) -> tuple[Step, ...]:
-        """Return the steps of a stop: preconditioning, uninterrupted stroke, interrupted stroke, way back."""
-        stop, speed = self.protocol.stop, cell.speed_m_s
-        assert stop is not None
-        assert cell.position is not None
-        assert cell.stop_s is not None
-        low, high, back = self.way.low_m, self.way.high_m, stop.preconditioning.speed_m_s
-        sign = 1.0 if cell.direction == "+x" else -1.0
-        near, far = (low, high) if sign > 0.0 else (high, low)
-        at = cell.position.at(low, high)
-        begin = near if stop.approach_m is None else at - sign * stop.approach_m
-        end = far if stop.recovery_m is None else at + sign * stop.recovery_m
-        to_begin = [Move(near, back)] if begin == near else [Move(near, back), Move(begin, back)]
-        steps: list[Step] = list(self._out_and_back(back, stop.preconditioning.strokes))
-        steps += [*to_begin, Move(end, speed)] * stop.reference_strokes + to_begin
-        if cell.stop_s > 0.0:
-            steps += [Move(at, stop.approach_speed_m_s or speed), Hold(cell.stop_s, released=cell.released)]
-        out: list[Step] = []
-        at = low
-        for step in [*steps, Move(end, speed), Move(low, back)]:  # without moves of zero length
-            if isinstance(step, Hold) or step.to_m != at:
-                out.append(step)
-                at = at if isinstance(step, Hold) else step.to_m
-        return tuple(out)
+def _sweep(plan: Plan, pair: Pair, turn: str, speed: float) -> Planned:
+    """Return a point of the sweep; the number of its strokes gives the requested time at constant speed."""
+    speeds, direction, way = plan.protocol.speed, plan.protocol.directions, plan.way
+    assert speeds is not None
+    cruise = way.cruise_s(speed)
+    strokes = min(max(math.ceil(speeds.settled_time_s / cruise), 1), speeds.most_strokes) if cruise else 1
+    back = speed if direction == "both" else speeds.return_speed_m_s
+    out_speed, back_speed = (back, speed) if direction == "-x" else (speed, back)
+    steps = (Move(way.high_m, out_speed), Move(way.low_m, back_speed)) * strokes
+    parts = ("sweep", f"v{1e3 * speed:.6g}", pair.name, direction if direction != "both" else "", turn)
+    return _entry(plan, "/".join(filter(None, parts)), "sweep", steps, pair, speed_m_s=speed)
+
+
+def _stop(
+    plan: Plan, pair: Pair, position: AxisPosition, released: bool, speed: float, direction: str, stop_s: float
+) -> Planned:
+    """Return a stop: preconditioning, uninterrupted stroke, interrupted stroke, way back."""
+    stop, low, high = plan.protocol.stop, plan.way.low_m, plan.way.high_m
+    assert stop is not None
+    back, at = stop.preconditioning.speed_m_s, position.at(low, high)
+    sign, near, far = (1.0, low, high) if direction == "+x" else (-1.0, high, low)
+    begin = near if stop.approach_m is None else at - sign * stop.approach_m
+    end = far if stop.recovery_m is None else at + sign * stop.recovery_m
+    to_begin = [Move(near, back)] if begin == near else [Move(near, back), Move(begin, back)]
+    steps: list[Step] = list(_out_and_back(plan, back, stop.preconditioning.strokes))
+    steps += [*to_begin, Move(end, speed)] * stop.reference_strokes + to_begin
+    if stop_s > 0.0:
+        steps += [Move(at, stop.approach_speed_m_s or speed), Hold(stop_s, released=released)]
+    out: list[Step] = []
+    at = low
+    for step in [*steps, Move(end, speed), Move(low, back)]:  # without moves of zero length
+        if isinstance(step, Hold) or step.to_m != at:
+            out.append(step)
+            at = at if isinstance(step, Hold) else step.to_m
+    held = "released" if released else "held"
+    name = f"stop/t{stop_s:.6g}/{pair.name}/v{1e3 * speed:.6g}/{held}/{position.name}/{direction}"
+    return _entry(plan, name, "stop", tuple(out), pair, speed_m_s=speed, stop_s=stop_s, released=released)
 
 
 def show(plan: Plan) -> str:
@@ -376,7 +366,8 @@ def _blocks(plan: Plan) -> str:
     rows = [["block", "set-up", "cells", "cycles", "strokes", "time, h:min", "data"]]
     for block, group in [*groups.items(), (0, list(plan.planned))]:
         levels = group[0].cycle.levels if block else {}
-        cells = {(str(p.cycle.levels), p.cell.name) for p in group if p.cell is not None}
+        points = (p.cycle for p in group if p.cycle.kind in POINTS)
+        cells = {(str(cycle.levels), cycle.key.partition("/")[2].rpartition("/")[0]) for cycle in points}
         minutes = round(sum(p.time_s for p in group) / 60.0)
         counts = [len(cells), len(group), sum(p.strokes for p in group), f"{minutes // 60}:{minutes % 60:02d}"]
         set_up = ", ".join(f"{name} {level}" for name, level in levels.items()) or "-"

@@ -1,8 +1,9 @@
-"""A plan as data: design points, range of the axis, and cycles in running order."""
+"""A plan as data: range of the axis, and cycles in running order."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import math
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -14,48 +15,7 @@ from pneudrive.rig.motion import Limits
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-    from pneudrive.campaign.planning.protocol import AxisPosition, Pair, Protocol
-
-
-@dataclass(frozen=True)
-class Cell:
-    """One combination of the levels that are changed within a block.
-
-    Attributes
-    ----------
-    kind : str
-        ``sweep`` or ``stop``.
-    pressures : Pair
-    speed_m_s : float
-        Speed of the sweep, or of the restart after the stop.
-    direction : str
-        ``both``, ``+x`` or ``-x``.
-    turn : str
-        ``up`` or ``down`` if each speed is measured twice, first with rising and then with falling speeds.
-    stop_s, released, position
-        Levels of a stop.
-    """
-
-    kind: str
-    pressures: Pair
-    speed_m_s: float
-    direction: str
-    turn: str = ""
-    stop_s: float | None = None
-    released: bool = False
-    position: AxisPosition | None = None
-
-    @cached_property
-    def name(self) -> str:
-        """Permanent name of the design point within its block: the middle part of a key."""
-        speed = f"v{1e3 * self.speed_m_s:.6g}"
-        if self.position is None:
-            way = "" if self.direction == "both" else self.direction
-            parts = [speed, self.pressures.name, way, self.turn]
-        else:
-            held = "released" if self.released else "held"
-            parts = [f"t{self.stop_s:.6g}", self.pressures.name, speed, held, self.position.name, self.direction]
-        return "/".join([self.kind, *(part for part in parts if part)])
+    from pneudrive.campaign.planning.protocol import Protocol
 
 
 @dataclass(frozen=True)
@@ -103,20 +63,17 @@ class Planned:
     Attributes
     ----------
     cycle : Cycle
-    axis_s : float
-        Time of the moves and holds, s. Exact if the axis reaches its limits.
     wait_s : float
         Assumed time before the cycle, s, from the protocol: pressure settling, or work of the operator.
+    axis_s : float
+        Time of the moves and holds, s. Exact if the axis reaches its limits.
     samples : int
-    cell : Cell or None
-        Measured design point. None for a cycle that prepares or checks.
     """
 
     cycle: Cycle
-    axis_s: float
     wait_s: float
-    samples: int
-    cell: Cell | None = None
+    axis_s: float = 0.0
+    samples: int = 0
 
     @property
     def time_s(self) -> float:
@@ -145,7 +102,7 @@ class Plan(Shown):
     protocol: Protocol
     identity: Identity
     envelope: Envelope
-    planned: tuple[Planned, ...]
+    planned: tuple[Planned, ...] = ()
     notes: tuple[str, ...] = ()
 
     @cached_property
@@ -157,6 +114,19 @@ class Plan(Shown):
     def way(self) -> Way:
         """The part of the stroke that the campaign uses."""
         return Way.on(self.protocol, self.envelope)
+
+    @cached_property
+    def allowed(self) -> Envelope:
+        """Limits of the rig, tightened by the protocol."""
+        rig, tight = self.envelope, self.protocol.limits
+        low, high = rig.pressure_pa
+        if tight.pressure is not None:
+            high = min(high, tight.pressure.absolute_pa(self.identity.ambient_pressure_pa))
+        upper = {
+            name: min(getattr(rig, name), getattr(tight, name) or math.inf)
+            for name in ("speed_m_s", "acceleration_m_s2", "force_n")
+        }
+        return replace(rig, pressure_pa=(low, high), **upper)
 
     @property
     def time_s(self) -> float:

@@ -5,20 +5,19 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
-from functools import cached_property
 from itertools import chain, zip_longest
 from typing import TYPE_CHECKING, Any
 
 from pneudrive.constants import STANDARD_GRAVITY_M_S2, ZERO_CELSIUS_K
 from pneudrive.errors import ProtocolError, nearest, package_table
-from pneudrive.rig.interface import Changeable, Envelope, Hold, Move, Rig
+from pneudrive.rig.interface import Changeable, Hold, Move, Rig
 
 if TYPE_CHECKING:
     from pneudrive.arrays import Interval, NamedNumbers
     from pneudrive.campaign.cycle import Cycle
     from pneudrive.campaign.planning.planned import Plan
     from pneudrive.campaign.planning.protocol import Protocol
+    from pneudrive.rig.interface import Identity
 
 
 #: Relative tolerance of a limit, for rounding.
@@ -54,8 +53,7 @@ def check(plan: Plan) -> tuple[str, ...]:
             rule=f"the rig measures at {_celsius((low, high))}",
             remedy="Change [conditions] temperature.",
         )
-    allowed = Allowed(plan)
-    broken = [(cycles, found) for cycles in _alike(plan) if (found := list(violations(cycles[0], allowed)))]
+    broken = [(cycles, found) for cycles in _alike(plan) if (found := list(violations(cycles[0], plan)))]
     if not broken:
         return cautions(plan)
     first: dict[str, tuple[str, str, str]] = {}  # of each limit: the first cycle that violates it
@@ -86,76 +84,51 @@ def _alike(plan: Plan) -> list[list[Cycle]]:
     return list(groups.values())
 
 
-@dataclass(frozen=True)
-class Allowed:
-    """Limits of the rig, tightened by the protocol, and the loads of a cycle on the rig."""
+def peak_acceleration_m_s2(plan: Plan, distance_m: float, speed_m_s: float) -> float:
+    """Return the largest acceleration of a move within the limits of acceleration and jerk, m/s2."""
+    limits = plan.way.limits
+    return min(limits.acceleration_m_s2, math.sqrt(min(speed_m_s, limits.top_speed_m_s(distance_m)) * limits.jerk_m_s3))
 
-    plan: Plan
 
-    @cached_property
-    def envelope(self) -> Envelope:
-        """Limits of the rig, tightened by the protocol."""
-        rig, tight = self.plan.envelope, self.plan.protocol.limits
-        low, high = rig.pressure_pa
-        if tight.pressure is not None:
-            high = min(high, tight.pressure.absolute_pa(self.plan.identity.ambient_pressure_pa))
-        upper = {
-            name: min(getattr(rig, name), getattr(tight, name) or math.inf)
-            for name in ("speed_m_s", "acceleration_m_s2", "force_n")
-        }
-        return replace(rig, pressure_pa=(low, high), **upper)
+def acceleration_of(cycle: Cycle, plan: Plan) -> float:
+    """Return the largest acceleration in a cycle, m/s2."""
+    return max((peak_acceleration_m_s2(plan, d, step.speed_m_s) for d, step, _ in _moves(cycle)), default=0.0)
 
-    def peak_acceleration_m_s2(self, distance_m: float, speed_m_s: float) -> float:
-        """Return the largest acceleration of a move within the limits of acceleration and jerk, m/s2."""
-        speed = min(speed_m_s, self.plan.way.limits.top_speed_m_s(distance_m))
-        return min(self.plan.way.limits.acceleration_m_s2, math.sqrt(speed * self.plan.way.limits.jerk_m_s3))
 
-    def acceleration_of(self, cycle: Cycle) -> float:
-        """Return the largest acceleration in a cycle, m/s2."""
-        return max((self.peak_acceleration_m_s2(d, step.speed_m_s) for d, step, _ in _moves(cycle)), default=0.0)
+def forces_n(cycle: Cycle, plan: Plan) -> NamedNumbers:
+    """Return the contributions to the largest sensor force in a cycle; none is negative."""
+    hung = max((step.weight_n for step in cycle.steps if isinstance(step, Hold)), default=0.0)
+    if hung:  # on the sensor, the drive uncoupled
+        return {"known weight": hung}
+    return {
+        "friction": plan.allowed.expected_friction_n,
+        "difference of the pressure forces": abs(pressure_force_n(cycle, plan.identity)),
+        "inertia": plan.identity.mass_beyond_sensor_kg * acceleration_of(cycle, plan),
+        "weight of the moving parts": abs(weight_n(plan.identity)),
+    }
 
-    def forces_n(self, cycle: Cycle) -> NamedNumbers:
-        """Return the contributions to the largest sensor force in a cycle; none is negative."""
-        hung = max((step.weight_n for step in cycle.steps if isinstance(step, Hold)), default=0.0)
-        if hung:  # on the sensor, the drive uncoupled
-            return {"known weight": hung}
-        return {
-            "friction": self.envelope.expected_friction_n,
-            "difference of the pressure forces": abs(self.pressure_force_n(cycle)),
-            "inertia": self.plan.identity.mass_beyond_sensor_kg * self.acceleration_of(cycle),
-            "weight of the moving parts": abs(self.weight_n),
-        }
 
-    def pressure_force_n(self, cycle: Cycle) -> float:
-        """Return the pressure force in +x, N."""
-        rig, ambient = self.plan.identity, self.plan.identity.ambient_pressure_pa
-        return (cycle.pressure_a_pa - ambient) * rig.area_a_m2 - (cycle.pressure_b_pa - ambient) * rig.area_b_m2
+def pressure_force_n(cycle: Cycle, rig: Identity) -> float:
+    """Return the pressure force in +x, N."""
+    ambient = rig.ambient_pressure_pa
+    return (cycle.pressure_a_pa - ambient) * rig.area_a_m2 - (cycle.pressure_b_pa - ambient) * rig.area_b_m2
 
-    @property
-    def balance(self) -> str:
-        """Return the remedy for an excessive pressure force. Equal pressures balance only equal areas."""
-        ratio = self.plan.identity.area_b_m2 / self.plan.identity.area_a_m2
-        if math.isclose(ratio, 1.0):
-            return "Bring the pressures of the chambers closer together"
-        return f"Bring the gauge pressure of chamber a closer to {ratio:.3g} times that of chamber b (areas differ)"
 
-    @property
-    def weight_n(self) -> float:
-        """Component of the moving parts' weight along -x, N."""
-        rig = self.plan.identity
-        return rig.mass_beyond_sensor_kg * STANDARD_GRAVITY_M_S2 * math.sin(rig.incline_rad)
+def weight_n(rig: Identity) -> float:
+    """Return the component of the moving parts' weight along -x, N."""
+    return rig.mass_beyond_sensor_kg * STANDARD_GRAVITY_M_S2 * math.sin(rig.incline_rad)
 
 
 def margins(plan: Plan) -> dict[str, tuple[float, float, str]]:
     """Return (largest value of the plan, limit, unit) for each limit that applies to the plan."""
-    allowed, cycles = Allowed(plan), [alike[0] for alike in _alike(plan)]
+    allowed, cycles = plan.allowed, [alike[0] for alike in _alike(plan)]
     speed = max(step.speed_m_s for cycle in cycles for _, step, _ in _moves(cycle))
     pressure = max(max(cycle.pressure_a_pa, cycle.pressure_b_pa) for cycle in cycles)
     return {
-        "speed": (1e3 * speed, 1e3 * allowed.envelope.speed_m_s, "mm/s"),
-        "acceleration": (max(map(allowed.acceleration_of, cycles)), allowed.envelope.acceleration_m_s2, "m/s2"),
-        "force": (max(sum(allowed.forces_n(cycle).values()) for cycle in cycles), allowed.envelope.force_n, "N"),
-        "pressure": (pressure / 1e5, allowed.envelope.pressure_pa[1] / 1e5, "bar abs"),
+        "speed": (1e3 * speed, 1e3 * allowed.speed_m_s, "mm/s"),
+        "acceleration": (max(acceleration_of(cycle, plan) for cycle in cycles), allowed.acceleration_m_s2, "m/s2"),
+        "force": (max(sum(forces_n(cycle, plan).values()) for cycle in cycles), allowed.force_n, "N"),
+        "pressure": (pressure / 1e5, allowed.pressure_pa[1] / 1e5, "bar abs"),
     }
 
 
@@ -174,29 +147,29 @@ def check_levels(protocol: Protocol, rig: Rig) -> None:
                 )
 
 
-def violations(cycle: Cycle, allowed: Allowed) -> Iterator[Violation]:
+def violations(cycle: Cycle, plan: Plan) -> Iterator[Violation]:
     """Return the violations by one cycle."""
-    return chain(_motion(cycle, allowed), _pressures(cycle, allowed), _force(cycle, allowed))
+    return chain(_motion(cycle, plan), _pressures(cycle, plan), _force(cycle, plan))
 
 
-def _motion(cycle: Cycle, allowed: Allowed) -> Iterator[Violation]:
-    low, high = allowed.envelope.position_m
+def _motion(cycle: Cycle, plan: Plan) -> Iterator[Violation]:
+    low, high = plan.allowed.position_m
     moves = list(_moves(cycle))
     for distance, step, _ in moves:
         speed = step.speed_m_s
         if not low - ROUNDING <= step.to_m <= high + ROUNDING:
             remedy = "Change [stop] position, approach or recovery." if cycle.kind == "stop" else "Change [position]."
             yield "stroke", f"{millimetres(step.to_m)}; from {millimetres(low)} to {millimetres(high)}", remedy
-        if speed > allowed.envelope.speed_m_s * (1.0 + ROUNDING):
-            yield "speed", f"{_mm_s(speed)}; at most {_mm_s(allowed.envelope.speed_m_s)}", "Lower the speed."
-        peak, top = allowed.peak_acceleration_m_s2(distance, speed), allowed.envelope.acceleration_m_s2
+        if speed > plan.allowed.speed_m_s * (1.0 + ROUNDING):
+            yield "speed", f"{_mm_s(speed)}; at most {_mm_s(plan.allowed.speed_m_s)}", "Lower the speed."
+        peak, top = peak_acceleration_m_s2(plan, distance, speed), plan.allowed.acceleration_m_s2
         if peak > top * (1.0 + ROUNDING):
             remedy = "Lower the speed: the rig ramps with its own acceleration, which a protocol cannot change."
             yield "acceleration", f"{peak:.4g} m/s2; at most {top:.4g} m/s2", remedy
     for distance, step, is_before_hold in moves if cycle.kind in MEASURING else ():
-        speed, reached = step.speed_m_s, allowed.plan.way.limits.top_speed_m_s(distance)
+        speed, reached = step.speed_m_s, plan.way.limits.top_speed_m_s(distance)
         if (is_before_hold or speed == cycle.speed_m_s) and speed > reached * (1.0 + ROUNDING):  # others only return
-            ramps = millimetres(2.0 * allowed.plan.way.limits.ramp_distance_m(speed))
+            ramps = millimetres(2.0 * plan.way.limits.ramp_distance_m(speed))
             limit = f"at most {_mm_s(reached)}, because starting and stopping take {ramps}"
             yield (
                 "ramp",
@@ -209,34 +182,38 @@ def _motion(cycle: Cycle, allowed: Allowed) -> Iterator[Violation]:
 MEASURING = ("sweep", "stop", "sentinel", "blank")
 
 
-def _pressures(cycle: Cycle, allowed: Allowed) -> Iterator[Violation]:
-    low, high = allowed.envelope.pressure_pa
+def _pressures(cycle: Cycle, plan: Plan) -> Iterator[Violation]:
+    low, high = plan.allowed.pressure_pa
     a, b = cycle.pressure_a_pa, cycle.pressure_b_pa
     for chamber, value in (("a", a), ("b", b)):
         if not low * (1.0 - ROUNDING) <= value <= high * (1.0 + ROUNDING):
             limit = f"{_bar(low)} to {_bar(high)}" if low < high else f"the chambers are open to ambient, {_bar(low)}"
             yield "pressure", f"{_bar(value)} in chamber {chamber}; {limit}", "Change [pressure]."
-    if not allowed.envelope.separate_pressures and abs(a - b) > SAME_PRESSURE_PA:
+    if not plan.allowed.separate_pressures and abs(a - b) > SAME_PRESSURE_PA:
         limit = "the same pressure in both chambers, because they share a common manifold"
         remedy = "Give the pressures as [pressure] both, or use a rig with a regulator for each chamber."
         yield "manifold", f"{_bar(a)} and {_bar(b)}; {limit}", remedy
 
 
-def _force(cycle: Cycle, allowed: Allowed) -> Iterator[Violation]:
-    push = abs(allowed.pressure_force_n(cycle) - allowed.weight_n)
-    holds = allowed.envelope.expected_friction_n
+def _force(cycle: Cycle, plan: Plan) -> Iterator[Violation]:
+    rig = plan.identity
+    push = abs(pressure_force_n(cycle, rig) - weight_n(rig))
+    balance, ratio = "Bring the pressures of the chambers closer together", rig.area_b_m2 / rig.area_a_m2
+    if not math.isclose(ratio, 1.0):  # equal pressures balance only equal areas
+        balance = f"Bring the gauge pressure of chamber a closer to {ratio:.3g} times that of chamber b (areas differ)"
+    holds = plan.allowed.expected_friction_n
     if push > holds > 0.0 and any(isinstance(step, Hold) and step.released for step in cycle.steps):
         limit = f"only friction holds a released axis, with at most {holds:.3g} N"
-        remedy = f'{allowed.balance}, or [stop] axis = "held"; do not release an inclined rig for its tare.'
+        remedy = f'{balance}, or [stop] axis = "held"; do not release an inclined rig for its tare.'
         yield "release", f"pressure and weight push with {push:.3g} N; {limit}", remedy
-    parts = allowed.forces_n(cycle)
+    parts = forces_n(cycle, plan)
     total = sum(parts.values())
-    if total > allowed.envelope.force_n * (1.0 + ROUNDING):
+    if total > plan.allowed.force_n * (1.0 + ROUNDING):
         shown = " + ".join(f"{value:.3g} N {name}" for name, value in parts.items() if value > 0.0)
         largest = max(parts, key=lambda name: parts[name])
-        less = LESS_FORCE | {"difference of the pressure forces": f"{allowed.balance}."}
+        less = LESS_FORCE | {"difference of the pressure forces": f"{balance}."}
         remedy = less.get(largest, "Use a rig whose force sensor has a greater range.")
-        yield "force", f"{total:.4g} N ({shown}); at most {allowed.envelope.force_n:.4g} N", remedy
+        yield "force", f"{total:.4g} N ({shown}); at most {plan.allowed.force_n:.4g} N", remedy
 
 
 def _moves(cycle: Cycle) -> Iterator[tuple[float, Move, bool]]:

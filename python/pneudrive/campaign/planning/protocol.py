@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple
@@ -677,7 +678,7 @@ class Protocol(ProtocolTable):
         factors = {"drive": self.drive, "seal": self.seal, "mounting": self.mounting}
         return {name: factor for name, factor in factors.items() if factor is not None}
 
-    @property
+    @cached_property
     def sampling(self) -> Sampling:
         """Sampling in the form of a rig."""
         return Sampling(**self.samples.stored())
