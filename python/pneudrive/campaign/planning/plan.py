@@ -16,7 +16,7 @@ from typing import Any, TypeVar
 
 from pneudrive.batching import many_objects
 from pneudrive.campaign.cycle import Cycle
-from pneudrive.campaign.planning.planned import BYTES_PER_SAMPLE, Plan, Planned, Way, size_of
+from pneudrive.campaign.planning.planned import BYTES_PER_SAMPLE, Plan, Planned, size_of
 from pneudrive.campaign.planning.preflight import ROUNDING, check, margins, millimetres
 from pneudrive.campaign.planning.protocol import VENTED, AxisPosition, Pair, Protocol
 from pneudrive.constants import STANDARD_GRAVITY_M_S2
@@ -70,14 +70,15 @@ def _time_and_samples(step: Step, distance_m: float, limits: Limits, sampling: S
     return time_s, step_samples(time_s, isinstance(step, Move), sampling)
 
 
-def axis_use(steps: Sequence[Step], way: Way, sampling: Sampling) -> tuple[float, int]:
+def axis_use(cycle: Cycle, limits: Limits) -> tuple[float, int]:
     """Return the duration of the moves and holds of a cycle, s, and the number of samples."""
-    at, time_s, samples = way.low_m, 0.0, int(bool(steps))
-    for step in steps:
+    at, time_s, samples = cycle.start_m, 0.0, int(bool(cycle.steps))
+    assert at is not None
+    for step in cycle.steps:
         distance = 0.0
         if isinstance(step, Move):
             distance, at = step.to_m - at, step.to_m
-        step_s, count = _time_and_samples(step, distance, way.limits, sampling)
+        step_s, count = _time_and_samples(step, distance, limits, cycle.sampling)
         time_s, samples = time_s + step_s, samples + count
     return time_s, samples
 
@@ -89,13 +90,10 @@ def ordered_blocks(protocol: Protocol) -> list[dict[str, str]]:
     """
     blocks: list[dict[str, str]] = []
     for replicate in range(1, protocol.order.replicates + 1):
-        shuffled: list[list[str]] = []
-        for name, factor in protocol.hard.items():
-            levels = factor.levels
-            if protocol.order.kind == "randomised":
-                levels = shuffle(levels, str, f"{protocol.seed}/replicate {replicate}/{name}")
-            shuffled.append(levels)
-        blocks += [dict(zip(protocol.hard, levels, strict=True)) for levels in product(*shuffled)]
+        levels = {name: factor.levels for name, factor in protocol.hard.items()}
+        if protocol.order.kind == "randomised":
+            levels = {n: shuffle(each, str, f"{protocol.seed}/replicate {replicate}/{n}") for n, each in levels.items()}
+        blocks += [dict(zip(levels, each, strict=True)) for each in product(*levels.values())]
     return blocks
 
 
@@ -181,11 +179,11 @@ def lay_out(protocol: Protocol, identity: Identity, envelope: Envelope) -> Plan:
 def draft(protocol: Protocol, identity: Identity, envelope: Envelope) -> Plan:
     """Lay out a protocol without a check against the rig's limits; `lay_out` does both."""
     plan, (low, high) = Plan(protocol, identity, envelope), envelope.position_m
-    way = plan.way
-    if way.length_m <= 0.0 or way.low_m < low - ROUNDING or way.high_m > high + ROUNDING:
+    begin, end = plan.ends_m
+    if plan.length_m <= 0.0 or begin < low - ROUNDING or end > high + ROUNDING:
         raise protocol.fail(
             "position",
-            f"the campaign would move from {millimetres(way.low_m)} to {millimetres(way.high_m)}",
+            f"the campaign would move from {millimetres(begin)} to {millimetres(end)}",
             rule=f"the axis may move from {millimetres(low)} to {millimetres(high)}",
             remedy="Change [position] range or margin.",
         )
@@ -214,7 +212,7 @@ def _planned(plan: Plan) -> Iterator[Planned]:
         for entry in _block(plan, before, levels, ordered_points(protocol, block, families)):
             cycle, name = entry.cycle, entry.cycle.key
             if name not in uses:
-                uses[name] = axis_use(cycle.steps, plan.way, cycle.sampling)
+                uses[name] = axis_use(cycle, plan.limits)
             numbers[name] += 1
             key = f"b{block}/{name}{NUMBERED.get(cycle.kind, '').format(numbers[name])}"
             repeat = numbers[name] if cycle.kind in POINTS else 1
@@ -298,23 +296,24 @@ def _entry(
 ) -> Planned:
     """Return a cycle without its place in the plan: its key is only the part that does not depend on the block."""
     pressures = pair.absolute_pa(plan.identity.ambient_pressure_pa)
-    cycle = Cycle(name, kind, steps, sampling or plan.protocol.sampling, *pressures, start_m=plan.way.low_m, **about)
+    cycle = Cycle(name, kind, steps, sampling or plan.protocol.sampling, *pressures, start_m=plan.ends_m[0], **about)
     return Planned(cycle, wait_s)
 
 
 def _out_and_back(plan: Plan, speed_m_s: float, times: int = 1) -> tuple[Step, ...]:
-    return (Move(plan.way.high_m, speed_m_s), Move(plan.way.low_m, speed_m_s)) * times
+    low, high = plan.ends_m
+    return (Move(high, speed_m_s), Move(low, speed_m_s)) * times
 
 
 def _sweep(plan: Plan, pair: Pair, turn: str, speed: float) -> Planned:
     """Return a point of the sweep; the number of its strokes gives the requested time at constant speed."""
-    speeds, direction, way = plan.protocol.speed, plan.protocol.directions, plan.way
+    speeds, direction, (low, high) = plan.protocol.speed, plan.protocol.directions, plan.ends_m
     assert speeds is not None
-    cruise = way.cruise_s(speed)
+    cruise = plan.cruise_s(speed)
     strokes = min(max(math.ceil(speeds.settled_time_s / cruise), 1), speeds.most_strokes) if cruise else 1
     back = speed if direction == "both" else speeds.return_speed_m_s
     out_speed, back_speed = (back, speed) if direction == "-x" else (speed, back)
-    steps = (Move(way.high_m, out_speed), Move(way.low_m, back_speed)) * strokes
+    steps = (Move(high, out_speed), Move(low, back_speed)) * strokes
     parts = ("sweep", f"v{1e3 * speed:.6g}", pair.name, direction if direction != "both" else "", turn)
     return _entry(plan, "/".join(filter(None, parts)), "sweep", steps, pair, speed_m_s=speed)
 
@@ -323,7 +322,7 @@ def _stop(
     plan: Plan, pair: Pair, position: AxisPosition, released: bool, speed: float, direction: str, stop_s: float
 ) -> Planned:
     """Return a stop: preconditioning, uninterrupted stroke, interrupted stroke, way back."""
-    stop, low, high = plan.protocol.stop, plan.way.low_m, plan.way.high_m
+    stop, (low, high) = plan.protocol.stop, plan.ends_m
     assert stop is not None
     back, at = stop.preconditioning.speed_m_s, position.at(low, high)
     sign, near, far = (1.0, low, high) if direction == "+x" else (-1.0, high, low)
@@ -366,12 +365,13 @@ def _blocks(plan: Plan) -> str:
     rows = [["block", "set-up", "cells", "cycles", "strokes", "time, h:min", "data"]]
     for block, group in [*groups.items(), (0, list(plan.planned))]:
         levels = group[0].cycle.levels if block else {}
-        points = (p.cycle for p in group if p.cycle.kind in POINTS)
-        cells = {(str(cycle.levels), cycle.key.partition("/")[2].rpartition("/")[0]) for cycle in points}
+        cells = sum(p.cycle.kind in POINTS and p.cycle.repeat == 1 for p in group)
+        strokes = sum(isinstance(step, Move) for p in group for step in p.cycle.steps)
         minutes = round(sum(p.time_s for p in group) / 60.0)
-        counts = [len(cells), len(group), sum(p.strokes for p in group), f"{minutes // 60}:{minutes % 60:02d}"]
+        counts = [cells // (1 if block else plan.protocol.order.replicates), len(group), strokes]
         set_up = ", ".join(f"{name} {level}" for name, level in levels.items()) or "-"
-        rows.append([str(block or "all"), set_up, *map(str, counts), size(size_of(group))])
+        time = f"{minutes // 60}:{minutes % 60:02d}"
+        rows.append([str(block or "all"), set_up, *map(str, counts), time, size(size_of(group))])
     return aligned(rows if len(groups) > 1 else rows[:2], right_from=2, indent="")
 
 

@@ -9,45 +9,14 @@ from typing import TYPE_CHECKING
 
 from pneudrive.campaign.cycle import Cycle
 from pneudrive.repr_tables import Shown
-from pneudrive.rig.interface import Envelope, Identity, Move
+from pneudrive.rig.interface import Envelope, Identity
 from pneudrive.rig.motion import Limits
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
+    from pneudrive.arrays import Interval
     from pneudrive.campaign.planning.protocol import Protocol
-
-
-@dataclass(frozen=True)
-class Way:
-    """Used part of the stroke, and limits of the axis.
-
-    Attributes
-    ----------
-    low_m, high_m : float
-    limits : Limits
-    """
-
-    low_m: float
-    high_m: float
-    limits: Limits
-
-    @classmethod
-    def on(cls, protocol: Protocol, envelope: Envelope) -> Way:
-        """Return the range of a protocol on a rig."""
-        low, high = envelope.position_m
-        given, margin = protocol.position.range, protocol.position.margin_m
-        ends = (low + margin, high - margin) if given is None else (given[0].at(low, high), given[1].at(low, high))
-        return cls(*ends, Limits(envelope.acceleration_m_s2, envelope.jerk_m_s3))
-
-    @property
-    def length_m(self) -> float:
-        """Length of a stroke, m."""
-        return self.high_m - self.low_m
-
-    def cruise_s(self, speed_m_s: float) -> float:
-        """Return the time at constant speed in a stroke, s; 0 if the stroke is too short for its ramps."""
-        return max(self.length_m / speed_m_s - self.limits.ramp_time_s(speed_m_s), 0.0)
 
 
 #: Bytes per sample in a file of `write_cycle`: 15 (long stops) to 21 (fast sweeps) on simulated rigs.
@@ -80,11 +49,6 @@ class Planned:
         """Total time, s."""
         return self.axis_s + self.wait_s
 
-    @property
-    def strokes(self) -> int:
-        """Number of moves."""
-        return sum(isinstance(step, Move) for step in self.cycle.steps)
-
 
 @dataclass(frozen=True, repr=False)
 class Plan(Shown):
@@ -111,9 +75,26 @@ class Plan(Shown):
         return tuple(one.cycle for one in self.planned)
 
     @cached_property
-    def way(self) -> Way:
-        """The part of the stroke that the campaign uses."""
-        return Way.on(self.protocol, self.envelope)
+    def ends_m(self) -> Interval:
+        """Ends of the part of the stroke that the campaign uses."""
+        (low, high), used = self.envelope.position_m, self.protocol.position
+        if used.range is None:
+            return low + used.margin_m, high - used.margin_m
+        return used.range[0].at(low, high), used.range[1].at(low, high)
+
+    @property
+    def length_m(self) -> float:
+        """Length of a stroke, m."""
+        return self.ends_m[1] - self.ends_m[0]
+
+    @cached_property
+    def limits(self) -> Limits:
+        """Limits of the axis."""
+        return Limits(self.envelope.acceleration_m_s2, self.envelope.jerk_m_s3)
+
+    def cruise_s(self, speed_m_s: float) -> float:
+        """Return the time at constant speed in a stroke, s; 0 if the stroke is too short for its ramps."""
+        return max(self.length_m / speed_m_s - self.limits.ramp_time_s(speed_m_s), 0.0)
 
     @cached_property
     def allowed(self) -> Envelope:

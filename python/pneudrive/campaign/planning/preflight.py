@@ -86,7 +86,7 @@ def _alike(plan: Plan) -> list[list[Cycle]]:
 
 def peak_acceleration_m_s2(plan: Plan, distance_m: float, speed_m_s: float) -> float:
     """Return the largest acceleration of a move within the limits of acceleration and jerk, m/s2."""
-    limits = plan.way.limits
+    limits = plan.limits
     return min(limits.acceleration_m_s2, math.sqrt(min(speed_m_s, limits.top_speed_m_s(distance_m)) * limits.jerk_m_s3))
 
 
@@ -167,9 +167,9 @@ def _motion(cycle: Cycle, plan: Plan) -> Iterator[Violation]:
             remedy = "Lower the speed: the rig ramps with its own acceleration, which a protocol cannot change."
             yield "acceleration", f"{peak:.4g} m/s2; at most {top:.4g} m/s2", remedy
     for distance, step, is_before_hold in moves if cycle.kind in MEASURING else ():
-        speed, reached = step.speed_m_s, plan.way.limits.top_speed_m_s(distance)
+        speed, reached = step.speed_m_s, plan.limits.top_speed_m_s(distance)
         if (is_before_hold or speed == cycle.speed_m_s) and speed > reached * (1.0 + ROUNDING):  # others only return
-            ramps = millimetres(2.0 * plan.way.limits.ramp_distance_m(speed))
+            ramps = millimetres(2.0 * plan.limits.ramp_distance_m(speed))
             limit = f"at most {_mm_s(reached)}, because starting and stopping take {ramps}"
             yield (
                 "ramp",
@@ -264,20 +264,19 @@ def cautions(plan: Plan) -> tuple[str, ...]:
 
 def _of_samples(plan: Plan) -> Iterator[Caution]:
     """Yield the effects that the samples and strokes of a plan cannot show."""
-    protocol, way = plan.protocol, plan.way
-    samples, speeds = protocol.samples, protocol.speed
+    protocol, samples, speeds = plan.protocol, plan.protocol.samples, plan.protocol.speed
     burst = samples.burst_rate_hz if samples.burst_after_s > 0.0 else 0.0
     if burst < BURST_RATE_HZ:
         yield "bursts", {"rate": burst, "needed": BURST_RATE_HZ}
     swept: tuple[float, ...] = () if speeds is None else speeds.levels_m_s
     slowest = min(*swept, *(protocol.stop.restart_speed_m_s if protocol.stop else ()), math.inf)
-    rate = samples.samples_per_stroke / (way.length_m / slowest)
+    rate = samples.samples_per_stroke / (plan.length_m / slowest)
     if rate < BASE_RATE_HZ:
         yield "slow", {"speed": 1e3 * slowest, "samples": samples.samples_per_stroke, "rate": rate}
     if speeds is None:
         return
     top, ignored = speeds.levels_m_s[-1], protocol.filter.ignore_initial
-    ramp, cruise_s = way.limits.ramp_distance_m(top) / way.length_m, way.cruise_s(top) * speeds.most_strokes
+    ramp, cruise_s = plan.limits.ramp_distance_m(top) / plan.length_m, plan.cruise_s(top) * speeds.most_strokes
     if ramp > ignored:
         yield "ramps", {"speed": 1e3 * top, "ramp": 100 * ramp, "ignored": 100 * ignored}
     if cruise_s < speeds.settled_time_s:

@@ -28,8 +28,8 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from pneudrive.arrays import Array, Bools, Interval, Ints, Pair, Plain
-    from pneudrive.campaign.planning.protocol import Protocol
-    from pneudrive.rig.interface import Envelope, Identity, Rig, RigState
+    from pneudrive.campaign.planning.planned import Plan
+    from pneudrive.rig.interface import Identity, Rig, RigState
 
 
 #: Longest time for a rig to come to rest before the campaign ends without it, s.
@@ -246,15 +246,14 @@ class MeasuringBounds:
     failures = (FAULT, NO_ANSWER)  # beginnings of the reasons that are no condition, but a failure of the rig
 
     @classmethod
-    def of(cls, protocol: Protocol, envelope: Envelope, ambient_pa: float) -> MeasuringBounds:
+    def of(cls, plan: Plan) -> MeasuringBounds:
         """Return the bounds, each from protocol or rig, whichever is tighter."""
-        asked = protocol.conditions
-        supply = asked.supply_pressure.absolute_pa(ambient_pa) if asked.supply_pressure is not None else 0.0
-        low, high = envelope.temperature_k
+        asked, (low, high), supply = plan.protocol.conditions, plan.envelope.temperature_k, 0.0
+        if asked.supply_pressure is not None:
+            supply = asked.supply_pressure.absolute_pa(plan.identity.ambient_pressure_pa)
         if asked.temperature_k is not None:
             low, high = max(low, asked.temperature_k[0]), min(high, asked.temperature_k[1])
-        force = asked.force_share * min(envelope.force_n, protocol.limits.force_n or math.inf)
-        return cls(max(supply, envelope.supply_pressure_pa), (low, high), force)
+        return cls(max(supply, plan.envelope.supply_pressure_pa), (low, high), asked.force_share * plan.allowed.force_n)
 
     def broken_by(self, state: RigState) -> str:
         """Return the condition that is not met, in words; empty if all are met. NaN does not meet a condition."""

@@ -201,7 +201,7 @@ class CampaignRun:
         for line in tidied:
             self._tell(line)
         self._requests = control.Requests(campaign.path, someone_there=self._prompt.there, cancel=cancel)
-        self._bounds = MeasuringBounds.of(plan.protocol, plan.envelope, plan.identity.ambient_pressure_pa)
+        self._bounds = MeasuringBounds.of(plan)
         self._attempts = Attempts(rig, self._bounds.during, self._display.part)
         self.finished = {file.head.cycle.key: file.head.flags for file in files}
         numbers = (path.name.partition("-")[0] for path in (campaign.path / CYCLES).glob("[0-9]*"))
