@@ -16,11 +16,12 @@ from oracle.campaigns import rewrite
 from pneudrive.campaign.cycle import Cycle
 from pneudrive.campaign.status import status_of
 from pneudrive.campaign.storage.folder import (
+    HEAD,
     Campaign,
     CycleFile,
     Head,
+    _file_of,
     create,
-    read_head,
     read_samples,
     steps_from_motion,
     tidy,
@@ -28,9 +29,15 @@ from pneudrive.campaign.storage.folder import (
 )
 from pneudrive.errors import CampaignError
 from pneudrive.files import formats, seal
+from pneudrive.files.tables import read_texts
 from pneudrive.rig.interface import Move, Samples, Sampling
 
 CYCLE = Cycle("b1/sweep/v50/r1", "sweep", (Move(0.1, 0.05), Move(0.0, 0.05)), Sampling(), 2e5, 1.5e5, speed_m_s=0.05)
+
+
+def read_head(path) -> Head:
+    (text,) = read_texts([path], HEAD, CampaignError)
+    return _file_of(path, text)[0].head
 
 
 def some_samples(n: int = 300) -> Samples:

@@ -142,7 +142,7 @@ else:
 @pytest.mark.parametrize(("how", "verb"), [("SIGSTOP", "acquire"), ("SIGKILL", "move")])
 def test_the_axis_stops(how, verb):
     rig = load_rig("default", pace=1.0)
-    with RigServer(rig, load_map(), port=0, heartbeat_s=HEARTBEAT_S) as server:
+    with RigServer(rig, load_map(), port=0) as server:
         client = subprocess.Popen([sys.executable, "-c", CLIENT, server.url, verb], stdout=subprocess.PIPE, text=True)
         try:
             client.stdout.readline()  # type: ignore[union-attr]

@@ -43,12 +43,13 @@ def near(asked: float, recorded: float, tolerance: float) -> bool:
 def alike(asked: Step, recorded: Step, tolerance: float) -> bool:
     """Return whether a recorded step matches the requested step."""
     if isinstance(asked, Move) and isinstance(recorded, Move):
-        same = abs(asked.to_m - recorded.to_m) <= SAME_POSITION_M
-        return same and near(asked.speed_m_s, recorded.speed_m_s, tolerance)
-    if isinstance(asked, Hold) and isinstance(recorded, Hold):
-        same = (asked.released, asked.shut) == (recorded.released, recorded.shut)
-        return same and near(asked.duration_s, recorded.duration_s, tolerance)
-    return False
+        is_there = abs(asked.to_m - recorded.to_m) <= SAME_POSITION_M
+        return is_there and near(asked.speed_m_s, recorded.speed_m_s, tolerance)
+    if isinstance(asked, Move) or isinstance(recorded, Move):
+        return False
+    return (asked.released, asked.shut) == (recorded.released, recorded.shut) and near(
+        asked.duration_s, recorded.duration_s, tolerance
+    )
 
 
 def matches(steps: Sequence[Step], cycle: Cycle, tolerance: float) -> bool:
@@ -260,7 +261,7 @@ class ReplayFile(RigFile):
     pressure_tolerance_pa: Annotated[float, Quantity("Pa", bounds=NOT_NEGATIVE)] = PRESSURE_TOLERANCE_PA
 
 
-def load_replay(source: str | Path, seed: int = 0, pace: float | None = None) -> ReplayRig:
+def load_replay(source: str | Path, seed: int, pace: float | None) -> ReplayRig:
     """Make a rig from a campaign folder, or from a rig file that names one.
 
     The limits are those of the rig file, otherwise those of the original rig, otherwise the range of the recordings.

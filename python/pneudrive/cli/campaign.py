@@ -23,9 +23,10 @@ from __future__ import annotations
 import signal
 import sys
 import threading
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
+from typing import Any
 
 import typer
 
@@ -100,11 +101,8 @@ def run(
     labels = pairs_in("--label", label or (), "seal = NAPN")
     options = _options(operator, yes, timeout)
     again = _again(out, rig)
-    with _running(again):
-        result = campaigns.run_campaign(
-            protocol, rig, out, options=options, labels=labels, pace=speed, display=live.TerminalDisplay()
-        )
-    _end(result, again)
+    begin = partial(campaigns.run_campaign, protocol, rig, out, labels=labels)
+    _run(begin, again, options=options, pace=speed)
 
 
 def resume(
@@ -138,16 +136,8 @@ def resume(
         return
     options = _options(operator, yes, timeout)
     again = _again(folder, rig, allow_code)
-    with _running(again):
-        result = campaigns.resume_campaign(
-            folder,
-            rig or None,
-            options=options,
-            pace=speed,
-            allow_code=allow_code or None,
-            display=live.TerminalDisplay(),
-        )
-    _end(result, again)
+    begin = partial(campaigns.resume_campaign, folder, rig or None, allow_code=allow_code or None)
+    _run(begin, again, options=options, pace=speed)
 
 
 def status(folder: Path) -> None:
@@ -218,16 +208,15 @@ def _again(folder: Path, rig: str, allow_code: str = "") -> str:
     return f"pneudrive campaign resume {folder}{named}{f' --allow-code {allow_code}' if allow_code else ''}"
 
 
-@contextmanager
-def _running(again: str) -> Iterator[None]:
-    """Exit with status 1 if an error ends a running campaign, and print how to resume.
+def _run(begin: Callable[..., campaigns.Result], again: str, **options: Any) -> None:  # noqa: ANN401
+    """Run a campaign and print its end. Exit with status 1 after an error, and with 130 if a user ended the campaign.
 
     SIGTERM acts like Ctrl-C. During a campaign, the campaign itself handles Ctrl-C and SIGTERM.
     """
     in_main = threading.current_thread() is threading.main_thread()  # others must not
     before = signal.signal(signal.SIGTERM, signal.default_int_handler) if in_main else None
     try:
-        yield
+        result = begin(display=live.TerminalDisplay(), **options)
     except PneudriveError as error:
         if not campaigns.can_be_resumed(error):
             raise
@@ -237,10 +226,6 @@ def _running(again: str) -> Iterator[None]:
     finally:
         if in_main:
             signal.signal(signal.SIGTERM, before)
-
-
-def _end(result: campaigns.Result, again: str) -> None:
-    """Print the end of a campaign; exit with status 130 if a user ended it."""
     if result.ended == campaigns.DONE:
         typer.echo(f"{result.finished} cycles in {result.campaign.path}")
         return

@@ -147,16 +147,15 @@ def _map_of(source: list[Path], layout: Path | None) -> tuple[xr.Dataset, Campai
 
 def joined_maps(paths: list[Path], maps: list[xr.Dataset]) -> xr.Dataset:
     """Join the rows of several maps. Each map keeps its gauge pressures at any ambient pressure."""
-    import numpy as np
     import xarray as xr
 
     ambient = [float(each.attrs.get("ambient_pressure_pa", STANDARD_ATMOSPHERE_PA)) for each in maps]
     common = [str(name) for name in maps[0] if name != "ambient_pressure_pa" and all(name in each for each in maps)]
     parts = []
     for path, rows, air in zip(paths, maps, ambient, strict=True):
-        names = np.array([f"{path}: {name}" for name in rows["recording"].to_numpy()], dtype=object)
-        gauges = {name: rows[name] + (ambient[0] - air) for name in ("pressure_a_pa", "pressure_b_pa")}
-        parts.append(rows[common].assign(gauges | {"recording": ("row", names)}))
+        changed = {name: rows[name] + (ambient[0] - air) for name in ("pressure_a_pa", "pressure_b_pa")}
+        changed["recording"] = f"{path}: " + rows["recording"].astype(object)
+        parts.append(rows[common].assign(changed))
     is_stated = "ambient_pressure_pa" in maps[0].attrs
     joined = xr.concat(parts, "row", combine_attrs="drop")
     return joined.assign_attrs({"ambient_pressure_pa": ambient[0]} if is_stated else {})

@@ -17,13 +17,13 @@ class JobThread:
     Parameters
     ----------
     name : str
-        Name of the thread, which starts with the first job.
+        Name of the thread.
     """
 
     def __init__(self, name: str) -> None:
         self._jobs: queue.SimpleQueue[tuple[Future[Any], Callable[[], Any]] | None] = queue.SimpleQueue()
-        self._starting = threading.Lock()  # two callers may start at once
         self._thread = threading.Thread(target=self._work, name=name, daemon=True)
+        self._thread.start()
 
     def _work(self) -> None:
         while (given := self._jobs.get()) is not None:
@@ -37,9 +37,6 @@ class JobThread:
 
     def start(self, job: Callable[[], Answer]) -> Future[Answer]:
         """Run a job after the previous one."""
-        with self._starting:
-            if self._thread.ident is None:
-                self._thread.start()
         future: Future[Answer] = Future()
         self._jobs.put((future, job))
         return future
@@ -47,5 +44,4 @@ class JobThread:
     def close(self, wait_s: float = 0.0) -> None:
         """End the thread after its last job, and wait for the end up to a given time."""
         self._jobs.put(None)
-        if self._thread.ident is not None:
-            self._thread.join(wait_s)
+        self._thread.join(wait_s)

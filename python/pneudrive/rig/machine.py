@@ -330,7 +330,7 @@ class Machine:
         gauges = (past.pressure_a_pa - d.ambient_pressure_pa, past.pressure_b_pa - d.ambient_pressure_pa)
         return float(abs(steady_friction_n(friction, velocity_m_s, gauges, past.commanded_m)[0]))
 
-    def run(self, step: Step, motion: Motion, times: Array, look: Callable[[], object] | None = None) -> Columns:
+    def run(self, step: Step, motion: Motion, times: Array, look: Callable[[float], object] | None = None) -> Columns:
         """Run one step and update `past`. `look` is called regularly. An exception in `look` ends the step.
 
         Raises
@@ -345,9 +345,8 @@ class Machine:
         if hold.released:
             self._stays(friction)
         begin = past.commanded_m if past.state is None else past.state
-        on_look = None if look is None else lambda _: look()
         rig = core_rig(d, (past.pressure_a_pa, past.pressure_b_pa), friction, float(past.room_k(d)))
-        result = drag(rig, motion, times, begin, released=hold.released, shut=hold.shut, look=on_look)
+        result = drag(rig, motion, times, begin, released=hold.released, shut=hold.shut, look=look)
         columns, _, past.state, past.commanded_m = result
         past.shown = {name: float(column[-1]) for name, column in columns.items()} if times.size else past.shown
         power = 0.0

@@ -373,7 +373,7 @@ class RigSession:
         Speed relative to real time; None: as fast as possible.
     """
 
-    def __init__(self, rig: SimulatedRig, seed: int = 0, pace: float | None = None) -> None:
+    def __init__(self, rig: SimulatedRig, seed: int, pace: float | None) -> None:
         if pace is not None and not pace > 0.0:
             raise RigError(f"pace = {pace} is not positive", rule="pace is the speed of the rig relative to real time")
         self.rig, self.seed, self.pace = rig, seed, pace
@@ -609,7 +609,7 @@ class RigSession:
             self._alive(run)
             run.before, run.step, run.motion, run.reached_s = deepcopy(self.past), step, motion, 0.0
             machine, before = Machine(self._machine.d, self.seed, deepcopy(self.past)), run.before
-        true = machine.run(step, motion, times, lambda: self._alive(run))
+        true = machine.run(step, motion, times, lambda _: self._alive(run))
         with self._lock:
             self._alive(run)
             self._machine = machine

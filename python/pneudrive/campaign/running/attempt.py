@@ -335,10 +335,12 @@ def arrival_flags(samples: Samples, cycle: Cycle, identity: Identity) -> dict[st
     dict
         Flag of `FLAGS` -> count; flags with count 0 are absent.
     """
+    import polars as pl
+
     counts = {"non_finite": int((~_measured(samples)).sum())}
     samples = samples.rows(np.isfinite(samples.time_s))
-    again = _repetitions(samples)
-    counts["duplicated"], samples = int(again.sum()), samples.rows(~again)
+    fresh = pl.DataFrame(vars(samples)).select(pl.struct(pl.all()).is_first_distinct()).to_series().to_numpy()
+    counts["duplicated"], samples = int((~fresh).sum()), samples.rows(fresh)
     intervals = np.diff(samples.time_s)
     counts["time_runs_back"] = int((intervals < 0.0).sum())
     counts["repeated_time"] = int((intervals == 0.0).sum())
@@ -352,17 +354,6 @@ def arrival_flags(samples: Samples, cycle: Cycle, identity: Identity) -> dict[st
 def _measured(samples: Samples) -> Bools:
     """Mark the samples that are finite in all channels except temperature, which not every rig measures."""
     return np.all([np.isfinite(getattr(samples, name)) for name in CHANNELS[:-1]], axis=0)
-
-
-def _repetitions(samples: Samples) -> Bools:
-    """Mark the samples that repeat an earlier sample in every channel."""
-    order = np.argsort(samples.time_s, kind="stable")
-    ordered = np.stack([values[order] for values in vars(samples).values()])
-    missing = np.isnan(ordered)
-    same = (ordered[:, 1:] == ordered[:, :-1]) | (missing[:, 1:] & missing[:, :-1])
-    again = np.zeros(len(samples), dtype=bool)
-    again[order[1:]] = same.all(axis=0)
-    return again
 
 
 def _dropped(time: Array, step: Ints, cycle: Cycle) -> int:

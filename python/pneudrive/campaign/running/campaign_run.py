@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from concurrent.futures import Future
 
     from pneudrive.arrays import Plain
-    from pneudrive.campaign.planning.planned import Plan
+    from pneudrive.campaign.planning.planned import Plan, Planned
     from pneudrive.progress import Flag
     from pneudrive.rig.interface import Rig, Samples
 
@@ -208,7 +208,6 @@ class CampaignRun:
         self._index = max((int(number) for number in numbers if number.isdigit()), default=0)
         if files:
             self._attempts.finished(files[-1].head)
-        self._samples = {p.cycle.key: p.samples for p in plan.planned}
         self._pausing = ""  # PAUSE: after the cycle; STOP: now
         self._leaving = False  # nobody can end a pause
         self._path = campaign.path  # file of the last cycle
@@ -268,10 +267,13 @@ class CampaignRun:
         """Run the remaining cycles, and publish their documents."""
         documents = Documents(self._subscribers, f"campaign:{self.campaign.path.name}", self._metadata())
         try:
-            for cycle in (cycle for cycle in self.plan.cycles if cycle.key not in self.finished):
-                documents.event(self._cycle(cycle))
+            for planned in self.plan.planned:
+                key = planned.cycle.key
+                if key in self.finished:
+                    continue
+                documents.event(self._cycle(planned))
                 self._checkpoint()
-                flags = self.finished[cycle.key]
+                flags = self.finished[key]
                 self._bad = self._bad + 1 if SERIOUS & flags.keys() else 0
                 if self._bad >= self.options.bad_in_a_row:
                     raise CampaignError.of(
@@ -408,8 +410,9 @@ class CampaignRun:
 
     # -- a cycle ----------------------------------------------------------------------------------------------
 
-    def _cycle(self, cycle: Cycle) -> Plain:
+    def _cycle(self, planned: Planned) -> Plain:
         """Run a cycle, store it, and return the data of its event."""
+        cycle = planned.cycle
         self._lock.tell(state="running", text="", cycle=cycle.key)
         self._display.cycle(cycle)
         confirmed: dict[str, str] = {}
@@ -419,18 +422,18 @@ class CampaignRun:
                 confirmed = self._pause(cycle.text)  # at rest: somebody will reach into the rig
             by = "assumed done: --yes" if self.options.yes else f"confirmed by {confirmed['name']}"
             self._journal.write(f"{cycle.key}: {cycle.text} ({by})")
-        return self._write(*self._measured(cycle), confirmed)
+        return self._write(*self._measured(cycle, planned.samples * SAMPLE_BYTES + CYCLE_BYTES), confirmed)
 
-    def _measured(self, cycle: Cycle) -> tuple[Head, Samples]:
-        """Run a cycle until it is complete; wait while conditions are not met. Its data must have space on the disk."""
+    def _measured(self, cycle: Cycle, needed: int) -> tuple[Head, Samples]:
+        """Run a cycle until it is complete; wait while conditions are not met. The disk must have the needed bytes."""
         settling_s = self.plan.protocol.pressure.settling_s
         while True:
             self._await_conditions(cycle)
-            needed = self._samples[cycle.key] * SAMPLE_BYTES + CYCLE_BYTES
             if (free := shutil.disk_usage(self.campaign.path).free) < needed:
                 sizes = {"free": free / 1e6, "needed": needed / 1e6, "remedy": control.REMEDIES[errno.ENOSPC]}
                 raise CampaignError.of("campaign.disk-full", where=str(self.campaign.path), **sizes)
             self._checkpoint()
+            self._display.cycle(cycle)
             attempt = self._on_rig(lambda rig: self._attempts.run(rig, cycle, settling_s))
             error = attempt.exception()
             if error is None:

@@ -50,15 +50,15 @@ class Display:
 
     def began(self, plan: Plan, done: Collection[str]) -> None:
         """Show that the campaign begins; `done` has the keys of the cycles that are finished already."""
-        self.title, self._done = plan.protocol.name, set(done)
-        self._planned = {p.cycle.key: (p.time_s, float(p.samples)) for p in plan.planned}
-        self.total = len(self._done | self._planned.keys())
+        sizes = {p.cycle.key: (p.time_s, float(p.samples)) for p in plan.planned}
+        self.title, self.total = plan.protocol.name, len(sizes.keys() | done)
+        self._left = {key: size for key, size in sizes.items() if key not in done}
         self._began, self._passed = time.monotonic(), np.zeros(2)
 
     @property
     def count(self) -> int:
         """Number of finished cycles."""
-        return len(self._done)
+        return self.total - len(self._left)
 
     @property
     def left(self) -> str:
@@ -66,7 +66,7 @@ class Display:
 
         For a real rig, the planned time counts. For a simulated rig without a pace, the number of samples counts.
         """
-        left = np.sum([size for key, size in self._planned.items() if key not in self._done] or [(0.0, 0.0)], axis=0)
+        left = np.sum([*self._left.values()] or [(0.0, 0.0)], axis=0)
         took = time.monotonic() - self._began
         if self._passed[0] <= 0.0:
             return duration(float(left[0]))
@@ -74,7 +74,7 @@ class Display:
         return duration(float(left[int(by_samples)] * took / self._passed[int(by_samples)]))
 
     def cycle(self, cycle: Cycle) -> None:
-        """Show that a cycle begins."""
+        """Show that a cycle begins, or another attempt at it."""
         self.key, self.samples = cycle.key, 0
 
     def part(self, samples: Samples) -> None:
@@ -83,8 +83,7 @@ class Display:
 
     def finished(self, cycle: Cycle, flags: dict[str, int]) -> None:
         """Show that a cycle is stored."""
-        self._passed += self._planned.get(cycle.key, (0.0, 0.0))
-        self._done.add(cycle.key)
+        self._passed += self._left.pop(cycle.key)
 
     def say(self, text: str) -> None:
         """Show a line."""
@@ -229,10 +228,8 @@ class LiveFiles(Display):
         self._points = self._points[:0]
 
     def part(self, samples: Samples) -> None:
-        """Add samples that arrived. Samples of another attempt at the cycle replace the earlier ones."""
+        """Add samples that arrived."""
         rows = np.column_stack([getattr(samples, name) for name in COLUMNS]).astype(np.float32)
-        if len(self._points) and len(rows) and rows[0, 0] < self._points[-1, 0]:
-            self._points, self.samples = self._points[:0], 0
         points = np.concatenate([self._points, rows])
         self._points = thinned(points, SHOWN) if len(points) > 2 * SHOWN else points
         super().part(samples)

@@ -29,7 +29,6 @@ from pneudrive.files.writing import is_held, open_to_append, take
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
-    from types import FrameType, TracebackType
 
     from pneudrive.progress import Flag
 
@@ -237,7 +236,7 @@ class FolderLock:
     def __enter__(self) -> FolderLock:
         return self
 
-    def __exit__(self, kind: type | None, error: BaseException | None, trace: TracebackType | None) -> None:
+    def __exit__(self, *_: object) -> None:
         self.release()
 
 
@@ -342,8 +341,7 @@ class Requests:
         with contextlib.suppress(OSError):
             make_folder(self._folder)
         for path in self._waiting():  # left for a process that is gone
-            with contextlib.suppress(OSError):
-                path.unlink()
+            self._take_file(path)
 
     def put(self, request: Request) -> None:
         """Add a request."""
@@ -408,8 +406,7 @@ class Requests:
             for number, handler in before.items():
                 signal.signal(number, handler)
 
-    def _signalled(self, number: int, frame: FrameType | None) -> None:
-        del frame
+    def _signalled(self, number: int, _: object) -> None:
         if number == signal.SIGTSTP:
             self.put(Request(PAUSE, "Ctrl-Z"))
         elif number != signal.SIGINT:

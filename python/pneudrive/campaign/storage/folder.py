@@ -23,8 +23,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pneudrive.batching import many_objects
-from pneudrive.campaign.cycle import SCHEMA, Head, check_schema
-from pneudrive.campaign.cycle import read_head as parse_head
+from pneudrive.campaign.cycle import SCHEMA, Head, check_schema, read_head
 from pneudrive.campaign.storage.control import FOLDER, PART, clear_errors, make_folder, write_whole
 from pneudrive.errors import CampaignError, PneudriveError, RecordingError
 from pneudrive.files.content import exists, read_json, read_text
@@ -335,18 +334,6 @@ def write_cycle(folder: Path, head: Head, samples: Samples | None) -> Path:
     return target
 
 
-def read_head(path: Path) -> Head:
-    """Read the header of a cycle's file; check the whole file against its checksum.
-
-    Raises
-    ------
-    CampaignError
-        The file cannot be read, or is invalid.
-    """
-    (text,) = read_texts([path], HEAD, CampaignError)
-    return _file_of(path, text)[0].head
-
-
 def _file_of(path: Path, found: Text | PneudriveError) -> tuple[CycleFile, list[str]]:
     """Make a cycle from the metadata of its file.
 
@@ -362,7 +349,7 @@ def _file_of(path: Path, found: Text | PneudriveError) -> tuple[CycleFile, list[
         raise CampaignError.of("campaign.no-header", where=str(path), head=HEAD)
     number, _, key = path.stem.partition("-")
     index = int(number) if number.isdigit() else None
-    head, notes = parse_head(text, str(path), index=index, key=key)
+    head, notes = read_head(text, str(path), index=index, key=key)
     return CycleFile(path, head, is_sealed), notes
 
 

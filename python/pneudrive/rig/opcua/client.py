@@ -67,9 +67,9 @@ class OpcUaRig:
         self._gone = False
         self._starting = threading.RLock()
         self._told = self._told_name()
-        self._identity = identity or identity_of(self._described("rig.identity"), link.url)[0]
+        self._identity = identity or identity_of(self._described("identity"), link.url)[0]
         link.ambient_pa = self._identity.ambient_pressure_pa
-        self._limits = limits or envelope_of(self._described("rig.limits"), link.url)
+        self._limits = limits or envelope_of(self._described("limits"), link.url)
         self._id = secrets.randbelow(COUNTER)  # not the id of another client, as some servers share the node
 
     def close(self) -> None:
@@ -101,15 +101,15 @@ class OpcUaRig:
 
     def set_pressure(self, a_pa: float, b_pa: float) -> None:
         """Bring the chambers to these absolute pressures, Pa."""
-        self._do(node_map.Verb.SET_PRESSURE, {"command.pressure_a": a_pa, "command.pressure_b": b_pa})
+        self._do(node_map.Verb.SET_PRESSURE, arguments={"command.pressure_a": a_pa, "command.pressure_b": b_pa})
 
     def move(self, to_m: float, speed_m_s: float) -> None:
         """Move from rest to rest without recording."""
-        self._do(node_map.Verb.MOVE, self._program([Move(to_m, speed_m_s)]), self._expected_s([Move(to_m, speed_m_s)]))
+        self._do(node_map.Verb.MOVE, [Move(to_m, speed_m_s)])
 
     def hold(self, duration_s: float, released: bool = False) -> None:
         """Rest for a time without recording."""
-        self._do(node_map.Verb.HOLD, self._program([Hold(duration_s, released)]), duration_s)
+        self._do(node_map.Verb.HOLD, [Hold(duration_s, released)])
 
     def acquire(self, steps: Sequence[Step], sampling: Sampling) -> Iterator[Samples]:
         """Run the steps in their order, and yield the samples in parts as they arrive."""
@@ -143,8 +143,9 @@ class OpcUaRig:
             running = False  # another client has ended it, or the server is gone
             raise
         finally:
-            if running:
-                self._halt()
+            if running:  # at rest now, with the same pressures; another error is already being raised
+                with contextlib.suppress(LinkError, RigError):
+                    self._run(node_map.Verb.HALT)
 
     def stop(self) -> None:
         """Bring the axis to rest and release the pressure; safe to call at any time, also twice."""
@@ -161,11 +162,11 @@ class OpcUaRig:
             raise RigError.of("rig.stop-lost", where=self._url, reason=self._link.lost, beat=beat) from None
         self._gone = False
 
-    def _do(self, verb: node_map.Verb, arguments: Plain | None = None, expected_s: float = 0.0) -> None:
+    def _do(self, verb: node_map.Verb, steps: Sequence[Step] = (), arguments: Plain | None = None) -> None:
         """Run a command and wait until it is done."""
         self._check_back()
         with self._one_connection(_words(verb)):
-            self._run(verb, arguments, expected_s)
+            self._run(verb, self._program(steps) if steps else arguments, self._expected_s(steps))
 
     def _start(self, verb: node_map.Verb, arguments: Plain | None) -> int:
         """Wait for the answer to a pending stop, then write the arguments, then the id that starts the command."""
@@ -190,9 +191,9 @@ class OpcUaRig:
     def _ended(self, identity: int) -> bool:
         done, current, stops = self._link.read("answer.done", "command.id", "heartbeat.stops")
         self._link.check_stops(stops)
-        if current != identity and current == self._id:
-            raise _EndedError("it was ended by another command of this program", where=self._url)
         if current != identity:
+            if current == self._id:
+                raise _EndedError("it was ended by another command of this program", where=self._url)
             raise RigError.of("rig.other-client", where=self._url)
         return done == identity
 
@@ -241,11 +242,10 @@ class OpcUaRig:
             step.duration_s if isinstance(step, Hold) else (high - low) / max(step.speed_m_s, 1e-9) for step in steps
         )
 
-    def _described(self, name: str) -> Any:  # noqa: ANN401 - JSON
-        table = name.partition(".")[2]
-        if name not in self._nodes:
+    def _described(self, table: str) -> Any:  # noqa: ANN401 - JSON
+        if f"rig.{table}" not in self._nodes:
             raise RigError.of("rig.undescribed", where=self._url, table=table)
-        (text,) = self._link.read(name)
+        (text,) = self._link.read(f"rig.{table}")
         return parse_json(text, self._url, RigError)
 
     def _check_back(self) -> None:
@@ -317,12 +317,7 @@ class OpcUaRig:
         """Return the name of the rig as stated by the server; empty without a name."""
         if "rig.identity" not in self._nodes:
             return ""
-        return identity_of(self._described("rig.identity"), self._url)[0].name
-
-    def _halt(self) -> None:
-        """Bring the axis to rest now, and keep the pressures."""
-        with contextlib.suppress(LinkError, RigError):  # another error is already being raised
-            self._run(node_map.Verb.HALT)
+        return identity_of(self._described("identity"), self._url)[0].name
 
 
 class SimulatedOpcUaRig(OpcUaRig):

@@ -117,8 +117,6 @@ class RigServer:
         Address to listen on. Port 0 means any free port; `url` then contains its number.
     protection : Protection, optional
         Admitted clients. Default: anyone.
-    heartbeat_s : float, optional
-        Heartbeat time; the default is in the map.
 
     Raises
     ------
@@ -133,12 +131,11 @@ class RigServer:
         host: str = "127.0.0.1",
         port: int = 4840,
         protection: Protection | None = None,
-        heartbeat_s: float | None = None,
     ) -> None:
         quieten()
         self.rig, self.nodes, self.host, self.port = rig, nodes, host, port
         self.protection = protection or Protection()
-        self.heartbeat_s = heartbeat_s or nodes.handshake.heartbeat_s
+        self.heartbeat_s = nodes.handshake.heartbeat_s
         self.url = ""
         #: Reason why the server has brought the rig to rest; empty for a new client and after an accepted command.
         self.fault = ""
@@ -169,13 +166,12 @@ class RigServer:
         """Start to serve."""
         try:
             self._loop.run(self._start())
-        except OSError as error:
+        except BaseException as error:
             self._loop.close()
+            if not isinstance(error, OSError):
+                raise
             reason = error.strerror or error
             raise RigError.of("rig.port", host=self.host, port=self.port, reason=reason) from None
-        except BaseException:
-            self._loop.close()
-            raise
         gc.freeze()  # the standard nodes are many small objects: garbage collection would take 0.25 s
         return self
 
