@@ -104,7 +104,8 @@ class ReplayRig:
         file: ReplayFile,
     ) -> None:
         self.files, self.pace = tuple(files), pace
-        self.speed_tolerance, self.pressure_tolerance_pa = file.speed_tolerance, file.pressure_tolerance_pa
+        self.speed_tolerance = file.speed_tolerance
+        self.pressure_tolerance_pa = file.pressure_tolerance_pa
         self._identity, self._limits = identity, limits
         self._played = dict.fromkeys((file.name for file in files), 0)
         self._key = ""
@@ -273,7 +274,8 @@ def load_replay(source: str | Path, seed: int, pace: float | None) -> ReplayRig:
     """
     is_folder = Path(source).is_dir()
     file = ReplayFile(folder=str(source)) if is_folder else ReplayFile.load(source)
-    folder, (identity, limits) = Path(source) if is_folder else file.beside(file.folder), file.described()
+    folder = Path(source) if is_folder else file.beside(file.folder)
+    identity, limits = file.described()
     if not (folder / ABOUT).is_file():
         raise RigError.of("campaign.not-replayed", folder=folder)
     campaign = Campaign.open(folder)

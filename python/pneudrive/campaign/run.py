@@ -160,7 +160,9 @@ def resume_campaign(
     with FolderLock(folder) as lock, contextlib.ExitStack() as opened:
         found: dict[str, str | None] = {}
         if rig is None:  # the rig named in the folder, if this is allowed
-            rig, made_with, where = campaign.about.get("rig"), campaign.about.get("rig_sha256"), str(folder / ABOUT)
+            rig = campaign.about.get("rig")
+            made_with = campaign.about.get("rig_sha256")
+            where = str(folder / ABOUT)
             if not rig or not isinstance(rig, str):
                 raise CampaignError("the folder does not name its rig", where=where, remedy="Add --rig RIG.")
             if allow_code is not None and made_with != allow_code.strip().lower():

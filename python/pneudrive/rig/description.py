@@ -136,7 +136,8 @@ def _mark(unit: str, bounds: Bounds) -> Mark:
 
 def _key(key: str, row: Plain) -> tuple[Any, Any]:
     """Return type and field of a key from its row in ``keys.toml``; a required key has the default ``...``."""
-    default, meaning = None if row.get("optional") else row.get("default", ...), row.get("meaning")
+    default = None if row.get("optional") else row.get("default", ...)
+    meaning = row.get("meaning")
     if "words" in row:
         mark: Mark = Choice(tuple(row["words"]))
     elif "of" in row:
@@ -426,7 +427,10 @@ def read_description(path: str | Path) -> RigDescription:
 
 def _check(tables: Any) -> None:  # noqa: ANN401 - of a class that is made of the keys
     """Check that the values are consistent, and raise all errors at once."""
-    cylinder, servo, chambers, problems = tables.cylinder, tables.servo, tables.chambers, Problems()
+    cylinder = tables.cylinder
+    servo = tables.servo
+    chambers = tables.chambers
+    problems = Problems()
 
     def refuse(key: str, what: str, rule: str) -> None:
         problems.add(wrong(key, what, rule=rule))

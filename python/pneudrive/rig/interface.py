@@ -485,7 +485,8 @@ def read_table(
     cause = first.get("ctx", {}).get("error", "")
     if isinstance(cause, DescriptionError):  # of the calibration curve
         raise kind(cause.what, where=where, rule=cause.rule, remedy=cause.remedy)
-    key, why = path + ".".join(str(part) for part in first["loc"] if part not in TAGS), first["type"]
+    key = path + ".".join(str(part) for part in first["loc"] if part not in TAGS)
+    why = first["type"]
     if why in WORDS["faults"]:
         known = fields(ForceCalibration if "force_calibration" in first["loc"] else cls)  # type: ignore[arg-type]
         keys = f"keys: {', '.join(field.name for field in known)}"

@@ -87,7 +87,10 @@ def core_rig(
     temperature_k : float, optional
         Temperature of the room, K; the default is that of the rig file.
     """
-    (area_a, area_b), servo, cylinder, sensor = d.areas_m2, d.tables.servo, d.tables.cylinder, d.tables.force_sensor
+    area_a, area_b = d.areas_m2
+    servo = d.tables.servo
+    cylinder = d.tables.cylinder
+    sensor = d.tables.force_sensor
     rods = {"rodless": (0, 0), "single-rod": (0, 1), "through-rod": (1, 1)}[cylinder.kind]
     perimeter_a, perimeter_b = (math.pi * (cylinder.bore + rod * cylinder.rod_diameter) for rod in rods)
     carriage = {"release_time": servo.release_time}
@@ -221,7 +224,8 @@ class Past:
 
     def force_drift_n(self, d: RigDescription, after_s: Numbers = 0.0) -> Numbers:
         """Return the drift of the force sensor's zero, N, with temperature and time."""
-        warmer, sensor = self.room_k(d, after_s) - d.tables.ambient.temperature, d.tables.force_sensor
+        warmer = self.room_k(d, after_s) - d.tables.ambient.temperature
+        sensor = d.tables.force_sensor
         return sensor.zero_drift_temperature * warmer + sensor.zero_drift_time * (self.clock_s + after_s)
 
 

@@ -607,8 +607,12 @@ class RigSession:
         """
         with self._lock:
             self._alive(run)
-            run.before, run.step, run.motion, run.reached_s = deepcopy(self.past), step, motion, 0.0
-            machine, before = Machine(self._machine.d, self.seed, deepcopy(self.past)), run.before
+            run.before = deepcopy(self.past)
+            run.step = step
+            run.motion = motion
+            run.reached_s = 0.0
+            machine = Machine(self._machine.d, self.seed, deepcopy(self.past))
+            before = run.before
         true = machine.run(step, motion, times, lambda _: self._alive(run))
         with self._lock:
             self._alive(run)

@@ -201,7 +201,10 @@ def draft(protocol: Protocol, identity: Identity, envelope: Envelope) -> Plan:
 
 def _planned(plan: Plan) -> Iterator[Planned]:
     """Yield the cycles of all blocks in running order. Repeats of a design point share their steps."""
-    protocol, pairs, before, uses = plan.protocol, plan.protocol.pressure.levels, None, dict[str, tuple[float, int]]()
+    protocol = plan.protocol
+    pairs = protocol.pressure.levels
+    before = None
+    uses = dict[str, tuple[float, int]]()
     families = (
         [[_sweep(plan, pair, *levels) for levels in _sweep_levels(protocol)] for pair in pairs],
         [[_stop(plan, pair, *levels) for levels in product(*_stop_levels(protocol))] for pair in pairs],
@@ -279,7 +282,8 @@ def _preparations(plan: Plan, *, new: bool) -> Iterator[Planned]:
         yield _entry(plan, "weight", "weight", (hold,), sampling=CHECKING, weight_kg=weight.mass_kg)
         yield _entry(plan, "operator/weight-off", "operator", wait_s=weight.change_s, text=off)
     if checks.leak_check_s is not None:
-        ambient_pa, sides = plan.identity.ambient_pressure_pa, zip(*p.pressure.levels, strict=True)
+        ambient_pa = plan.identity.ambient_pressure_pa
+        sides = zip(*p.pressure.levels, strict=True)
         highest = Pair(*(max(side, key=lambda pressure: pressure.absolute_pa(ambient_pa)) for side in sides))
         yield _entry(plan, "leak", "leak", (Hold(checks.leak_check_s, shut=True),), highest, CHECKING)
 

@@ -162,7 +162,8 @@ def _motion(cycle: Cycle, plan: Plan) -> Iterator[Violation]:
             yield "stroke", f"{millimetres(step.to_m)}; from {millimetres(low)} to {millimetres(high)}", remedy
         if speed > plan.allowed.speed_m_s * (1.0 + ROUNDING):
             yield "speed", f"{_mm_s(speed)}; at most {_mm_s(plan.allowed.speed_m_s)}", "Lower the speed."
-        peak, top = peak_acceleration_m_s2(plan, distance, speed), plan.allowed.acceleration_m_s2
+        peak = peak_acceleration_m_s2(plan, distance, speed)
+        top = plan.allowed.acceleration_m_s2
         if peak > top * (1.0 + ROUNDING):
             remedy = "Lower the speed: the rig ramps with its own acceleration, which a protocol cannot change."
             yield "acceleration", f"{peak:.4g} m/s2; at most {top:.4g} m/s2", remedy
@@ -198,7 +199,8 @@ def _pressures(cycle: Cycle, plan: Plan) -> Iterator[Violation]:
 def _force(cycle: Cycle, plan: Plan) -> Iterator[Violation]:
     rig = plan.identity
     push = abs(pressure_force_n(cycle, rig) - weight_n(rig))
-    balance, ratio = "Bring the pressures of the chambers closer together", rig.area_b_m2 / rig.area_a_m2
+    balance = "Bring the pressures of the chambers closer together"
+    ratio = rig.area_b_m2 / rig.area_a_m2
     if not math.isclose(ratio, 1.0):  # equal pressures balance only equal areas
         balance = f"Bring the gauge pressure of chamber a closer to {ratio:.3g} times that of chamber b (areas differ)"
     holds = plan.allowed.expected_friction_n
@@ -276,7 +278,8 @@ def _of_samples(plan: Plan) -> Iterator[Caution]:
     if speeds is None:
         return
     top, ignored = speeds.levels_m_s[-1], protocol.filter.ignore_initial
-    ramp, cruise_s = plan.limits.ramp_distance_m(top) / plan.length_m, plan.cruise_s(top) * speeds.most_strokes
+    ramp = plan.limits.ramp_distance_m(top) / plan.length_m
+    cruise_s = plan.cruise_s(top) * speeds.most_strokes
     if ramp > ignored:
         yield "ramps", {"speed": 1e3 * top, "ramp": 100 * ramp, "ignored": 100 * ignored}
     if cruise_s < speeds.settled_time_s:
@@ -286,7 +289,9 @@ def _of_samples(plan: Plan) -> Iterator[Caution]:
 
 def _of_design(plan: Plan) -> Iterator[Caution]:
     """Yield the effects that the design of a plan cannot separate, and notes on rig, time and tables of the plan."""
-    protocol, envelope, ambient = plan.protocol, plan.envelope, plan.identity.ambient_pressure_pa
+    protocol = plan.protocol
+    envelope = plan.envelope
+    ambient = plan.identity.ambient_pressure_pa
     if protocol.repeats < 2 and protocol.order.replicates < 2:
         yield "repeats", {}
     if protocol.directions != "both":

@@ -56,7 +56,8 @@ LEAST_SAMPLES = 20
 def speed_of(time_s: Array, position_m: Array, speed_m_s: float) -> Array:
     """Return the signed speed, shape (n,), averaged over a time that suppresses the noise of the position."""
     width = _window_s(position_m, speed_m_s)
-    low, high = np.maximum(time_s - width / 2, time_s[0]), np.minimum(time_s + width / 2, time_s[-1])
+    low = np.maximum(time_s - width / 2, time_s[0])
+    high = np.minimum(time_s + width / 2, time_s[-1])
     ends = np.interp(high, time_s, position_m) - np.interp(low, time_s, position_m)
     return ends / np.maximum(high - low, 1e-12)
 

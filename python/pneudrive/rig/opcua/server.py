@@ -248,7 +248,8 @@ class RigServer:
         for name, value in values.items():
             if name not in self._ids:
                 continue  # a constant
-            node, node_id = self.nodes.nodes[name], self._ids[name][slot if name in IN_RING else 0]
+            node = self.nodes.nodes[name]
+            node_id = self._ids[name][slot if name in IN_RING else 0]
             data = ua.DataValue(ua.Variant(node.from_si(value, self._ambient_pa), ua.VariantType[node.type]))
             await self._server.iserver.write_attribute_value(node_id, data)
 
