@@ -20,13 +20,12 @@ from pneudrive.errors import RigError, SimulationError
 from pneudrive.rig.description import RIGID, RigDescription
 from pneudrive.rig.interface import Hold, Move, Step, plain
 from pneudrive.rig.motion import Motion, brake, dwell, move
-from pneudrive.simulation.bench_circuit import AMBIENT, Dragged
+from pneudrive.simulation.bench_circuit import AMBIENT, Dragged, MotionResult
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     from pneudrive.arrays import Array, Columns, Pair, Plain
-    from pneudrive.simulation.bench_circuit import MotionResult
 
     Numbers = float | Array
 

@@ -10,14 +10,13 @@ from typing import TYPE_CHECKING, Any
 
 from pneudrive.constants import STANDARD_GRAVITY_M_S2, ZERO_CELSIUS_K
 from pneudrive.errors import ProtocolError, nearest, package_table
-from pneudrive.rig.interface import Changeable, Hold, Move, Rig
+from pneudrive.rig.interface import Changeable, Hold, Identity, Move, Rig
 
 if TYPE_CHECKING:
     from pneudrive.arrays import Interval, NamedNumbers
     from pneudrive.campaign.cycle import Cycle
     from pneudrive.campaign.planning.planned import Plan
     from pneudrive.campaign.planning.protocol import Protocol
-    from pneudrive.rig.interface import Identity
 
 
 #: Relative tolerance of a limit, for rounding.

@@ -28,7 +28,7 @@ from pneudrive.campaign.storage.control import FOLDER, PART, clear_errors, make_
 from pneudrive.errors import CampaignError, PneudriveError, RecordingError
 from pneudrive.files.content import exists, read_json, read_text
 from pneudrive.files.seal import sealed_parquet
-from pneudrive.files.tables import read_columns, read_texts
+from pneudrive.files.tables import Text, read_columns, read_texts
 from pneudrive.repr_tables import Card, Shown
 from pneudrive.rig.interface import CHANNELS, SHARED, Identity, Move, Samples, envelope_of, identity_of, plain
 from pneudrive.signals.motion import middle, noise_level
@@ -41,7 +41,6 @@ if TYPE_CHECKING:
 
     from pneudrive.arrays import Array, Bools, Ints, Plain
     from pneudrive.campaign.planning.planned import Plan
-    from pneudrive.files.tables import Text
 
 
 #: Fraction of the usual speed below which the piston counts as at rest.
