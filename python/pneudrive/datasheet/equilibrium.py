@@ -210,7 +210,8 @@ class _SteadySearch:
         supply, (ambient, temperature) = self.plant.supply_pa, self.plant.ambient
         gas = np.tile([0.5 * (supply + ambient), temperature], (len(self.plant.nodes), 1))
         z = np.r_[np.log(gas).T.ravel(), velocity]
-        lasting, step, found = FIRST_S, np.inf, self._rates(z)
+        lasting, step = FIRST_S, np.inf
+        found = self._rates(z)
         for _ in range(MOST_STEPS):
             rests = self.free and self.toward * z[-1] <= SLOWEST and self.toward * found[-1] <= 0.0
             own = z.size if self.free and not rests else z.size - 1
@@ -416,7 +417,8 @@ def linear_model(plant: HeldDrive, command: float, position: float, gas: Array, 
     lags = {name: math.copysign(lag, command * lag) for name, lag in plant.lags.items()}
     session = plant.frictionless.session(command, position, MOVING, gas, lags=lags)
     bare = _linear(plant, session, command)
-    ends, pressures = [FAST * (1.0 + sign * STEP) for sign in (-1.0, 1.0)], plant.pressures(gas)
+    ends = [FAST * (1.0 + sign * STEP) for sign in (-1.0, 1.0)]
+    pressures = plant.pressures(gas)
     for name in lags if friction == "sliding" else ():
         row = bare.states.index(f"{name}.velocity_m_s")
         by_load = bare.B[row, 1] if name == plant.piston else 1.0 / plant.masses[name]

@@ -232,7 +232,8 @@ def _hazards(plant: HeldDrive, results: dict[str, xr.Dataset]) -> Iterator[Findi
         )
         remedy = "A lock or a clamp must hold the load (ISO 4414)."
         yield Finding(f"{HAZARD}{text} and locks hold {plain(holds)} N.", "bad", remedy)
-    limit, response = energy_limit_j(plant.bore_m), results.get("square-response")
+    limit = energy_limit_j(plant.bore_m)
+    response = results.get("square-response")
     if response is None:
         return
     if response.stroke_time.isnull().any():
@@ -242,7 +243,8 @@ def _hazards(plant: HeldDrive, results: dict[str, xr.Dataset]) -> Iterator[Findi
         text = f"an impact of {plain(energy)} J is harder than a cylinder of this bore usually takes, {plain(limit)} J"
         rule = f"(assumed: {1e-3 * IMPACT_ENERGY_J_M2:g} mJ for each mm2 of piston)"
         yield Finding(f"{HAZARD}{text} {rule}.", "bad", "Brake before the end, or add a shock absorber.")
-    peak, most = float(response[["peak_pressure_a", "peak_pressure_b"]].to_array().max()), USUAL_PEAK_PA + ambient
+    peak = float(response[["peak_pressure_a", "peak_pressure_b"]].to_array().max())
+    most = USUAL_PEAK_PA + ambient
     if peak > most:
         text = (
             f"the pressure in a chamber rises to {plain(1e-5 * peak)} bar abs, above the {plain(1e-5 * most)} bar abs"

@@ -263,7 +263,8 @@ def first_passage(t: Array, x: Array, level: float, rate: Array | None = None) -
     rise = x[k] - x[k - 1]
     if rate is None:
         return float(t[k - 1] + h * (level - low) / rise)
-    a, b = h * rate[k - 1] - rise, rise - h * rate[k]
+    a = h * rate[k - 1] - rise
+    b = rise - h * rate[k]
 
     def value(u: float) -> float:  # cubic of Hermite
         return low + u * rise + u * (1.0 - u) * (a * (1.0 - u) + b * u) - level

@@ -48,10 +48,12 @@ class SafeBounds:
         self.task = task
         self.tubes = conductances or {tube.name: tube_conductance(tube, task) for tube in tubes}
         ambient = task.ambient.pressure_pa
-        self.high, self.low = task.supply_pa + task.supply.spread_pa, task.supply_pa - task.supply.spread_pa
+        self.high = task.supply_pa + task.supply.spread_pa
+        self.low = task.supply_pa - task.supply.spread_pa
         self.gauge = self.high - ambient
         weight = task.static_force_n - task.external_force_n
-        light, heavy = 1.0 - task.spread.mass, 1.0 + task.spread.mass
+        light = 1.0 - task.spread.mass
+        heavy = 1.0 + task.spread.mass
         out, back = (min(sign * weight * one for one in (light, heavy)) for sign in (1.0, -1.0))
         self.against = {True: out + task.external_force_n, False: back - task.external_force_n}
 

@@ -113,7 +113,8 @@ def size(
     for name, value in (("draws", draws), ("draws_best", draws_best), ("most", most)):
         if value < 1:
             raise CommandError(f"{name} = {value} is out of bounds", rule="at least 1")
-    read, asked = _read(task), (draws, draws_best)
+    read = _read(task)
+    asked = draws, draws_best
     with nullcontext() if out is None else closing(SizingFolder(Path(out), read, asked)) as folder:
         return Search(read, most, asked, Watch(progress, cancel), folder).result(provisional)
 
@@ -170,7 +171,8 @@ class Search:
 
     def result(self, tell: Callable[[SizingResult], None] | None) -> SizingResult:
         """Run the search."""
-        interrupted, complete = False, False
+        interrupted = False
+        complete = False
         try:
             self._first_ranking(tell)
             complete = self._converge()

@@ -113,7 +113,7 @@ def demands(platform: Platform, path: PosePath, duration_s: float) -> Demands:
         loads[0],
         (loads[2] - loads[1]) / (2.0 * STEP_S),
         own.couplings * (1.0 - np.eye(len(platform.legs))),
-        np.linalg.inv(own.couplings / own.masses_kg[..., None]),
+        np.linalg.inv(own.couplings / own.masses_kg[..., None]).astype(float),
         platform.singular_values(path.at(times)[0])[:, -1],
     )
 

@@ -94,12 +94,14 @@ def _bode(plant: HeldDrive) -> Found:
     output = f"{plant.piston}.velocity_m_s"
     velocity = response(linear, output, f)
     a, b = (response(linear, f"{plant.piston}.{side}.pressure_pa", f) for side in "ab")
-    size, phase = np.abs(velocity), np.unwrap(np.angle(velocity)) * 180.0 / math.pi
+    size = np.abs(velocity)
+    phase = np.unwrap(np.angle(velocity)) * 180.0 / math.pi
     gain = abs(response(linear, output, np.array([SLOW]))[0])
     peak = int(np.argmax(size))
     near = np.geomspace(f[max(peak - 1, 0)], f[min(peak + 1, f.size - 1)], FINE)
     resonance = near[int(np.argmax(np.abs(response(linear, output, near))))]
-    displacement, difference = size / (2.0 * math.pi * f), np.abs(a - b)
+    displacement = size / (2.0 * math.pi * f)
+    difference = np.abs(a - b)
     return f, size, 20.0 * np.log10(size), phase, displacement, difference, gain, resonance
 
 

@@ -22,6 +22,7 @@ from pneudrive.report.layout_figure import rig_diagram
 from pneudrive.report.page import Addition, Paragraph, Topic, plural, sentence
 from pneudrive.report.strokes import DrawnMotion, in_time, phase_plane, recovered, recovered_section
 from pneudrive.rig import SimulatedRig, shipped_rigs, sweep
+from pneudrive.studies.bracha import stick_slip as slips
 from pneudrive.studies.bracha.figure import (
     EXPERIMENTS,
     SEED,
@@ -34,16 +35,6 @@ from pneudrive.studies.bracha.figure import (
     run_experiments,
 )
 from pneudrive.studies.bracha.friction_curves import figure_5, figure_6, figure_8
-from pneudrive.studies.bracha.stick_slip import (
-    SLOW_DRIVE,
-    figure_1,
-    figure_2,
-    figure_3,
-    figure_4,
-    figure_7,
-    figure_9,
-    slow_drive,
-)
 from pneudrive.views import ShownFigure
 
 if TYPE_CHECKING:
@@ -217,7 +208,7 @@ def general_claims(chambers: ChamberComparison, figures: Mapping[int, PaperFigur
 
 def followed(law: str) -> float:
     """Return the largest error, m, of the drive of figure 2 along the sine R2 under a controller."""
-    run = pn.control.run(slow_drive(), law=law, reference="R2")
+    run = pn.control.run(slips.slow_drive(), law=law, reference="R2")
     return float(run.score["max_error_m"])
 
 
@@ -238,15 +229,15 @@ def paper_figures(runs: Mapping[str, Campaign]) -> dict[int, PaperFigure]:
         Figures by their number in the paper.
     """
     figures = [
-        figure_1(),
-        figure_2(),
-        figure_3(),
-        figure_4(runs["speed"]),
+        slips.figure_1(),
+        slips.figure_2(),
+        slips.figure_3(),
+        slips.figure_4(runs["speed"]),
         figure_5(runs["cycle"]),
         figure_6(runs["speed"]),
-        figure_7(runs["pressure"]),
+        slips.figure_7(runs["pressure"]),
         figure_8(runs["pressure"]),
-        figure_9(runs["stops"]),
+        slips.figure_9(runs["stops"]),
     ]
     return {figure.number: figure for figure in figures}
 
@@ -601,5 +592,5 @@ def values(rig: RigDescription, rigs: Iterable[RigDescription]) -> Iterator[Bloc
         yield topic.text("values", rig=f"{name[0].lower()}{name[1:]}", only=only)
         yield topic.table((key, s.value, s.source, s.reason) for key, s in own.items())
     yield topic.text("drives")
-    for path in (SLOW_DRIVE, FULL_STROKE):
+    for path in (slips.SLOW_DRIVE, FULL_STROKE):
         yield Paragraph(path.read_text(encoding="utf-8").strip(), "code")

@@ -13,18 +13,8 @@ from pneudrive.errors import CommandError, PneudriveError
 from pneudrive.files.content import read_json, read_text
 from pneudrive.files.writing import is_held
 from pneudrive.lazy_names import upper
+from pneudrive.sizing import result as sized
 from pneudrive.sizing.checks import READ, SizedDrive
-from pneudrive.sizing.result import (
-    ABOUT,
-    LINES,
-    LOCK,
-    PROVISIONAL,
-    SUMMARY,
-    WRITTEN,
-    SizingResult,
-    maker_type,
-    read_choices,
-)
 from pneudrive.sizing.search import is_of_command
 from pneudrive.sizing.task import SizingTask, follows_from, values_of
 from pneudrive.web.messages import problems_of
@@ -67,12 +57,12 @@ def shown_sizing(workspace: Workspace, path: str) -> Plain:
         The folder does not contain a sizing.
     """
     folder = workspace.folder(path)
-    is_empty = all(one.name == LOCK for one in folder.glob("*"))
-    if is_empty or (is_held(folder / LOCK) and not (folder / ABOUT).is_file()):
+    is_empty = all(one.name == sized.LOCK for one in folder.glob("*"))
+    if is_empty or (is_held(folder / sized.LOCK) and not (folder / sized.ABOUT).is_file()):
         return {"waits": True}
-    about, early = _json(folder / ABOUT, path, "task", "draws"), folder / PROVISIONAL
-    done = SizingResult.load(folder) if (folder / SUMMARY).is_file() else None
-    simulated, short = read_choices(folder / LINES)
+    about, early = _json(folder / sized.ABOUT, path, "task", "draws"), folder / sized.PROVISIONAL
+    done = sized.SizingResult.load(folder) if (folder / sized.SUMMARY).is_file() else None
+    simulated, short = sized.read_choices(folder / sized.LINES)
     places = {} if done is None else {drive.name: place for place, drive in enumerate(done.ranked)}
     task = SizingTask.model_validate(about["task"])
     ranked = sorted(
@@ -88,7 +78,7 @@ def shown_sizing(workspace: Workspace, path: str) -> Plain:
         "sheet": done and done.best and upper("sizing_sheet")(done).data(),
         "short": short,
         "done": done is not None and not done.interrupted,
-        "searched": is_held(folder / LOCK),
+        "searched": is_held(folder / sized.LOCK),
         "provisional": read_text(early, CommandError).strip() if early.is_file() and done is None else "",
         "asked": done.asked if done and done.asked and is_of_command(done.asked) else None,
     }
@@ -131,7 +121,7 @@ def _candidate(drive: SizedDrive, place: int | None, folder: str) -> Plain:
         limits.append({"name": "load ratio", **own, "limit": 100.0, "margin": 1.0 - ratio[1]})
     return {
         **{name: getattr(drive, name) for name in SENT},
-        "title": maker_type(drive.parts["cylinder"]),
+        "title": sized.maker_type(drive.parts["cylinder"]),
         "cylinder": drive.parts["cylinder"],
         "parts": drive.part_names,
         "setting": drive.needles,
@@ -140,7 +130,7 @@ def _candidate(drive: SizedDrive, place: int | None, folder: str) -> Plain:
         "limits": limits,
         "misses": not drive.is_feasible,
         "place": place,
-        "file": f"{folder}/{place + 1:02d}.toml" if place is not None and place < WRITTEN else "",
+        "file": f"{folder}/{place + 1:02d}.toml" if place is not None and place < sized.WRITTEN else "",
     }
 
 
