@@ -15,12 +15,13 @@ from scipy.integrate import cumulative_trapezoid
 import pneudrive as pn
 from pneudrive.campaign.storage.folder import Campaign
 from pneudrive.characterise import Characterisation, characterise_recordings
+from pneudrive.describe.tables.friction import friction_laws
 from pneudrive.errors import PneudriveWarning
 from pneudrive.figures import MEASURED, MODEL, THIN, Axis, Band, Figure, Line, Look, Markers, Panel, Rule, ramp, thin
 from pneudrive.identify.static.fit import fit_characterisation
 from pneudrive.report.layout_figure import rig_diagram
 from pneudrive.report.page import Addition, Paragraph, Topic, plural, sentence
-from pneudrive.report.strokes import DrawnMotion, in_time, phase_plane, recovered, recovered_section
+from pneudrive.report.strokes import motion_figures, recovered, recovered_section
 from pneudrive.rig import SimulatedRig, shipped_rigs, sweep
 from pneudrive.studies.bracha import stick_slip as slips
 from pneudrive.studies.bracha.figure import (
@@ -411,15 +412,15 @@ class Reproduction:
         )
         lines = verdict(self, alone=found is None)
         solver = str(self.chambers.runs[ENERGY_BALANCE].attrs["solver"])
+        cited = (key for run in self.chambers.runs.values() for key in run.attrs["citations"])
         return Addition(
             title="The source paper's figures from a simulated rig",
             verdict=tuple(lines),
             sections=tuple(part for part in parts if part is not None),
-            validity=Topic(PAGE, "provenance").say("validity"),
+            validity=(Topic(PAGE, "provenance").say("validity"),),
             settings=(("solver of the simulations", solver), ("seed of the simulated sensors", str(SEED))),
             sources=tuple(values(self.rig.description, self.rigs)),
-            cited=("bracha", *(key for run in self.chambers.runs.values() for key in run.attrs["citations"])),
-            laws=("lugre", "stribeck"),
+            cited=("bracha", *cited, *(friction_laws()[name]["source"] for name in ("lugre", "stribeck"))),
         )
 
 
@@ -530,12 +531,13 @@ def stick_slip(figures: Sequence[PaperFigure]) -> Section | None:
         numbers = (q["mean_speed_mm_s"], q["periods"], q["period_s"], q["step_mm"], q["peak_ratio"], q["stuck_percent"])
         rows.append((str(f.number), law, *numbers))
         columns = (c["time_s"], c["position_m"], c["velocity_m_s"])
-        shown.append(DrawnMotion(f"figure {f.number}: {law}", *columns, q["mean_speed_m_s"]))
+        shown.append((f"figure {f.number}: {law}", *columns, q["mean_speed_m_s"]))
+    over_time, phases = motion_figures(shown)
     return topic.section(
         topic.text(),
         topic.table(rows),
-        topic.figure("stick-slip-time", in_time(shown)),
-        topic.figure("stick-slip-phase", phase_plane(shown)),
+        topic.figure("stick-slip-time", over_time),
+        topic.figure("stick-slip-phase", phases),
         synthetic=True,
     )
 
