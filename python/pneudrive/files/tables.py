@@ -31,9 +31,9 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     Columns = dict[str, NDArray[Any]]
-    Text = tuple[str | None, bool]
 
 Found = TypeVar("Found")
+Text = tuple[str | None, bool]
 #: Format in the layout file -> its name in messages.
 FORMATS = {form: name for form, (name, _) in formats.OPENERS.items()}
 READERS = 2  # threads that read many files
