@@ -576,10 +576,12 @@ def _columns(friction_map: xr.Dataset) -> dict[str, NDArray]:
     for name in (*REQUIRED[1:], "stderr_n", "u_systematic_n", "strokes"):
         column[name] = column[name].astype(float)
     direction, stderr = column["direction"], column["stderr_n"]
-    for name, values, wrong in (("direction", direction, abs(direction) != 1.0), ("stderr", stderr, stderr < 0.0)):
-        if wrong.any():
-            row = int(wrong.argmax())
-            raise FitError.of(f"identify.{name}", where=f"friction map, row {row}", found=values[row])
+    if (wrong := abs(direction) != 1.0).any():
+        row = int(wrong.argmax())
+        raise FitError.of("identify.direction", where=f"friction map, row {row}", found=direction[row])
+    if (wrong := stderr < 0.0).any():
+        row = int(wrong.argmax())
+        raise FitError.of("identify.stderr", where=f"friction map, row {row}", found=stderr[row])
     return column
 
 
