@@ -397,7 +397,7 @@ def component_class(kind: str, formula: ComponentFormula | None = None) -> type[
         columns = tuple((column["key"], parameter_quantity(column), column["default"]) for column in points["columns"])
         mark = marks.PointRows("", columns=columns, most=points["most"])
         what = columns[1][0] if len(columns) == 2 else "flow"
-        meaning, rows_of = f"{what.capitalize()} over the {columns[0][0]}", tuple[tuple[float, ...], ...]
+        meaning, rows_of = f"{what[0].upper()}{what[1:]} over the {columns[0][0]}", tuple[tuple[float, ...], ...]
         form, usual = (rows_of | None, None) if points["optional"] else (rows_of, ...)
         fields[points["key"]] = (Annotated[form, mark], Field(default=usual, description=meaning))
     if any(one["name"] == COMMAND for one in entry["inputs"]):
