@@ -129,8 +129,8 @@ pub struct Efforts {
     pub period: f64,
     /// One entry for each time.
     pub rows: Vec<Effort>,
-    /// For each time, two numbers for each axis j of the run: the part of its force that acts on this axis as a load, and
-    /// A_ij of [`Coupled`](crate::Coupled), kg. Empty: none.
+    /// For each time, two numbers for each axis j of the run. The first is the part of its force that acts on this axis as a
+    /// load. The second is A_ij of [`Coupled`](crate::Coupled), kg. Empty: none.
     #[serde(default)]
     pub others: Vec<Vec<[f64; 2]>>,
 }

@@ -3,8 +3,9 @@
 use approx::assert_abs_diff_eq;
 use control::spool::Spool;
 use control::{
-    Arrangement, COEFFICIENTS, ConstantGas, Controller, LAWS, Model, Move, Noise, Observer, Piece, Reference,
-    Sample, Side, Slip, Valve, Wanted, blend, demand, export, least_factor, sugeno,
+    Arrangement, COEFFICIENTS, ConstantGas, Controller, Coupled, Course, LAWS, Law, Model, Move, Noise,
+    Observer, Piece, Plant, Reference, Sample, Side, Slip, State, Tick, Valve, Wanted, blend, demand, export,
+    least_factor, sugeno,
 };
 use physics::flow::{Iso6358, LINEAR_ABOVE};
 use physics::friction::{AnyLaw, Choices, Contact};
@@ -286,6 +287,47 @@ fn every_law_is_odd() {
         let moves = commands.iter().any(|[one, _]| one.abs() > 0.05);
         assert!(moves && most < 1e-6, "{key}: the mirrored drive gets another command, by {most}");
     }
+}
+
+/// Axes that do not touch each other need m a. A load of other axes is part of the state, not of the force that is asked for.
+#[test]
+fn inversion_is_that_of_a_single_axis_where_axes_do_not_touch() {
+    let (alone, load) = (drive(), 15.0);
+    let loaded = Model { load, ..alone.clone() };
+    let plant = Plant::of(&alone, MIDDLE, [PRESSURE; 2], PERIOD);
+    let (reference, spool) = (sine(1.0), Spool::new(&alone.valve));
+    let state = State {
+        position: MIDDLE - 5e-4,
+        velocity: -5e-3,
+        disturbance: -0.5,
+        pressures: [PRESSURE, 0.99 * PRESSURE],
+        temperatures: [293.15; 2],
+        ..State::new()
+    };
+    let asked = |model: &Model, coupled: Option<Coupled>| {
+        let mut law = control::AnyLaw::tuned("inversion", model, &plant).expect("a law");
+        let wanted = Wanted { position: MIDDLE, ..Wanted::default() };
+        let tick = Tick {
+            model,
+            plant: &plant,
+            period: PERIOD,
+            state,
+            acceleration: model.acceleration(&state),
+            wanted,
+            friction: [0.0; 2],
+            now: (state.position, wanted),
+            acts: 0.0,
+            spool: &spool,
+            preview: &Course::from(&reference),
+            coupled,
+        };
+        (law.step(&tick), law.feedback(&tick).map(|own| own * model.mass))
+    };
+    let (opening, feedback) = asked(&alone, None);
+    let coupled = |share: f64| Coupled { loads: [load; 2], feedback: feedback.map(|own| share * own) };
+    assert!(opening.abs() < 0.5 && feedback.iter().all(|own| *own > 1.0), "{opening} {feedback:?}");
+    assert_abs_diff_eq!(asked(&loaded, Some(coupled(1.0))).0, opening, epsilon = 1e-12);
+    assert!(asked(&loaded, Some(coupled(2.0))).0 > opening + 0.01, "a heavier body needs more force");
 }
 
 /// The exported work of a law, its observer and its checks, on the samples of a drive that follows poorly and then rests: the

@@ -12,9 +12,10 @@ law! {
     ///   F_d' = M (j_d + 2 lambda e'' + lambda^2 e') + F_fr'
     ///   F'   = F_d' + k_f (F_d - F),   k_f = 1.5 lambda,   lambda = 0.22/lag
     ///
-    /// F_fr the friction along the reference, and the opening under which the force of the gas changes at the rate F'.
+    /// F_fr is the friction along the reference. Under the opening, the force of the gas changes at the rate F'.
     ///
-    /// On several axes that move one body, M times the feedback becomes the sum of [`Coupled`].
+    /// On several axes that move one body, M times the feedback becomes the sum of [`Coupled`]. The term in e'' becomes
+    /// 2 lambda times the error of the axis's own force.
     pub struct Inversion {
         bandwidth: "rad/s", above(0.0), "lambda", rule "0.22/lag, with a lag of at least 3 ms", factor "gain";
         force_gain: "1/s", at_least(0.0), "k_f", rule "1.5 lambda";
