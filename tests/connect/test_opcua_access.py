@@ -5,22 +5,25 @@ The server of pneudrive admits certificates. A server of others may also ask for
 
 from __future__ import annotations
 
+import asyncio
 import stat
 from contextlib import ExitStack
 from pathlib import Path
 
 import pytest
+from asyncua import Client, ua
 
 from pneudrive.cli.main import run
 from pneudrive.errors import CommandError, PneudriveWarning, RigError
 from pneudrive.rig import load_rig
-from pneudrive.rig.opcua.access import OpcUaFile, Protection, der, make_certificate, ua
+from pneudrive.rig.opcua.access import OpcUaFile, Protection, der, make_certificate
 from pneudrive.rig.opcua.client import open_rig
 from pneudrive.rig.opcua.nodes import load_map
 from pneudrive.rig.opcua.server import RigServer
 
 PASSWORD = "correct horse"
 URL = "opc.tcp://127.0.0.1:1"
+NOBODY = {"user": None, "password_file": None}
 ENCRYPTED = 'certificate = "client.pem"\nkey = "client.key"\nserver_certificate = "server.pem"\n'
 
 
@@ -93,15 +96,12 @@ def test_a_password_is_sent_and_said(urls, files, monkeypatch, source):
 
 def test_a_user_logs_in_by_certificate(urls, files):
     """The client signs with the key of the user; the key of another one is refused."""
-    nobody = {"user": None, "password_file": None, "user_certificate": "carla.pem"}
-    rig = open_rig(access(files, urls[Users], **nobody, user_key="carla.key"))
+    carla = NOBODY | {"user_certificate": "carla.pem"}
+    rig = open_rig(access(files, urls[Users], **carla, user_key="carla.key"))
     rig.home()
     rig.close()
     with pytest.raises(RigError, match="rejects this client"):
-        open_rig(access(files, urls[Users], **nobody, user_key="stranger.key"))
-
-
-NOBODY = {"user": None, "password_file": None}
+        open_rig(access(files, urls[Users], **carla, user_key="stranger.key"))
 
 
 @pytest.mark.parametrize(
@@ -127,8 +127,26 @@ def test_a_trusted_certificate_is_that_of_the_connection(files):
     """A client may name a trusted certificate, which is public, on a connection with its own."""
     protection = Protection.of(files / "server.pem", [files / "client.pem"])
     assert protection.get_user(None, certificate=der(files / "client.pem")) is not None
-    for stranger in (der(files / "stranger.pem"), None):
-        assert protection.get_user(None, certificate=stranger) is None
+    assert protection.get_user(None, certificate=der(files / "stranger.pem")) is None
+
+
+def test_a_connection_without_a_certificate_cannot_log_in(urls):
+    """The client of pneudrive would not even ask."""
+
+    async def ask() -> None:
+        client = Client(urls[Protection])
+        await client.connect_socket()
+        try:
+            await client.send_hello()
+            await client.open_secure_channel()
+            session = ua.CreateSessionParameters(EndpointUrl=urls[Protection], ClientNonce=bytes(32))
+            await client.uaclient.create_session(session)
+            await client.uaclient.activate_session(ua.ActivateSessionParameters())
+        finally:
+            client.disconnect_socket()
+
+    with pytest.raises(ua.UaStatusCodeError, match="BadUserAccessDenied"):
+        asyncio.run(ask())
 
 
 def test_secrets_stay_secret(files, tmp_path):

@@ -123,7 +123,7 @@ def test_a_server_that_is_killed_costs_at_most_the_running_cycle(direct, tmp_pat
 
 # --- A client that stops talking leaves the axis at rest, without pressure, within the heartbeat time; nodes say so.
 
-HEARTBEAT_S = 1.0
+HEARTBEAT_S = load_map().handshake.heartbeat_s
 SENSOR_PA = 1000.0  # error of the rig's pressure transducer
 CLIENT = """
 import sys

@@ -167,7 +167,8 @@ class RigServer:
         try:
             self._loop.run(self._start())
         except BaseException as error:
-            self._loop.close()
+            for thread in (self._stop_thread, self._command_thread, self._loop):
+                thread.close()
             if not isinstance(error, OSError):
                 raise
             reason = error.strerror or error
