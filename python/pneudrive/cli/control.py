@@ -111,7 +111,7 @@ def run(
     Options
     -------
     controller : FILE|LAW
-        TOML file or name; default: nmpc.
+        TOML file or name; default: nmpc, for strongly coupled legs inversion.
     law : LAW
         Controller or own code: mine.py:Law.
     duration

@@ -417,7 +417,9 @@ def _limit(platform: Platform, k: int, sign: float) -> Limit:
     wrong = next((i for i, pose in enumerate(poses) if _reason(platform, pose)), None)
     if wrong is None:
         return Limit(float(poses[-1, k]), "none found")
-    inside, outside = poses[max(wrong - 1, 0)], poses[wrong]
+    if wrong == 0:
+        return Limit(float(platform.home[k]), _reason(platform, poses[0]))
+    inside, outside = poses[wrong - 1], poses[wrong]
     for _ in range(HALVINGS):
         middle = 0.5 * (inside + outside)
         inside, outside = (inside, middle) if _reason(platform, middle) else (middle, outside)

@@ -113,7 +113,7 @@ def demands(platform: Platform, path: PosePath, duration_s: float) -> Demands:
         loads[0],
         (loads[2] - loads[1]) / (2.0 * STEP_S),
         own.couplings * (1.0 - np.eye(len(platform.legs))),
-        np.linalg.inv(own.couplings / own.masses_kg[..., None]).astype(float),
+        np.asarray(np.linalg.pinv(own.couplings / own.masses_kg[..., None]), dtype=float),
         platform.singular_values(path.at(times)[0])[:, -1],
     )
 
@@ -275,9 +275,11 @@ def leg_tunings(
         if tuning.own is not None:
             raise CommandError.of("control.own_law_of_leg", leg=leg.name, law=tuning.law)
         if tuning.law == DECOUPLING:
-            bandwidth, *others = tuning.gains
-            share = 1.0 if bandwidth.given else needs.bandwidth_share
-            tuning = replace(tuning, gains=(bandwidth._replace(value=share * bandwidth.value), *others))
+            shares = {"bandwidth": needs.bandwidth_share}
+            gains = (
+                one if one.given else one._replace(value=shares.get(one.key, 1.0) * one.value) for one in tuning.gains
+            )
+            tuning = replace(tuning, gains=tuple(gains))
         out.append(tuning)
     return out
 
