@@ -192,8 +192,8 @@ def draft(protocol: Protocol, identity: Identity, envelope: Envelope) -> Plan:
     with many_objects():
         plan = replace(plan, planned=tuple(_planned(plan)))
     times = Counter(cycle.key.rpartition("/")[0] for cycle in plan.cycles if cycle.kind in POINTS)
-    for point, count in times.items():
-        if count > protocol.repeats:
+    for point, repeats in times.items():
+        if repeats > protocol.repeats:
             rule = "levels must differ within 6 significant digits"
             raise ProtocolError(f"two cycles have the key {point}/r1", where=protocol.origin, rule=rule)
     return plan

@@ -35,7 +35,8 @@ class Planned:
     wait_s : float
         Assumed time before the cycle, s, from the protocol: pressure settling, or work of the operator.
     axis_s : float
-        Time of the moves and holds, s. Exact if the axis reaches its limits.
+        Time of the moves and holds, s. Exact if the axis reaches its limits. It and `samples` are 0 until the cycle has
+        its place in a plan.
     samples : int
     """
 

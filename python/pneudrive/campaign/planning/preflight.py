@@ -195,24 +195,28 @@ def _pressures(cycle: Cycle, plan: Plan) -> Iterator[Violation]:
         yield "manifold", f"{_bar(a)} and {_bar(b)}; {limit}", remedy
 
 
+def _balance(rig: Identity) -> str:
+    """Return the remedy for an excessive pressure force. Equal pressures balance only equal areas."""
+    ratio = rig.area_b_m2 / rig.area_a_m2
+    if math.isclose(ratio, 1.0):
+        return "Bring the pressures of the chambers closer together"
+    return f"Bring the gauge pressure of chamber a closer to {ratio:.3g} times that of chamber b (areas differ)"
+
+
 def _force(cycle: Cycle, plan: Plan) -> Iterator[Violation]:
     rig = plan.identity
     push = abs(pressure_force_n(cycle, rig) - weight_n(rig))
-    balance = "Bring the pressures of the chambers closer together"
-    ratio = rig.area_b_m2 / rig.area_a_m2
-    if not math.isclose(ratio, 1.0):  # equal pressures balance only equal areas
-        balance = f"Bring the gauge pressure of chamber a closer to {ratio:.3g} times that of chamber b (areas differ)"
     holds = plan.allowed.expected_friction_n
     if push > holds > 0.0 and any(isinstance(step, Hold) and step.released for step in cycle.steps):
         limit = f"only friction holds a released axis, with at most {holds:.3g} N"
-        remedy = f'{balance}, or [stop] axis = "held"; do not release an inclined rig for its tare.'
+        remedy = f'{_balance(rig)}, or [stop] axis = "held"; do not release an inclined rig for its tare.'
         yield "release", f"pressure and weight push with {push:.3g} N; {limit}", remedy
     parts = forces_n(cycle, plan)
     total = sum(parts.values())
     if total > plan.allowed.force_n * (1.0 + ROUNDING):
         shown = " + ".join(f"{value:.3g} N {name}" for name, value in parts.items() if value > 0.0)
         largest = max(parts, key=lambda name: parts[name])
-        less = LESS_FORCE | {"difference of the pressure forces": f"{balance}."}
+        less = LESS_FORCE | {"difference of the pressure forces": f"{_balance(rig)}."}
         remedy = less.get(largest, "Use a rig whose force sensor has a greater range.")
         yield "force", f"{total:.4g} N ({shown}); at most {plan.allowed.force_n:.4g} N", remedy
 

@@ -339,6 +339,7 @@ def arrival_flags(samples: Samples, cycle: Cycle, identity: Identity) -> dict[st
 
     counts = {"non_finite": int((~_measured(samples)).sum())}
     samples = samples.rows(np.isfinite(samples.time_s))
+    # A sample that repeats an earlier one in every channel was sent twice.
     fresh = pl.DataFrame(vars(samples)).select(pl.struct(pl.all()).is_first_distinct()).to_series().to_numpy()
     counts["duplicated"], samples = int((~fresh).sum()), samples.rows(fresh)
     intervals = np.diff(samples.time_s)

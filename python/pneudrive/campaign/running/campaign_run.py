@@ -433,7 +433,6 @@ class CampaignRun:
                 sizes = {"free": free / 1e6, "needed": needed / 1e6, "remedy": control.REMEDIES[errno.ENOSPC]}
                 raise CampaignError.of("campaign.disk-full", where=str(self.campaign.path), **sizes)
             self._checkpoint()
-            self._display.cycle(cycle)
             attempt = self._on_rig(lambda rig: self._attempts.run(rig, cycle, settling_s))
             error = attempt.exception()
             if error is None:
@@ -441,6 +440,7 @@ class CampaignRun:
             if self._pausing != control.STOP:  # this request ended the cycle
                 self._give_up(cycle, error)
             self._checkpoint()
+            self._display.cycle(cycle)  # another attempt
 
     def _give_up(self, cycle: Cycle, error: BaseException) -> None:
         """Handle an attempt that failed.

@@ -83,7 +83,7 @@ class Display:
 
     def finished(self, cycle: Cycle, flags: dict[str, int]) -> None:
         """Show that a cycle is stored."""
-        self._passed += self._left.pop(cycle.key)
+        self._passed += self._left.pop(cycle.key, (0.0, 0.0))
 
     def say(self, text: str) -> None:
         """Show a line."""
