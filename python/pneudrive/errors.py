@@ -216,9 +216,9 @@ class WrongValueError(DescriptionError):
         self.key = sub or None
 
 
-def wrong(key: str, what: str, **details: str | None) -> DescriptionError:
+def wrong(key: str, what: str, *, rule: str | None = None, remedy: str | None = None) -> DescriptionError:
     """Return an error for one key, with rule and remedy; the reader of the file finds the line by ``error.key``."""
-    error = DescriptionError(what, **details)
+    error = DescriptionError(what, rule=rule, remedy=remedy)
     error.key = key
     return error
 

@@ -532,16 +532,16 @@ def alone(tuning: Tuning, **others: object) -> Tuning:
     return tuning
 
 
-def _table(law: object, controller: ControllerOrFile | None) -> tuple[Controller, Path, str, str]:
-    """Return a controller, its folder, and path and text of its file."""
+def _table(law: object, controller: ControllerOrFile | None) -> tuple[Controller, Path, str, str | None]:
+    """Return a controller, its folder, and path and text of its file; None as text without a file."""
     if controller is None:
         word = OWN if isinstance(law, OwnLaw) else law or DEFAULT_LAW
         if word != OWN and word not in laws():
             remedy = instrumentation.REMOVED.get(str(word)) or nearest(str(word), laws())
             raise CommandError(f'there is no law "{word}"', remedy=remedy)
-        return Controller(law=str(word)), Path(), "", ""
+        return Controller(law=str(word)), Path(), "", None
     if isinstance(controller, Controller):
-        table, path, text = controller, "", ""
+        table, path, text = controller, "", None
     else:
         path = str(controller)
         tables, text = toml.read(path, start=f'For instance: schema = 1, then law = "{DEFAULT_LAW}".')

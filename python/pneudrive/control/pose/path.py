@@ -153,7 +153,7 @@ def pose_path(given: PosePath | Mapping[str, str] | str | Path, platform: Platfo
         name = str(given)
     else:
         tables = dict(given)
-        text = ""
+        text = None
         name = "; ".join(f"{key}: {line}" for key, line in given.items())
     with toml.locating(name, text):
         tables.pop("schema", None)

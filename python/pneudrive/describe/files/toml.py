@@ -167,15 +167,15 @@ def nested(values: Iterable[tuple[str, Any]]) -> Plain:
 
 
 @contextmanager
-def locating(path: str | Path, text: str, kind: ErrorKind = DescriptionError) -> Iterator[None]:
+def locating(path: str | Path, text: str | None, kind: ErrorKind = DescriptionError) -> Iterator[None]:
     """Add the lines of a file to errors raised in the block, and raise them as errors of `kind`; see `located`.
 
-    An empty text stands for no file.
+    None as text stands for no file.
     """
     try:
         yield
     except DescriptionError as error:
-        found = located(error, path, text) if text else error
+        found = error if text is None else located(error, path, text)
         raise found if kind is DescriptionError else found.turned(kind) from None
 
 

@@ -382,5 +382,6 @@ class Friction(Described):
         default = usual | {"title": title, "properties": keys, "required": ["coulomb", "breakaway"]}
         # Only the file of a custom law lists its parameters.
         law = {"anyOf": [{"type": "string", "pattern": f"^{FILE_PREFIX}"}, {"type": "object", "required": ["name"]}]}
-        own = {"title": "A custom law, as formulas", "properties": {"law": law, **tables}, "required": ["law"]}
-        return {"oneOf": [*alternatives, default, {"type": "object"} | own]}
+        properties = {"law": law, **tables}
+        own = {"type": "object", "title": "A custom law, as formulas", "properties": properties, "required": ["law"]}
+        return {"oneOf": [*alternatives, default, own]}

@@ -508,7 +508,8 @@ def check_platforms(wiring: Wiring, components: Keyed, keys: Mapping[str, str], 
         for port in wiring.ports(name):
             told = {getattr(one, "key", None) for one in problems.found.values()}
             for problem in _leg_problems(wiring, port, components, keys):
-                if problem.key not in told or problem.key == wiring.at[port].key:  # copies have one table
+                of_joint = problem.key == wiring.at[port].key
+                if of_joint or problem.key not in told:  # copies have one table, whose errors are reported once
                     problems.add(problem)
         moments = [getattr(own, f"inertia_{axis}_kg_m2", 0.0) for axis in AXES]
         for axis, moment in zip(AXES, moments, strict=True):
