@@ -336,10 +336,17 @@ def stack(
     )
 
 
-def banded(x: Numbers, y: Numbers, low: Numbers, high: Numbers, *line: Any) -> list[Any]:  # noqa: ANN401 - of `Line`
-    """Return a curve with its band in one look. `line` is label, look and width."""
-    curve = Line(x, y, *line)
-    return [Band(x, low, high, look=curve.look), curve]
+def banded(
+    x: Numbers,
+    y: Numbers,
+    low: Numbers,
+    high: Numbers,
+    label: str = "",
+    look: Look = MEASURED,
+    width: float | None = None,
+) -> list[Band | Line]:
+    """Return a curve with its band in one look."""
+    return [Band(x, low, high, look=look), Line(x, y, label, look, width)]
 
 
 def thin(values: Any, most: int = 4000) -> slice:  # noqa: ANN401 - any sequence

@@ -39,6 +39,7 @@ if TYPE_CHECKING:
 MOST_CURVES = 8  # that a reader can distinguish in one picture
 MOST_PANELS = MOST_LOOPS = 6
 MOST_CONDITIONS = 8
+OF_INTERVAL = ("", "_low", "_high")  # endings of the columns of a value and its interval
 SHOWN_SPEEDS = 12  # rows of a table
 MOST_LINES = 120  # lines of a protocol that are shown
 MOST_SKIPPED = 40
@@ -215,7 +216,8 @@ def air(found: CampaignCharacteristics) -> Section | None:
     for a in shown:
         marks: list[Any] = []
         for index, label in enumerate(("total", "seal", "air") if a.separated else ("total",)):
-            marks += banded(a.speed_m_s, *(getattr(a, f"{label}{end}_n") for end in ENDS), label, look(index))
+            value, low, high = (getattr(a, f"{label}{end}_n") for end in OF_INTERVAL)
+            marks += banded(a.speed_m_s, value, low, high, label, look(index))
         if not a.separated:
             marks.append(Line(a.speed_m_s, a.air_bound_n, "air, at most", Look("orange", ":")))
         panels.append(Panel(marks, named(a.condition)))
@@ -341,7 +343,6 @@ BEFORE, AFTER = 1.5, 20.0
 SHORTEST_S = 1e-3
 APPROACH = 0.7  # share of the approach that is drawn at most
 SHAPES = {"t0": "t0", "tau": "τ", "gamma": "γ", "m": "m"}
-ENDS = ("", "_low", "_high")  # of the columns of a value and its interval
 
 
 def stops(found: CampaignCharacteristics) -> Section | None:
@@ -421,7 +422,7 @@ def _increments(found: CampaignCharacteristics, s: DwellSeries) -> Panel:
     marks: list[Any] = []
     for index, condition in enumerate(s.conditions[:MOST_SHOWN]):
         own, members = look(index), s.stops.filter(**vars(condition))
-        marks += banded(s.duration_s, s.increment_n[index], s.low_n[index], s.high_n[index], "", own)
+        marks += banded(s.duration_s, s.increment_n[index], s.low_n[index], s.high_n[index], look=own)
         durations = members["dwell_s"].to_numpy() * (1.0 + 0.04 * index)
         label = condition_names(found)(condition)
         marks.append(Markers(durations, members["increment_n"].to_numpy(), label, own, size=3.4))
@@ -464,7 +465,7 @@ def relaxation(found: CampaignCharacteristics) -> Figure:
         whole, cut = back.filter("recovery_complete"), back.filter(~pl.col("recovery_complete"))
         for marks, name, rows in ((left, "relaxation_n", _known(stops, "relaxation_n")), (right, "recovery_m", whole)):
             if len(rows):
-                value, low, high = rows.select(f"{name}{end}" for end in ENDS).to_numpy().T
+                value, low, high = rows.select(f"{name}{end}" for end in OF_INTERVAL).to_numpy().T
                 marks.append(Markers(rows["shown_s"].to_numpy(), value, label, own, low, high, 3.2))
         if len(cut):
             seen = cut["recovery_seen_m"].to_numpy()
@@ -480,7 +481,7 @@ def _medians(stops: pl.DataFrame) -> Iterator[tuple[object, ...]]:
     def median(name: str, *which: pl.Expr) -> pl.Expr:
         return pl.col(name).filter(pl.col(name).is_finite(), *which).median()
 
-    value, low, high = (pl.col(f"relaxation_n_per_decade{end}") for end in ENDS)
+    value, low, high = (pl.col(f"relaxation_n_per_decade{end}") for end in OF_INTERVAL)
     form, is_complete = pl.col("relaxation_form"), pl.col("recovery_complete")
     key = ("speed_m_s", "released", "stop_s")
     groups = stops.group_by(key).agg(

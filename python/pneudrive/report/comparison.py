@@ -155,7 +155,7 @@ def _both(c: Comparison, curves: CurveComparison, chosen: list[int]) -> list[Any
         for curve in found.curves:
             pair = (curve.condition.pressure_a_pa - ambient, curve.condition.pressure_b_pa - ambient)
             if curve.direction == 0 and np.allclose(pair, gauge, atol=2000.0):
-                marks += banded(curve.speed_m_s, curve.friction_n, curve.low_n, curve.high_n, "", own, 1.0)
+                marks += banded(curve.speed_m_s, curve.friction_n, curve.low_n, curve.high_n, look=own, width=1.0)
                 break
         label = found.name if c.first.name != c.second.name else f"{found.name} ({NAMES[k]})"
         marks.append(Markers(speed[chosen], curves.friction_n[k, chosen], label, own, size=3.6))

@@ -360,8 +360,8 @@ class Topic:
     """
 
     def __init__(self, page: str | Path, key: str) -> None:
-        file = page if isinstance(page, Path) else f"texts/{page}.toml"
-        self.key, self.texts = key, package_table(__file__, str(file))[key]
+        where = (str(page), page.name) if isinstance(page, Path) else (__file__, f"texts/{page}.toml")
+        self.key, self.texts = key, package_table(*where)[key]
 
     def say(self, name: str = "text", /, **values: object) -> str:
         """Return a text with its values."""
@@ -517,7 +517,7 @@ class Addition:
         Lines of the verdict.
     sections : tuple of Section
         Sections that follow those of the recordings. A section with an existing key continues that section.
-    validity : tuple of str
+    validity : str
         Text on validation with real data, and its limits.
     settings : tuple
         Rows of the table of software: name, value.
@@ -530,7 +530,7 @@ class Addition:
     title: str = "Nothing"
     verdict: tuple[str, ...] = ()
     sections: tuple[Section, ...] = ()
-    validity: tuple[str, ...] = ()
+    validity: str = ""
     settings: tuple[tuple[str, str], ...] = ()
     sources: tuple[Block, ...] = ()
     cited: tuple[str, ...] = ()
@@ -555,14 +555,14 @@ def provenance_section(found: Characterisation | None, study: Addition) -> Secti
     """Return the section on provenance of the report."""
     topic, parts = Topic("recordings", "provenance"), [study]
     if found is not None:
-        about = (topic.say("synthetic" if found.synthetic else "real"),)
+        about = topic.say("synthetic" if found.synthetic else "real")
         settings = (("protocol of the characterisation", found.protocol),)
         sources = tuple(_notes(topic, found))
         parts.insert(0, Addition(validity=about, settings=settings, sources=sources, cited=METHODS))
     rows = [("pneudrive", __version__), *software(), *(row for part in parts for row in part.settings)]
     keys = dict.fromkeys(key for part in parts for key in part.cited)
     blocks = [topic.table(rows), *(block for part in parts for block in part.sources)]
-    lines = Items([line for part in parts for line in part.validity])
+    lines = Items([part.validity for part in parts if part.validity])
     return topic.section(lines, *blocks, *topic.listed(references(keys), "sources"), synthetic=False)
 
 

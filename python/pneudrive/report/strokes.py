@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 import polars as pl
@@ -309,8 +309,14 @@ def peaks(found: Characterisation) -> Section | None:
 # --- stick-slip ------------------------------------------------------------------------------------------------------
 
 
-#: Title, time from zero, position, velocity and mean speed of a motion to draw, SI.
-DrawnMotion: TypeAlias = tuple[str, np.ndarray, np.ndarray, np.ndarray, float]
+class DrawnMotion(NamedTuple):
+    """A motion to draw; time starts at zero."""
+
+    title: str
+    time_s: np.ndarray
+    position_m: np.ndarray
+    velocity_m_s: np.ndarray
+    mean_speed_m_s: float
 
 
 def stick_slip(found: Characterisation) -> Section | None:
@@ -347,7 +353,7 @@ def _of_stroke(result: RecordingResult, level: Level, s: StickSlip) -> DrawnMoti
     time, position = r.time_s[part], r.position_m[part]
     window = max(int(s.resolution_s / 2 / max(float(np.median(np.diff(time))), 1e-12)) // 2, 1)
     velocity = s.direction * local_slope(time, position, window)
-    return level.recording, time - time[0], s.direction * position, velocity, s.mean_speed_m_s
+    return DrawnMotion(level.recording, time - time[0], s.direction * position, velocity, s.mean_speed_m_s)
 
 
 FASTER = Axis("speed / (mm/s)", above=0.2)

@@ -410,8 +410,8 @@ class Routes:
             return None
         if to != goal and (to in self.blocked or to in self.pins):
             return None
-        others = self.through.get(to, {}).values()
-        if not {"v" if step[0] else "h"}.issuperset(others) or (others and to == goal):
+        others, across = self.through.get(to, {}).values(), "v" if step[0] else "h"
+        if any(way != across for way in others) or (others and to == goal):
             return None
         return CROSSING * len(others)
 
@@ -678,8 +678,8 @@ def _range(block: Block, axis: int) -> str:
 
 
 def _overlap(one: Block, other: Block) -> bool:
-    both = one.rectangle(), other.rectangle()
-    return all(low[axis] - 1 < high[axis + 2] for low, high in (both, both[::-1]) for axis in (0, 1))
+    a, b = one.rectangle(), other.rectangle()
+    return all(a[axis] - 1 < b[axis + 2] and b[axis] - 1 < a[axis + 2] for axis in (0, 1))
 
 
 #: Factors on the room between blocks, tried in turn until all lines have a path.

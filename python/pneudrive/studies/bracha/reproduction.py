@@ -21,7 +21,7 @@ from pneudrive.figures import MEASURED, MODEL, THIN, Axis, Band, Figure, Line, L
 from pneudrive.identify.static.fit import fit_characterisation
 from pneudrive.report.layout_figure import rig_diagram
 from pneudrive.report.page import Addition, Paragraph, Topic, plural, sentence
-from pneudrive.report.strokes import motion_figures, recovered, recovered_section
+from pneudrive.report.strokes import DrawnMotion, motion_figures, recovered, recovered_section
 from pneudrive.rig import SimulatedRig, shipped_rigs, sweep
 from pneudrive.studies.bracha import stick_slip as slips
 from pneudrive.studies.bracha.figure import (
@@ -417,7 +417,7 @@ class Reproduction:
             title="The source paper's figures from a simulated rig",
             verdict=tuple(lines),
             sections=tuple(part for part in parts if part is not None),
-            validity=(Topic(PAGE, "provenance").say("validity"),),
+            validity=Topic(PAGE, "provenance").say("validity"),
             settings=(("solver of the simulations", solver), ("seed of the simulated sensors", str(SEED))),
             sources=tuple(values(self.rig.description, self.rigs)),
             cited=("bracha", *cited, *(friction_laws()[name]["source"] for name in ("lugre", "stribeck"))),
@@ -530,8 +530,8 @@ def stick_slip(figures: Sequence[PaperFigure]) -> Section | None:
         c, q, law = f.columns, readable(f.quantities), topic.say(str(f.number))
         numbers = (q["mean_speed_mm_s"], q["periods"], q["period_s"], q["step_mm"], q["peak_ratio"], q["stuck_percent"])
         rows.append((str(f.number), law, *numbers))
-        columns = (c["time_s"], c["position_m"], c["velocity_m_s"])
-        shown.append((f"figure {f.number}: {law}", *columns, q["mean_speed_m_s"]))
+        columns = {key: c[key] for key in ("time_s", "position_m", "velocity_m_s")}
+        shown.append(DrawnMotion(f"figure {f.number}: {law}", **columns, mean_speed_m_s=q["mean_speed_m_s"]))
     over_time, phases = motion_figures(shown)
     return topic.section(
         topic.text(),
