@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from pneudrive.arrays import rows_of
 from pneudrive.constants import ANR_DENSITY_KG_M3
 from pneudrive.errors import CommandError, package_table
 from pneudrive.signals.motion import straight_line
@@ -211,7 +212,7 @@ def _samples(columns: Keyed, begin_s: float, end_s: float) -> Columns:
     if keep.sum() < 3:
         what = f"a stroke from {begin_s:g} s to {end_s:g} s has {keep.sum()} samples"
         raise CommandError(what, rule="at least 3", remedy="Sample more often.")
-    part = {name: values[keep] for name, values in every.items()}
+    part = rows_of(every, keep)
     k = int(np.argmax(keep))
     if k == 0 or time[k] - begin_s <= SAME_TIME * (time[k] - time[k - 1]):
         return part

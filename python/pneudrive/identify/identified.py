@@ -428,7 +428,7 @@ class Dependences:
 
     def table(self) -> Plain:
         """Return the table for fit.toml; empty if nothing was measured."""
-        return vars(self) if self.friction or self.notes else {}
+        return {**vars(self)} if self.friction or self.notes else {}
 
     @classmethod
     def of_table(cls, content: Plain) -> Dependences:

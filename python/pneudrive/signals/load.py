@@ -255,7 +255,7 @@ BATCH_SAMPLES = 2_000_000  # samples that a worker holds at once: about 100 MB w
 
 
 def find_cycles(file: RecordingFile) -> tuple[Ints, Iterator[Recording]]:
-    """Return the numbers of the cycles of a campaign file, and their recordings one after the other.
+    """Return the numbers of the cycles of a campaign file, and their recordings one after the other, to be read once.
 
     A campaign file is Parquet, with one row for each sample. The rows of a cycle are together and in the order of time.
     A column numbers the cycle (``cycle = { column = "cycle" }`` in the layout's ``[columns]``). The other columns are

@@ -502,7 +502,8 @@ def find_times(form: FileForm, columns: Sequence[FileColumn], taken: set[int]) -
         score = NAME * is_named + UNIT * has_unit
         evidence = ("name",) * is_named + ("unit",) * has_unit
         if _rises(some, clocks_of(form.dates[column.index]) if is_date else COUNTERS):
-            steps, usual = np.diff(some), np.median(np.diff(some))
+            steps = np.diff(some)
+            usual = np.median(steps)
             if score == 0 and ((steps == 1.0).mean() >= INDEX_SHARE or headers.INDEX.match(words_of(column.name))):
                 numbered.append(column)
                 continue
@@ -524,13 +525,15 @@ def find_times(form: FileForm, columns: Sequence[FileColumn], taken: set[int]) -
     if best.score > PHYSICS:
         clocks = [one.column for one in (best, *rest) if one.score >= best.score]
         other = {one.index for one in clocks if one is not best.column and not _is_same_clock(form, best.column, one)}
+        # The clock of a column is the nearest one to its left.
         left = [max((one.index for one in clocks if one.index < at), default=-1) for at in range(len(columns))]
-        times.clocks |= {at: nearest for at, nearest in enumerate(left) if nearest in other}  # of a column, to its left
+        times.clocks |= {at: nearest for at, nearest in enumerate(left) if nearest in other}
     taken.add(best.column.index)
     return times
 
 
 def _rises(some: Array, moduli: Iterable[float]) -> bool:
+    """Return whether finite values rise like a time, after unwrapping by a modulus."""
     some, _ = unwrapped(some, moduli, forward=True)
     steps = np.diff(some)
     if steps.size < 2 or not steps.any():

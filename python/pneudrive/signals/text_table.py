@@ -544,11 +544,11 @@ def _with_header(lines: Lines, reading: _Reading) -> FileForm:
     nothing = 0, [], replace(form, header=False)
     skip, names, form = max(named, key=lambda row: (roles[row[0]], row[0] < of_units, row[0]), default=nothing)
     form = replace(form, skip_lines=skip if form.header else first)
-    some = [split_row(line, form.delimiter) for line in (lines[first], *lines[-SAMPLED_LINES:])]
-    dates, some = {}, [row for row in some if len(row) == width]
+    ends = [split_row(line, form.delimiter) for line in (lines[first], *lines[-SAMPLED_LINES:])]
+    dates, ends = {}, [row for row in ends if len(row) == width]
     for column in range(width):
-        texts = [row[column] for row in some if looks_like_date_time(row[column])]
-        if 2 * len(texts) > len(some) and (written := guess_form(texts)) is not None:
+        texts = [row[column] for row in ends if looks_like_date_time(row[column])]
+        if 2 * len(texts) > len(ends) and (written := guess_form(texts)) is not None:
             dates[column] = written
     some = [row for line in lines[first:][:SAMPLED_LINES] if len(row := split_row(line, form.delimiter)) == width]
     words = {at: len({row[at] for row in some}) for at in reading.words}

@@ -273,7 +273,7 @@ def read_columns(
 
 def _name_in(path: Path, column: str) -> str:
     """Return the name of a column in the file. Names of netCDF variables do not contain the unit."""
-    return meaning(column)[0] if path.suffix == ".nc" else column
+    return meaning(column)[0] if path.suffix.lower() == ".nc" else column
 
 
 def attributes(run: xr.Dataset) -> Plain:

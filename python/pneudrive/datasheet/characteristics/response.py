@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from pneudrive.arrays import rows_of
 from pneudrive.datasheet.characteristic import Found, ResultValue, characteristic
 from pneudrive.datasheet.equilibrium import gas_at, moving_gas, under_load
 from pneudrive.datasheet.strokes import STROKE_MEANING, StrokeNumbers, first_passage, stroke_numbers
@@ -132,7 +133,7 @@ def _motion(plant: HeldDrive, run: xr.Dataset, half: float, edges: tuple[float, 
         towards = 1 if (command > 0.0) == (k % 2 == 0) else -1
         strokes.append(stroke_numbers(columns, plant.stroke_m, plant.mass, begin, end, own, towards))
     keep = columns["time_s"] >= edges[0]
-    last = {name: values[keep] for name, values in columns.items()}
+    last = rows_of(columns, keep)
     last["time_s"] = last["time_s"] - edges[0]
     return StrokeRun(last, tuple(strokes), half, run.attrs)
 

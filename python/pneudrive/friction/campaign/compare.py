@@ -383,6 +383,7 @@ def _gain(both: Both) -> float:
 
 
 def _tests(both: Both, curves: CurveComparison | None, dwell: Pairs) -> Iterator[Test]:
+    """Yield the tests of sliding friction, of each pair of stop series, and of drift."""
     if curves is not None:
         mean = curves.mean.scaled(float(curves.friction_n.mean()), "N")
         note = f"mean of {curves.points.height} common points, {100 * curves.mean.value:+.2g} % of friction"

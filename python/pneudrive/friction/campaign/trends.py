@@ -504,8 +504,8 @@ def _fit(fits: Fits, design: _Design, x: Array) -> MixedFit | None:
 def _widened(design: _Design, x: Array, columns: list[Array]) -> Array:
     """Return x with further columns and their products with log speed; x alone if a column is not independent.
 
-    Columns are the product of both centred pressures, or their squares: mean over speeds, and change with log speed. With
-    the product, a slope applies at the mean of the other pressure.
+    Columns are the product of both centred pressures, or their squares: mean over speeds, and change with log
+    speed. With the product, a slope applies at the mean of the other pressure.
     """
     wide = np.column_stack([x, *design.over_speed(columns)])
     kept = independent(wide)

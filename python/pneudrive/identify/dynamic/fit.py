@@ -268,7 +268,7 @@ def _best_of_attempts(attempt: Callable[[Array | None], search.Solved], options:
         if options.interrupted or best.good or not helped:
             break
         options.lengths_s = lengths_s
-        if lengths_s == search.SECOND_LADDER_S:
+        if options.is_last:
             options.rtol *= LAST_RTOL
         try:
             tried.append(attempt(nearest.problem.values(nearest.point.eta)))
@@ -339,8 +339,7 @@ def solve(problem: FitProblem, point: Iterate, options: search.SearchOptions, wa
                     experiment.rtol = max(LAST_RTOL * options.rtol, 1e-12)
             for _ in range(NOISE_ROUNDS):
                 point, at, converged = search.join_segments(problem, point, watcher)
-                is_last = options.lengths_s == search.SECOND_LADDER_S
-                if not (converged or is_last) or not _renew_noise(problem, at, options.rtol):
+                if not (converged or options.is_last) or not _renew_noise(problem, at, options.rtol):
                     break
         if converged and family.settle(problem.values(point.eta)[: problem.drive_size]):
             point, at, converged = search.join_segments(problem, point, watcher)

@@ -441,9 +441,9 @@ def assembled(drive: Drive | Circuit, solved: Solved, options: SearchOptions, st
     covariance, reach = solved.covariance, student(solved.freedom)
     every = [*parameters, *problem.sensors]
     spread = np.sqrt(np.maximum(np.diag(covariance), 0.0))
-    lower = [p.lower if isinstance(p, Parameter) else -np.inf for p in every]
+    lower = np.array([p.lower if isinstance(p, Parameter) else -np.inf for p in every])
     low, high = intervals_at(values, reach * spread, lower, [p.upper for p in every])
-    usual = np.array([p.size if np.isinf(p.lower) else 0.0 for p in every])
+    usual = np.where(np.isinf(lower), [p.size for p in every], 0.0)
     sizes = np.maximum(np.abs(values), usual)
     for k, p in enumerate(parameters):  # next to nothing: no share of itself, but the data exclude the start value
         end = values[k] + reach * spread[k]

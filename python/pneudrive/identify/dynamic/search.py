@@ -560,6 +560,11 @@ class SearchOptions:
     axis: ShortNames | None = None
 
     @property
+    def is_last(self) -> bool:
+        """Whether the segments are those of the last attempt."""
+        return self.lengths_s == SECOND_LADDER_S
+
+    @property
     def ladder(self) -> tuple[float, ...]:
         """Increasing lengths of the segments of the first phase, s."""
         return tuple(length for length in self.lengths_s[1:] if self.segment_s is not None and length < self.segment_s)

@@ -283,10 +283,10 @@ def _profile(found: RobustEstimate, name: str) -> Interval:
     model, theta = found.model, found.model.natural(found.q)
     k = model.names.index(name)
     is_positive, spread = bool(model.positive[k]), float(np.sqrt(found.covariance[k, k]))
-    reach = student(found.dof)
+    reach, upper = student(found.dof), float(model.uppers[k])
 
     def natural(coordinate: float) -> float:
-        return min(float(np.exp(coordinate)) if is_positive else coordinate, float(model.uppers[k]))
+        return min(float(np.exp(coordinate)) if is_positive else coordinate, upper)
 
     def held(coordinate: float, start: Array) -> tuple[float, Array]:
         tried = model.without(name, natural(coordinate), start)

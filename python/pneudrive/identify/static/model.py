@@ -86,7 +86,7 @@ class Observations:
 
     @property
     def gauges_pa(self) -> ArrayPair:
-        """Gauge pressures of chambers a and b."""
+        """Gauge pressures of chambers a and b, Pa; one value for each row."""
         return self.gauge_a_pa, self.gauge_b_pa
 
     def __len__(self) -> int:

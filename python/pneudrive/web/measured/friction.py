@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from pathlib import Path
 from posixpath import basename, dirname, join
 from typing import TYPE_CHECKING, Annotated, Literal
@@ -127,10 +128,10 @@ def drawn_map(path: Path, fit_name: str = FIT) -> Plain:
     table, groups, fits, why = _drawn_groups(path, fit_name)
     ends = np.abs(table["velocity_m_s"].to_numpy())
     speeds = np.geomspace(ends.min(), ends.max(), SPEEDS) if ends.min() < ends.max() else ends[:1]
-    curves: dict[str, int] = {}
+    curves = Counter[str]()
     for group in groups:
         fit = fits.get(group["assembly"])
-        curves[group["assembly"]] = curves.get(group["assembly"], 0) + 1
+        curves[group["assembly"]] += 1
         if fit is not None and curves[group["assembly"]] <= MOST_CURVES:
             own = [point["speed"] for point in group["points"]]
             band = _band(fit, speeds, *group["gauges"])
