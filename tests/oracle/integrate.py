@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import itertools
 import math
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -54,21 +55,42 @@ def run(case: Json, method: str = "Radau", tol: float = 1e-11) -> tuple[np.ndarr
         Right-hand sides and switches.
     """
     drive = Drive(case["drive"])
+    own = _Integration(drive, method, tol)
     if "servo" in case:
-        return _run_servo(drive, case, method, tol)
+        return _run_servo(own, case)
     times = sample_times(case["duration_s"], case["sample_rate_hz"])
     y = _initial(drive, case)
-    states, statistics = np.empty((len(times), len(y))), {"rhs": 0, "switches": 0}
+    states = np.empty((len(times), len(y)))
     states[0] = y
     starts = [*case["commands"], [case["duration_s"], 0.0]]
     mode: int | None = None
     for (t0, u), (t1, _) in itertools.pairwise(starts):
-        inside = (times > t0) & (times <= t1)
         if drive.bristles:
-            y = _smooth(drive, y, u, t0, t1, times[inside], states, inside, method, tol, statistics)
+            inside = (times > t0) & (times <= t1)
+            solution = own.solve(drive.rhs_bristles, t0, t1, y, t_eval=np.union1d(times[inside], [t1]), args=(u,))
+            states[inside], y = solution.y.T[: inside.sum()], solution.y[:, -1]
         else:
-            y, mode = _switched(drive, y, u, t0, t1, times, states, mode, method, tol, statistics)
-    return times, states, statistics
+            y, mode = _switched(own, y, u, (t0, t1), times, states, mode)
+    return times, states, own.statistics
+
+
+@dataclass
+class _Integration:
+    """A drive with method and tolerance of its integration, and the work so far."""
+
+    drive: Drive
+    method: str
+    tol: float
+    statistics: dict[str, int] = field(default_factory=lambda: {"rhs": 0, "switches": 0})
+
+    def solve(self, fun: Any, t0: float, t1: float, y: np.ndarray, **more: Any) -> Any:
+        bristles = self.drive.bristles
+        atol = self.tol * np.array(TOLERANCE_SCALE + (bristles.scales() if bristles else []))
+        solution = solve_ivp(fun, (t0, t1), y, method=self.method, rtol=self.tol, atol=atol, **more)
+        if not solution.success:
+            raise RuntimeError(solution.message)
+        self.statistics["rhs"] += solution.nfev
+        return solution
 
 
 def _initial(drive: Drive, case: Json) -> np.ndarray:
@@ -84,48 +106,18 @@ def servo_command(servo: Json, stroke: float, t: float, x: float, v: float) -> f
     return min(1.0, max(-1.0, u))
 
 
-def _run_servo(drive: Drive, case: Json, method: str, tol: float) -> tuple[np.ndarray, np.ndarray, dict[str, int]]:
+def _run_servo(own: _Integration, case: Json) -> tuple[np.ndarray, np.ndarray, dict[str, int]]:
     """Integrate from sample to sample of the controller; keep every n-th state."""
-    servo, y = case["servo"], _initial(drive, case)
+    servo, y = case["servo"], _initial(own.drive, case)
     keep = round(servo["sample_rate_hz"] / case["sample_rate_hz"])
     grid = sample_times(case["duration_s"], servo["sample_rate_hz"])
-    kept, statistics = [y], {"rhs": 0, "switches": 0}
+    kept = [y]
     for i, (t0, t1) in enumerate(itertools.pairwise(grid)):
-        u = servo_command(servo, drive.stroke, t0, y[0], y[1])
-        solution = _solve(drive, drive.rhs_bristles, t0, t1, y, method, tol, args=(u,))
-        statistics["rhs"] += solution.nfev
-        y = solution.y[:, -1]
+        u = servo_command(servo, own.drive.stroke, t0, y[0], y[1])
+        y = own.solve(own.drive.rhs_bristles, t0, t1, y, args=(u,)).y[:, -1]
         if (i + 1) % keep == 0:
             kept.append(y)
-    return grid[::keep], np.array(kept), statistics
-
-
-def _solve(drive: Drive, fun: Any, t0: float, t1: float, y: np.ndarray, method: str, tol: float, **more: Any) -> Any:
-    scales = TOLERANCE_SCALE + (drive.bristles.scales() if drive.bristles else [])
-    solution = solve_ivp(fun, (t0, t1), y, method=method, rtol=tol, atol=tol * np.array(scales), **more)
-    if not solution.success:
-        raise RuntimeError(solution.message)
-    return solution
-
-
-def _smooth(
-    drive: Drive,
-    y: np.ndarray,
-    u: float,
-    t0: float,
-    t1: float,
-    times: np.ndarray,
-    states: np.ndarray,
-    inside: np.ndarray,
-    method: str,
-    tol: float,
-    statistics: dict[str, int],
-) -> np.ndarray:
-    asked = np.append(times, t1) if len(times) == 0 or times[-1] < t1 else times
-    solution = _solve(drive, drive.rhs_bristles, t0, t1, y, method, tol, t_eval=asked, args=(u,))
-    states[inside] = solution.y.T[: len(times)]
-    statistics["rhs"] += solution.nfev
-    return solution.y[:, -1]
+    return grid[::keep], np.array(kept), own.statistics
 
 
 def _mode_at_rest(drive: Drive, y: np.ndarray) -> int:
@@ -154,27 +146,21 @@ def _events(drive: Drive, mode: int, entered: float) -> list[Any]:
 
 
 def _switched(
-    drive: Drive,
+    own: _Integration,
     y: np.ndarray,
     u: float,
-    t0: float,
-    t1: float,
+    span: tuple[float, float],
     times: np.ndarray,
     states: np.ndarray,
     mode: int | None,
-    method: str,
-    tol: float,
-    statistics: dict[str, int],
 ) -> tuple[np.ndarray, int]:
-    t = t0
+    """Integrate from switch to switch; fill the states of the times inside."""
+    drive, (t, t1) = own.drive, span
     if mode is None:
         mode = _mode_at_rest(drive, y) if y[1] == 0.0 else int(np.sign(y[1]))
-    entered = t
     for _ in range(MAX_SWITCHES):
-        events = _events(drive, mode, entered)
-        sliding = {"args": (u, mode), "events": events, "dense_output": True}
-        solution = _solve(drive, drive.rhs_sliding, t, t1, y, method, tol, **sliding)
-        statistics["rhs"] += solution.nfev
+        sliding = {"args": (u, mode), "events": _events(drive, mode, t), "dense_output": True}
+        solution = own.solve(drive.rhs_sliding, t, t1, y, **sliding)
         end, y = solution.t[-1], solution.y[:, -1].copy()
         inside = (times > t) & (times <= end)
         if inside.any():
@@ -182,9 +168,8 @@ def _switched(
         t = end
         if solution.status == 0:
             return y, mode
-        statistics["switches"] += 1
+        own.statistics["switches"] += 1
         which = next(i for i, found in enumerate(solution.t_events) if len(found))
         y[1] = 0.0
         mode = (1, -1)[which] if mode == 0 else _mode_at_rest(drive, y)
-        entered = t
-    raise RuntimeError(f"more than {MAX_SWITCHES} switches between {t0} s and {t1} s")
+    raise RuntimeError(f"more than {MAX_SWITCHES} switches between {span[0]} s and {t1} s")
