@@ -15,6 +15,7 @@ import math
 import re
 import sys
 import time
+import tomllib
 import warnings
 from collections import Counter
 from dataclasses import dataclass, field
@@ -35,102 +36,9 @@ MASS_CLOSES, ENERGY_CLOSES = 1e-12, 1e-6
 RTOL, RATE, AMBIENT_PA = 1e-9, 200.0, 101325.0
 MOST_REFUSED = 200  # draws until one is a circuit
 
-#: Sensible ranges by key and unit, else by key, else by unit; a range above zero is drawn by its logarithm.
-KEYS: dict[str, tuple[float, float]] = {
-    "critical_pressure_ratio": (0.15, 0.55),
-    "subsonic_index": (0.45, 0.6),
-    "linear_above": (0.99, 0.9995),
-    "clogging": (0.0, 0.8),
-    "opening_share": (0.2, 0.8),
-    "discharge_coefficient": (0.5, 1.0),
-    "damping_ratio": (0.3, 1.5),
-    "pilot_ratio": (1.5, 5.0),
-    "gap_height": (2e-6, 4e-5),
-    "coefficient": (1e-17, 1e-14),
-    "viscosity": (1e-5, 3e-5),
-    "lowest_pressure": (8e3, 5e4),
-    "reset_pressure": (1.2e5, 3e5),
-    "start_pressure": (3e5, 5e5),
-    "stop_pressure": (5.5e5, 9e5),
-    "amplitude": (1e3, 4e4),
-    "working_difference": (2e5, 5e5),
-    "bore": (0.012, 0.063),
-    "rod_diameter": (0.004, 0.006),
-    "diameter": (2e-3, 8e-3),
-    "length": (0.05, 3.0),
-    "stroke": (0.02, 0.4),
-    "volume": (2e-5, 5e-3),
-    "wall_area": (1e-3, 0.2),
-    "heat_transfer": (5.0, 60.0),
-    "heat_transfer_scale": (0.5, 2.0),
-    "pwm_frequency": (10.0, 60.0),
-    "travel_share": (0.1, 0.6),
-    "hysteresis": (0.0, 0.05),
-    "overlap": (-0.05, 0.1),
-    "leakage": (1e-4, 0.02),
-    "leakage m3/(s Pa)": (1e-12, 1e-10),
-    "leakage_width": (0.02, 0.1),
-    "time_on": (8e-3, 0.03),
-    "time_off": (8e-3, 0.03),
-    "delay": (1e-3, 0.01),
-    "stroke_time": (3e-3, 0.02),
-    "play": (0.0, 1e-3),
-    "damping_depth": (5e-5, 5e-4),
-    "contact_depth": (5e-5, 5e-4),
-    "body_stiffness": (1e6, 2e7),
-    "rated_force": (100.0, 1e3),
-    "rated_depth": (5e-4, 3e-3),
-    "exponent": (1.2, 2.0),
-    "restitution": (0.3, 0.9),
-    "impact_speed": (0.2, 1.0),
-    "velocity": (-0.05, 0.05),  # of a motor
-    "transition": (1e-4, 1e-3),
-    "plunger_diameter": (5e-3, 9e-3),
-    "rest_position": (0.0, 0.4),
-    "position": (0.0, 0.0),  # of a stop: set where it is joined to a cylinder
-    "port_volume": (5e-7, 3e-6),
-    "cushion_a_length": (5e-3, 1.5e-2),
-    "cushion_b_length": (5e-3, 1.5e-2),
-    "end_damping": (50.0, 200.0),
-    "loss": (0.1, 3.0),
-    "friction_scale": (0.5, 2.0),
-    "ripple_velocity": (1e-3, 0.05),
-    "cells": (2.0, 2.0),
-    "distance": (0.05, 0.3),
-    "centre": (0.0, 0.4),
-    "link_length": (0.45, 1.0),  # longer than the longest stroke
-}
-#: The same for columns of points.
-POINTS: dict[str, tuple[float, float]] = {
-    "position": (0.0, 0.4),
-    "velocity": (-1.0, 1.0),
-    "time": (0.0, 0.6),
-    "force": (-30.0, 30.0),
-    "mass": (0.0, 5.0),
-}
-UNITS: dict[str, tuple[float, float]] = {
-    "m3/(s Pa)": (2e-10, 3e-8),
-    "Pa abs": (2e5, 9e5),
-    "Pa": (2e3, 6e4),
-    "K": (263.0, 333.0),
-    "m3": (3e-6, 3e-5),
-    "m3/s": (1e-4, 5e-3),
-    "kg": (0.2, 8.0),
-    "N": (-30.0, 30.0),
-    "N/m": (50.0, 2e3),
-    "m": (5e-3, 0.1),
-    "s": (3e-3, 0.05),
-    "Hz": (2.0, 40.0),
-    "rad": (-1.5, 1.5),
-    "m2": (1e-3, 0.1),
-    "W/(m2 K)": (5.0, 60.0),
-    "m/s": (0.1, 1.0),
-    "J/K": (20.0, 500.0),
-    "W/K": (0.1, 5.0),
-    "N s/m": (5.0, 100.0),
-    "kg/m": (5.0, 50.0),
-    "kg m2": (1e-4, 0.05),
-}
+#: Sensible ranges by key and unit, else by key, else by unit; of columns of points.
+RANGES = tomllib.loads(Path(__file__).with_name("ranges.toml").read_text("utf-8"))
+KEYS, POINTS, UNITS = RANGES["keys"], RANGES["points"], RANGES["units"]
 #: Optional numbers that only those who know what they do change, or that make sense only together.
 LEFT_OUT = ("cells", "end_stop_", "wall_temperature", "incline")
 #: A piston without ends, which something else has to keep away from them, and platforms, whose numbers fit together.
