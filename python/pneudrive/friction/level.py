@@ -66,7 +66,6 @@ class Level(Shown):
         Used strokes by direction, +1 or -1.
     bins : ndarray of bool, shape (m,)
         Bins of the window covered by all directions.
-    uses_window : bool
     budget : tuple of BudgetEntry
     """
 
@@ -76,7 +75,6 @@ class Level(Shown):
     table: Strokes
     sides: dict[int, Side]
     bins: Bools
-    uses_window: bool
     budget: tuple[BudgetEntry, ...]
 
     @property
@@ -191,6 +189,7 @@ class Level(Shown):
         """Names of the flags of samples, level and doubtful values."""
         sides = list(self.sides.values())
         speeds = [abs(side.velocity_m_s) for side in sides]
+        narrow = self.bins.sum() < 0.9 * self.profile.in_window.sum()
         stick_slip = any(side.stick_slip for side in sides)
         ripple = any(side.ripple > RIPPLE_LIMIT for side in sides)
         seen = {
@@ -201,7 +200,7 @@ class Level(Shown):
             "trend": any(side.spread.has_trend for side in sides),
             "stick_slip": stick_slip,
             "speed_ripple": ripple and not stick_slip,
-            "window_not_covered": self.uses_window and self.bins.sum() < 0.9 * self.profile.in_window.sum(),
+            "window_not_covered": self.motion.choice.uses_window and narrow,
             "pressure_moves": any(side.pressure_moves_n > 0.5 * abs(self.friction_n) for side in sides),
             "unequal_speeds": max(speeds) - min(speeds) > 0.1 * max(speeds),
             "mixed_speeds": any(speeds_differ(side.used) for side in sides),
@@ -284,9 +283,7 @@ class RecordingResult(RecordedMotion, Shown):
     stroke_use: StrokeUse
 
 
-def level_of(
-    motion: RecordedMotion, index: int, table: Strokes, window_m: Interval, *, uses_window: bool
-) -> Level | None:
+def level_of(motion: RecordedMotion, index: int, table: Strokes, window_m: Interval) -> Level | None:
     """Return one speed class. None if no stroke is usable, or the directions have no common bin.
 
     Parameters
@@ -296,10 +293,8 @@ def level_of(
     index : int
     table : Strokes
     window_m : tuple of float
-    uses_window : bool
-        Whether to average all strokes over equal positions.
     """
-    sides, bins = table.sides(uses_window=uses_window)
+    sides, bins = table.sides(uses_window=motion.choice.uses_window)
     if not sides:
         return None
     # A missing direction is taken to be equal to the other one.
@@ -311,7 +306,7 @@ def level_of(
     single = profile.up_n if 1 in sides else profile.down_n
     friction, offset = (profile.friction_n, profile.offset_n) if len(sides) == 2 else (single, single)
     window = window_entry(friction[bins], offset[bins], float(bins.mean()))
-    return Level(motion, index, window_m, table, sides, bins, uses_window, (*entries, window))
+    return Level(motion, index, window_m, table, sides, bins, (*entries, window))
 
 
 LONG_SAMPLES = 4_000_000  # samples above which a recording is read part by part
@@ -333,10 +328,10 @@ def extract(recording: Recording, choice: SampleChoice) -> RecordingResult:
     if delay is not None and delay.is_clear:
         recording = delay.removed(recording)
     motion = RecordedMotion.of(recording, choice, delay=delay)
-    window = window_of(motion, choice)
+    window = window_of(motion)
     position, classes = motion.position_m, speed_levels(list(motion.strokes))
     tables = [Strokes.of(motion, members, window, stroke_grid(position, members, window)) for members in classes]
-    return _result(motion, motion.strokes, tables, window, choice)
+    return _result(motion, motion.strokes, tables, window)
 
 
 def extract_long(file: LongFile, choice: SampleChoice, watch: Watch) -> RecordingResult:
@@ -367,7 +362,7 @@ def extract_long(file: LongFile, choice: SampleChoice, watch: Watch) -> Recordin
         tables: list[Strokes] = []
         flags, largest_n = Counter[str](), -np.inf
         for motion, counted in _parts(file, choice, watch):
-            window = window or window_of(motion, choice)
+            window = window or window_of(motion)
             strokes += counted
             for members in speed_levels(list(counted)):
                 bins = tables[0].grid.in_window if tables else None
@@ -381,21 +376,17 @@ def extract_long(file: LongFile, choice: SampleChoice, watch: Watch) -> Recordin
         whole = replace(kept.recording, flags=dict(flags), sha256=sha256.result())
         motion = replace(kept, recording=whole)
     if not tables:
-        return _result(motion, strokes, [], window, choice)
+        return _result(motion, strokes, [], window)
     # The parts number their strokes separately: classes of the whole recording are found by place.
     whole, classes = Strokes.joined(tables), speed_levels([replace(s, index=i) for i, s in enumerate(strokes)])
     level_of_stroke = {id(strokes[s.index]): number for number, members in enumerate(classes) for s in members}
     numbers = [level_of_stroke[id(row.stroke)] for row in whole.rows]
     rows = ([row for row, at in enumerate(numbers) if at == number] for number in range(len(classes)))
-    return _result(motion, strokes, [whole.at(some) for some in rows if some], window, choice)
+    return _result(motion, strokes, [whole.at(some) for some in rows if some], window)
 
 
 def _result(
-    motion: RecordedMotion,
-    strokes: Sequence[Stroke],
-    tables: list[Strokes],
-    window: Interval,
-    choice: SampleChoice,
+    motion: RecordedMotion, strokes: Sequence[Stroke], tables: list[Strokes], window: Interval
 ) -> RecordingResult:
     """Make the levels of the speed classes, and count the used strokes.
 
@@ -408,7 +399,7 @@ def _result(
     for table in tables:
         rows = {id(table.rows[row].stroke) for rows in table.directions.values() for row in rows}
         counting |= rows
-        level = level_of(motion, len(levels), table, window, uses_window=choice.uses_window)
+        level = level_of(motion, len(levels), table, window)
         if level is not None:
             levels.append(level)
             used |= rows
@@ -419,7 +410,7 @@ def _result(
     return RecordingResult(**vars(motion), levels=tuple(levels), stroke_use=use)
 
 
-def window_of(motion: RecordedMotion, choice: SampleChoice) -> Interval:
+def window_of(motion: RecordedMotion) -> Interval:
     """Return the positions between which friction is averaged: from the layout, or the middle of the strokes.
 
     Raises
@@ -430,19 +421,13 @@ def window_of(motion: RecordedMotion, choice: SampleChoice) -> Interval:
     recording, strokes = motion.recording, motion.strokes
     low = float(np.median([min(s.from_m, s.to_m) for s in strokes]))
     high = float(np.median([max(s.from_m, s.to_m) for s in strokes]))
-    if not choice.uses_window:
+    if not motion.choice.uses_window:
         return low, high
     if recording.window_m is None:
         return low + MIDDLE[0] * (high - low), low + MIDDLE[1] * (high - low)
     if recording.window_m[0] >= high or recording.window_m[1] <= low:
         window = [end * 1e3 for end in recording.window_m]
-        raise RecordingError.of(
-            "friction.window",
-            where=recording.name,
-            window=window,
-            low=low * 1e3,
-            high=high * 1e3,
-        )
+        raise RecordingError.of("friction.window", where=recording.name, window=window, low=low * 1e3, high=high * 1e3)
     return recording.window_m
 
 

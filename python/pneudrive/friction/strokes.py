@@ -355,6 +355,8 @@ class RecordedMotion:
     ----------
     recording : Recording
         Cleaned, with its counts of flags.
+    choice : SampleChoice
+        Selection of samples.
     strokes : tuple of Stroke
     raw_balance_n : ndarray, shape (n,)
         Force balance (see `Recording.balance_n`).
@@ -367,6 +369,7 @@ class RecordedMotion:
     """
 
     recording: Recording
+    choice: SampleChoice
     strokes: tuple[Stroke, ...]
     raw_balance_n: Array
     balance_n: Array
@@ -395,7 +398,7 @@ class RecordedMotion:
         strokes = find_strokes(recording.name, recording.time_s, recording.position_m)
         refuse_impossible(recording, strokes)
         balance, every = balance_of(recording, inertia=inertia), np.ones(len(recording), dtype=bool)
-        motion = cls(recording, tuple(strokes), balance, balance, every, delay)
+        motion = cls(recording, choice, tuple(strokes), balance, balance, every, delay)
         settled, chosen = choice.choose(motion)
         return replace(motion, balance_n=chosen, settled=settled)
 

@@ -94,7 +94,7 @@ class CycleTable:
         return known_mean(np.abs(self[name]), axis=1)
 
 
-def reduce_cycle(motion: RecordedMotion, edges_m: Array, *, uses_window: bool) -> Row:
+def reduce_cycle(motion: RecordedMotion, edges_m: Array) -> Row:
     """Reduce the strokes of one speed to position bins.
 
     Parameters
@@ -102,8 +102,6 @@ def reduce_cycle(motion: RecordedMotion, edges_m: Array, *, uses_window: bool) -
     motion : RecordedMotion
     edges_m : ndarray, shape (bins + 1,)
         Edges of the position bins common to all cycles.
-    uses_window : bool
-        Whether to average all strokes over equal positions.
 
     Raises
     ------
@@ -115,7 +113,7 @@ def reduce_cycle(motion: RecordedMotion, edges_m: Array, *, uses_window: bool) -
         raise RecordingError.of("friction.speeds", where=name, slowest=1e3 * speeds.min(), fastest=1e3 * speeds.max())
     grid = grid_of(edges_m)
     table = Strokes.of(motion, motion.strokes, (edges_m[0], edges_m[-1]), grid)
-    sides, _ = table.sides(uses_window=uses_window)
+    sides, _ = table.sides(uses_window=motion.choice.uses_window)
     if not sides:
         raise RecordingError.of("friction.settled", where=name, strokes=len(motion.strokes))
     return cycle_row(motion, grid, sides, {way: table.balance_n[rows] for way, rows in table.directions.items()})

@@ -282,7 +282,7 @@ def read_part(files: Sequence[CycleFile], identity: Identity, choice: SampleChoi
         if file.head.cycle.kind in STANDING:
             row = standing_row(file, recording, samples, identity.ambient_pressure_pa)
         else:
-            row = cycles.reduce_cycle(_motion(recording, choice), edges_m, uses_window=choice.uses_window)
+            row = cycles.reduce_cycle(_motion(recording, choice), edges_m)
         known = samples.temperature_k[np.isfinite(samples.temperature_k)]
         return row | {"flags": flags, "temperature_k": known.mean() if known.size else np.nan}
 
