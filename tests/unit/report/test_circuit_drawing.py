@@ -12,7 +12,7 @@ from pneudrive.cli.main import run
 from pneudrive.describe.components import component
 from pneudrive.describe.kinds import component_kinds
 from pneudrive.report.circuit import layout as blocks
-from pneudrive.report.circuit.svg import arranged, draw_circuit
+from pneudrive.report.circuit.svg import arranged, circuit_shapes, draw_circuit
 
 DATA = Path(__file__).parents[2] / "data"
 EXAMPLES = Path(__file__).parents[3] / "examples"
@@ -122,13 +122,13 @@ CIRCUITS = {
 @pytest.mark.parametrize("name", CIRCUITS)
 def test_nothing_lies_on_anything_and_everything_is_joined(name):
     circuit = CIRCUITS[name]()
-    placed, nets, routes = arranged(circuit)
+    placed, joints, routes = arranged(circuit)
     for one, other in combinations(placed.values(), 2):
         a, b = one.rectangle(), other.rectangle()
         assert a[0] >= b[2] or b[0] >= a[2] or a[1] >= b[3] or b[1] >= a[3], (one.name, other.name)
     cells = {cell for block in placed.values() for cell in block.cells()}
-    for number, net in enumerate(nets):
-        pins, steps = set(net.points(placed)), routes.lines[number]
+    for number, joint in enumerate(joints):
+        pins, steps = {placed[port.component].port(port.name) for port in joint.ports}, routes.lines[number]
         points = {point for step in steps for point in step}
         assert points & cells <= pins
         found, todo = set(), [next(iter(pins))]
@@ -141,7 +141,7 @@ def test_nothing_lies_on_anything_and_everything_is_joined(name):
         assert not way.keys() & across.keys()
         shared = {p for step in way for p in step} & {p for step in across for p in step}
         assert all({routes.through[p][one], routes.through[p][other]} == {"h", "v"} for p in shared)
-    joined = sorted(sorted(f"{c}.{p}" for c, p in net.pins) for net in nets)
+    joined = sorted(sorted(f"{c}.{p}" for c, p in net) for net in circuit_shapes(circuit).nets)
     described = [joint for joint in circuit.wiring.joints if len(joint.ports) > 1 and not joint.ambient]
     assert joined == sorted(sorted(port.id for port in joint.ports) for joint in described)
     marks = {f"{name}.{port}" for name, block in placed.items() for port, m in block.marks.items() if m == "exhaust"}
@@ -167,18 +167,18 @@ def test_no_text_lies_outside_or_on_another(name):
 
 def test_a_pilot_line_is_dashed_and_gas_is_not():
     circuit = held()
-    placed, nets, routes = arranged(circuit)
-    piloted = [number for number, net in enumerate(nets) if net.pilots]
+    placed, joints, routes = arranged(circuit)
+    piloted = [number for number, joint in enumerate(joints) if any(port.is_pilot for port in joint.ports)]
     assert len(piloted) == 2
     for number in piloted:
         dashed = {point for step, is_pilot in routes.lines[number].items() if is_pilot for point in step}
         gas = {point for step, is_pilot in routes.lines[number].items() if not is_pilot for point in step}
-        for pin in nets[number].pins:
-            assert placed[pin[0]].port(pin[1]) in (dashed if pin in nets[number].pilots else gas)
+        for port in joints[number].ports:
+            assert placed[port.component].port(port.name) in (dashed if port.is_pilot else gas)
     drawn = [line for line in draw_circuit(circuit).axes[0].lines if line.is_dashed()]
     corners = {(x, y) for line in drawn for x, y in zip(*line.get_data(), strict=True)}
     assert all(placed[name].port("12") in corners for name in ("hold_a", "hold_b"))
-    solid = {point for number, _ in enumerate(nets) for run in routes.runs(number, pilots=False) for point in run}
+    solid = {point for number, _ in enumerate(joints) for run in routes.runs(number, pilots=False) for point in run}
     assert not solid & {placed[name].port("12") for name in ("hold_a", "hold_b")}
 
 
@@ -202,12 +202,12 @@ def test_a_cushion_is_drawn_where_there_is_one(end):
 
 @pytest.mark.parametrize("name", ["tripod", "hexapod"])
 def test_a_platform_is_drawn_above_its_cylinders_and_their_rods_do_not_cross(name):
-    placed, nets, routes = arranged(CIRCUITS[name]())
+    placed, joints, routes = arranged(CIRCUITS[name]())
     top = placed["tripod" if name == "tripod" else "top"]
     legs = [block for own, block in placed.items() if own.startswith("leg_")]
     assert top.y > max(block.rectangle()[3] for block in legs)
     assert min(block.x for block in legs) < top.x < max(block.x for block in legs)
-    rods = [{point for step in routes.lines[k] for point in step} for k, net in enumerate(nets) if net.kind == "axis"]
+    rods = [{point for step in routes.lines[k] for point in step} for k, one in enumerate(joints) if blocks.is_rod(one)]
     assert not any(one & other for one, other in combinations(rods, 2))
 
 

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from pneudrive.describe import Circuit, Component
 
     Placed = Mapping[str, "Block"]
-    Beside = dict[str, "Pin"]  # component on a rod -> first component of its group, its neighbour
+    Beside = dict[str, tuple[str, str]]  # component on a rod -> first component of its group, its neighbour
     Pulls = dict[str, list[tuple[str, str, str]]]  # component -> its port, and component and port near which it is
 
 MODULE_IN = 0.1  # inch, height of a module on paper
@@ -42,10 +42,6 @@ SYMBOLS = {kind: symbol for symbol in _TABLES["symbols"] for kind in symbol["kin
 #: Corners of a rectangle: x and y of the lower left, x and y of the upper right.
 Box = tuple[float, float, float, float]
 Place = tuple[int, int]
-#: Component and its port.
-Pin = tuple[str, str]
-
-
 Point = tuple[float, float]
 Points = tuple[Point, ...]
 
@@ -329,38 +325,40 @@ class Routes:
     ----------
     placed : mapping
         Blocks by name, placed.
-    nets : sequence of Net
+    joints : sequence of Joint
+        Each has two ports or more.
 
     Attributes
     ----------
     lines : list of dict
-        The steps of each net, and whether a step belongs to a pilot line.
+        The steps of the line of each joint, and whether a step belongs to a pilot line.
     """
 
-    def __init__(self, placed: Placed, nets: Sequence[Net]) -> None:
+    def __init__(self, placed: Placed, joints: Sequence[Joint]) -> None:
         self.blocked = {cell for block in placed.values() for cell in block.cells()}
         self.bounds = bounds(self.blocked, MARGIN)
         self.through: dict[Place, dict[int, str]] = {}  # point -> net -> "h", "v", or "x" where it bends or branches
-        self.lines: list[dict[Step, bool]] = [{} for _ in nets]
-        points = [net.points(placed) for net in nets]
-        self.pins = {point for own in points for point in own}
+        self.lines: list[dict[Step, bool]] = [{} for _ in joints]
+        # Positions of the ports of each joint, and whether only a pilot line leads to a port.
+        nets = [{placed[port.component].port(port.name): port.is_pilot for port in joint.ports} for joint in joints]
+        self.pins = {point for net in nets for point in net}
         # Short lines first; but of the rods below a platform the outermost first, so that they do not cross.
-        is_rod = [net.kind == "axis" for net in nets]
-        order = [(rod, -_reach(own) if rod else _reach(own)) for rod, own in zip(is_rod, points, strict=True)]
+        reaches = map(_reach, nets)
+        order = [(rod, -reach if rod else reach) for rod, reach in zip(map(is_rod, joints), reaches, strict=True)]
         for number in sorted(range(len(nets)), key=order.__getitem__):
-            self._join(number, points[number], {placed[name].port(port) for name, port in nets[number].pilots})
+            self._join(number, nets[number])
 
-    def _join(self, net: int, points: Sequence[Place], pilots: Collection[Place]) -> None:
+    def _join(self, net: int, is_pilot: Mapping[Place, bool]) -> None:
         """Join the ports of a net one by one, pilot ports last."""
-        first = next(point for point in points if point not in pilots)
-        tree, left = {first}, [point for point in points if point != first]
+        first = next(point for point, pilot in is_pilot.items() if not pilot)
+        tree, left = {first}, [point for point in is_pilot if point != first]
         while left:
-            goal = min(left, key=lambda point: (point in pilots, min(_far(point, own) for own in tree)))
+            goal = min(left, key=lambda point: (is_pilot[point], min(_far(point, own) for own in tree)))
             left.remove(goal)
             if goal in tree:
                 continue
             way = self._way(tree, goal)
-            self.lines[net] |= {tuple(sorted(pair)): goal in pilots for pair in pairwise(way)}  # type: ignore[misc]
+            self.lines[net] |= {tuple(sorted(pair)): is_pilot[goal] for pair in pairwise(way)}  # type: ignore[misc]
             tree |= set(way)
         for point, ways in self._ways(net, tree).items():
             is_straight = len(ways) == 2 and ways[0] == ways[1] and point not in self.pins
@@ -429,17 +427,17 @@ class Routes:
                     out.append((low, high))
         return out
 
-    def shapes(self, nets: Sequence[Net]) -> Iterator[Shape]:
-        """Yield the lines of all nets, their pilot lines, and the dots where they branch."""
-        for number, net in enumerate(nets):
-            for word, is_pilot in (("thick" if net.kind == "axis" else "line", False), ("dashed", True)):
+    def shapes(self, joints: Sequence[Joint]) -> Iterator[Shape]:
+        """Yield the lines of all joints, their pilot lines, and the dots where they branch."""
+        for number, joint in enumerate(joints):
+            for word, is_pilot in (("thick" if is_rod(joint) else "line", False), ("dashed", True)):
                 for ends in self.runs(number, pilots=is_pilot):
                     yield Shape(word, moved(ends), net=number)
             for branch in sorted(point for point, ways in self._ways(number).items() if len(ways) > 2):
                 yield Shape("dot", moved([branch]), size=0.28, net=number)
 
 
-def _reach(points: Sequence[Place]) -> float:
+def _reach(points: Iterable[Place]) -> float:
     low_x, low_y, high_x, high_y = bounds(points)
     return high_x - low_x + high_y - low_y
 
@@ -452,35 +450,25 @@ SWEEPS = 12
 GAP = 3.0  # between blocks of a rank
 
 
-class Net(NamedTuple):
-    """Ports that one line joins."""
-
-    pins: tuple[Pin, ...]
-    kind: str  # "gas" or "axis"
-    pilots: tuple[Pin, ...] = ()  # pilot ports
-
-    def points(self, placed: Placed) -> list[Place]:
-        """Return the positions of the ports."""
-        return [placed[name].port(port) for name, port in self.pins]
+def is_rod(joint: Joint) -> bool:
+    """Return whether a joint couples motions, not gas."""
+    return joint.ports[0].kind == "axis"
 
 
-def nets(circuit: Circuit, placed: Placed) -> list[Net]:
-    """Return the lines between ports; a port open to the ambient air, or shut, gets a mark at its block."""
+def drawn_joints(circuit: Circuit, placed: Placed) -> list[Joint]:
+    """Return the joints with a line between ports; a port that is open to the ambient air, or shut, gets a mark."""
     out = []
     for joint in circuit.wiring.joints:
-        pins = tuple((port.component, port.name) for port in joint.ports)
-        if joint.ambient:
-            for name, port in pins:
-                placed[name].marks[port] = "exhaust"
-        elif len(pins) > 1:
-            kind = "axis" if joint.ports[0].kind == "axis" else "gas"
-            out.append(Net(pins, kind, tuple((port.component, port.name) for port in joint.ports if port.is_pilot)))
-        elif pins and joint.ports[0].kind == "gas":
-            placed[pins[0][0]].marks[pins[0][1]] = "shut"
+        if len(joint.ports) > 1 and not joint.ambient:
+            out.append(joint)
+            continue
+        for port in joint.ports:
+            if joint.ambient or port.kind == "gas":
+                placed[port.component].marks[port.name] = "exhaust" if joint.ambient else "shut"
     return out
 
 
-def place(circuit: Circuit, spread: float) -> tuple[dict[str, Block], list[Net]]:
+def place(circuit: Circuit, spread: float) -> tuple[dict[str, Block], list[Joint]]:
     """Set the positions of the components of a circuit. `spread` widens the space for lines between them.
 
     Raises
@@ -489,16 +477,16 @@ def place(circuit: Circuit, spread: float) -> tuple[dict[str, Block], list[Net]]
         If two components with `at` overlap.
     """
     placed = {name: _block(name, one) for name, one in circuit.components.items()}
-    lines = nets(circuit, placed)
+    joints = drawn_joints(circuit, placed)
     above = {name for name in placed if is_platform(circuit.components[name].entry)}
-    beside = _beside(lines, circuit, above)
+    beside = _beside(joints, circuit, above)
     ranks = _ranks(circuit.wiring, [name for name in placed if name not in beside and name not in above])
     ranks |= dict.fromkeys(above, 1 + max(ranks.values(), default=0))
     groups = {name: [name, *(other for other, (of, _) in beside.items() if of == name)] for name in ranks}
     rows = {rank: [name for name in ranks if ranks[name] == rank] for rank in sorted(set(ranks.values()))}
-    spans = [[ranks[name] for name, _ in line.pins if name in ranks] for line in lines]
+    spans = [[ranks[port.component] for port in joint.ports if port.component in ranks] for joint in joints]
     extent = {name: _group_extent(groups[name], beside, placed) for name in ranks}
-    _order(rows, extent, _pulls(lines, beside, above), placed, spread)
+    _order(rows, extent, _pulls(joints, beside, above), placed, spread)
     y = 0.0
     for rank, names in rows.items():
         row = [placed[name] for name in names]
@@ -511,17 +499,17 @@ def place(circuit: Circuit, spread: float) -> tuple[dict[str, Block], list[Net]]
     for group in groups.values():
         _put_beside(group, beside, placed)
     _fix(circuit, placed)
-    return placed, lines
+    return placed, joints
 
 
-def _beside(lines: Sequence[Net], circuit: Circuit, above: Collection[str]) -> Beside:
+def _beside(joints: Sequence[Joint], circuit: Circuit, above: Collection[str]) -> Beside:
     """Return the components without gas that move with an actuator, each with the neighbour that moves it."""
     has_gas = {name for name in circuit.components if any(p.kind == "gas" for p in circuit.wiring.ports(name))}
     out: Beside = {}
-    axes = [line for line in lines if line.kind == "axis"]
-    for line in len(axes) * axes:  # each pass reaches at least one line more
-        known = next((name for name, _ in line.pins if name in has_gas or name in out), None)
-        new = [name for name, _ in line.pins if name not in has_gas and name not in out and name not in above]
+    rods = [[port.component for port in joint.ports] for joint in joints if is_rod(joint)]
+    for names in len(rods) * rods:  # each pass reaches at least one rod more
+        known = next((name for name in names if name in has_gas or name in out), None)
+        new = [name for name in names if name not in has_gas and name not in out and name not in above]
         if known is not None:
             out |= dict.fromkeys(new, (out[known][0] if known in out else known, known))
     return out
@@ -597,19 +585,20 @@ def _behind(name: str, ports: Mapping[str, Sequence[object]], wiring: Wiring, kn
     return None
 
 
-def _pulls(lines: Sequence[Net], beside: Beside, above: Collection[str]) -> Pulls:
+def _pulls(joints: Sequence[Joint], beside: Beside, above: Collection[str]) -> Pulls:
     """Return, for each component, pairs of a port and a neighbouring port near which it is placed.
 
     A component carried by actuators is placed above them, without moving the actuators apart.
     """
     pulls: Pulls = {}
-    rods = {name: (name, port) for line in lines if line.kind == "axis" for name, port in line.pins}
-    for line in lines:
-        for name, port in line.pins:
-            others = [pin for pin in line.pins if pin[0] != name and pin[0] not in above]
-            if name in above:
-                others = [rods[beside[other][0]] if other in beside else (other, end) for other, end in others]
-            pulls.setdefault(name, []).extend((port, *other) for other in others)
+    rods = {port.component: port for joint in joints if is_rod(joint) for port in joint.ports}
+    for joint in joints:
+        for port in joint.ports:
+            others = [other for other in joint.ports if other.component not in (port.component, *above)]
+            if port.component in above:
+                others = [rods[beside[other.component][0]] if other.component in beside else other for other in others]
+            own = pulls.setdefault(port.component, [])
+            own += [(port.name, other.component, other.name) for other in others]
     return pulls
 
 
@@ -686,10 +675,10 @@ def _overlap(one: Block, other: Block) -> bool:
 SPREADS = (1.0, 1.4, 2.0, 3.0, 5.0)
 
 
-def arranged(circuit: Circuit) -> tuple[dict[str, Block], list[Net], Routes]:
+def arranged(circuit: Circuit) -> tuple[dict[str, Block], list[Joint], Routes]:
     """Position the components and find a path for every line, with more space if necessary."""
     for spread in SPREADS:
-        placed, nets = place(circuit, spread)
+        placed, joints = place(circuit, spread)
         with suppress(NoWayError):
-            return placed, nets, Routes(placed, nets)
+            return placed, joints, Routes(placed, joints)
     raise NoWayError

@@ -108,7 +108,7 @@ def circuit_shapes(described: Circuit | Drive) -> CircuitShapes:
         If two components have the same position.
     """
     circuit: Circuit = described if hasattr(described, "wiring") else described.circuit  # type: ignore[union-attr,assignment]
-    placed, nets, routes = arranged(circuit)
+    placed, joints, routes = arranged(circuit)
     boxes = (block.rectangle() for block in placed.values())
     corners = [corner for box in boxes for corner in (box[:2], box[2:])]
     corners += [cell for block in placed.values() for cell in block.cells()]
@@ -117,13 +117,13 @@ def circuit_shapes(described: Circuit | Drive) -> CircuitShapes:
     volumes = [f"{name} {1e6 * volume:.3g} cm\N{SUPERSCRIPT THREE}" for name, volume in circuit.joint_volumes]
     notes = list(_wrapped(f"Volumes of joints: {', '.join(volumes)}. {SAID}" if volumes else SAID, width))
     paper = (low_x - EDGE, low_y - EDGE - LINE * len(notes) - 0.5, low_x + width + EDGE, high_y + EDGE + 2.0)
-    shapes = [*routes.shapes(nets), *(shape for block in placed.values() for shape in block.shapes())]
+    shapes = [*routes.shapes(joints), *(shape for block in placed.values() for shape in block.shapes())]
     shapes.append(Shape("text", ((low_x, paper[3] - EDGE),), "", TITLE_PT, circuit.name, "left top"))
     for number, line in enumerate(notes):
         shapes.append(Shape("text", ((low_x, low_y - EDGE - LINE * number),), "", TEXT_PT, line, "left top"))
-    ends = [[*net.pins, *net.pilots] for net in nets]
+    nets = [[(port.component, port.name) for port in joint.ports] for joint in joints]
     ports = {name: {port: block.port(port) for port in block.directions} for name, block in placed.items()}
-    return CircuitShapes(paper, shapes, ends, ports)
+    return CircuitShapes(paper, shapes, nets, ports)
 
 
 def _wrapped(text: str, width: float) -> Iterator[str]:
