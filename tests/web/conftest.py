@@ -6,6 +6,7 @@ import __future__
 import sys
 import warnings
 from collections.abc import Iterator
+from concurrent.futures import Future
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -21,9 +22,10 @@ with warnings.catch_warnings():
 
 from pneudrive import web
 from pneudrive.web.app import make_app
-from pneudrive.web.guard import Guard
-from pneudrive.web.jobs import PageJob
-from pneudrive.web.workspace import Workspace
+from pneudrive.web.guard import Guard, Site
+from pneudrive.web.jobs import PageJob, PageJobs
+from pneudrive.web.serve import guarded
+from pneudrive.web.workspace import Workspace, built_page
 
 #: Door -> form of its answer in `answers.pyi`.
 FORMS = {
@@ -82,13 +84,14 @@ class Served:
     """A served folder: its application, and a client that has the token and is the page."""
 
     folder: Path
+    workspace: Workspace
     app: Guard
     client: TestClient
 
     @property
     def jobs(self) -> list[PageJob]:
         """The jobs that were started."""
-        return self.app.app.state.jobs.all
+        return self.workspace.state(PageJobs).all
 
     @property
     def socket(self) -> dict[str, object]:
@@ -120,6 +123,14 @@ def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path / "cache" / "pneudrive" / "page"
 
 
+def app_of(workspace: Workspace, built: Path, **options: bool) -> Guard:
+    """Return the application of a workspace as `serve` makes it."""
+    routes, page = Future(), built_page(built)
+    site = Site(page, routes)
+    routes.set_result(make_app(workspace, page, **options))
+    return guarded(workspace, site, PORT, TOKEN)
+
+
 @pytest.fixture
 def served(tmp_path: Path) -> Iterator[Served]:
     folder, built = tmp_path / "studies", tmp_path / "built"
@@ -128,8 +139,9 @@ def served(tmp_path: Path) -> Iterator[Served]:
     (folder / "axis.toml").write_text(DRIVE)
     (built / "index.html").write_text("<!doctype html><title>page</title>")
     (built / "build.json").write_text('{"build": "abc"}')
-    app = make_app(Workspace.at(folder), PORT, TOKEN, built)
-    made = Served(folder, app, TestClient(app, base_url=f"http://127.0.0.1:{PORT}"))
+    workspace = Workspace.at(folder)
+    app = app_of(workspace, built)
+    made = Served(folder, workspace, app, TestClient(app, base_url=f"http://127.0.0.1:{PORT}"))
     made.client.headers.clear()
     made.client.event_hooks = {"response": [hold_to_form]}
     yield made

@@ -21,11 +21,9 @@ from pneudrive.cli.main import run as run_command
 from pneudrive.describe.files.toml import value_text as toml_value
 from pneudrive.identify.dynamic.result import DriveFit
 from pneudrive.simulation.trajectory import save_columns
-from pneudrive.web.app import make_app
-from pneudrive.web.workspace import Workspace
 from waiting import until
 from web.client import get, post, run_line, run_python
-from web.conftest import PORT, TOKEN, Served
+from web.conftest import Served, app_of
 from web.maps import coulomb, friction_map
 
 RUN, FIT, AFTER = "run.parquet", "fit.toml", "after.toml"
@@ -343,7 +341,7 @@ def test_a_server_without_control_only_watches(served: Served) -> None:
     for word in ("pause", "stop", "resume", "abort"):
         refused = post(served, "/api/campaign", {"path": "done", "word": word}, 400)
         assert "does not control them" in refused["problems"][0]["what"]
-    served.app = make_app(Workspace.at(served.folder), PORT, TOKEN, served.folder.parent / "built", control=True)
+    served.app = app_of(served.workspace, served.folder.parent / "built", control=True)
     served.client.app = served.app
     served.client._transport.app = served.app
     refused = post(served, "/api/campaign", {"path": "done", "word": "abort"}, 400)

@@ -15,13 +15,12 @@ from hypothesis import strategies as st
 import pneudrive as pn
 from pneudrive.cli.main import run as run_command
 from pneudrive.errors import CommandError
-from pneudrive.web.app import make_app
 from pneudrive.web.drive.run_request import RunLimit
 from pneudrive.web.live import MOST_IMPACTS, answer
 from pneudrive.web.messages import pack
 from pneudrive.web.workspace import Workspace
 from web.client import post, run_line, run_python
-from web.conftest import DRIVE, PORT, TOKEN, Served, TestClient
+from web.conftest import DRIVE, Served
 from web.frames import unpack
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
@@ -455,19 +454,6 @@ def test_a_file_is_checked_as_it_is_read(served: Served) -> None:
     assert "checked" not in got()
     (served.folder / "axis.toml").write_text(DRIVE.replace("28 N", "28 bar"))
     assert got(checked="1")["checked"]["problems"][0]["line"] == 5
-
-
-def test_a_browser_keeps_what_has_a_hash_in_its_name_alone(served: Served, tmp_path: Path) -> None:
-    built = tmp_path / "other"
-    (built / "assets").mkdir(parents=True)
-    (built / "index.html").write_text("<!doctype html>")
-    (built / "assets" / "index-abc.js").write_text("1")
-    client = TestClient(make_app(Workspace.at(served.folder), PORT, TOKEN, built), base_url=f"http://127.0.0.1:{PORT}")
-    kept = client.get("/assets/index-abc.js", headers=served.headers).headers
-    assert kept["cache-control"] == "max-age=31536000, immutable"
-    assert "script-src 'self'" in kept["content-security-policy"]
-    for path in ("/", "/index.html", "/api/studies"):
-        assert client.get(path, headers=served.headers).headers["cache-control"] == "no-store"
 
 
 def test_a_law_in_a_file_is_read_as_it_is_now(served: Served) -> None:

@@ -13,7 +13,6 @@ import platform
 from functools import cache
 from importlib import import_module
 from inspect import signature
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pydantic import create_model
@@ -27,12 +26,12 @@ from pneudrive.arrays import Keyed, Plain
 from pneudrive.errors import PneudriveError, package_table
 from pneudrive.figures import plain_data
 from pneudrive.web.drop import take
-from pneudrive.web.guard import DROP, REPORTS, BuiltPage, Guard
-from pneudrive.web.jobs import READY, PageJobs
+from pneudrive.web.guard import DROP, REPORTS
+from pneudrive.web.jobs import READY
 from pneudrive.web.live import live
 from pneudrive.web.messages import PageRequest, fault_of, problems_of, wrong_request
-from pneudrive.web.reports import SANDBOX, OpenReports
-from pneudrive.web.workspace import BUILT, MOST_FILES, ChangedError, Workspace, built_page
+from pneudrive.web.reports import SANDBOX, read_report
+from pneudrive.web.workspace import MOST_FILES, ChangedError, Workspace
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
@@ -41,7 +40,7 @@ if TYPE_CHECKING:
 
 
 PLATFORM = f"{platform.system()} {platform.machine()}"
-BUILD_FILE, FRAME = "build.json", "application/octet-stream"
+BUILD_FILE, FRAME = "/build.json", "application/octet-stream"
 #: Method and address -> function that answers. The parameters of the function define the request: ``workspace``,
 #: ``control`` and ``build`` come from the server, ``given`` is the whole table, and all others are validated by their
 #: annotations.
@@ -54,29 +53,18 @@ ANSWERS: dict[str, str] = {
 BEHIND = tuple(dict.fromkeys(f"pneudrive.web.{name.partition(':')[0]}" for name in ANSWERS.values()))
 
 
-def make_app(workspace: Workspace, port: int, token: str, built: Path = BUILT, *, control: bool = False) -> Guard:
-    """Return the application, protected by its guard.
+def make_app(workspace: Workspace, page: Mapping[str, bytes], *, control: bool = False) -> Starlette:
+    """Return the application of the routes, without its guard.
 
     Parameters
     ----------
     workspace : Workspace
-    port : int
-        Port of the server.
-    token : str
-        Secret of this run, from `pneudrive.web.guard.new_token`.
-    built : Path
-        Folder of the built page.
+    page : mapping
+        Files of the page, from `pneudrive.web.workspace.built_page`.
     control : bool
         Whether the page may send requests to campaigns.
-
-    Raises
-    ------
-    CommandError
-        The page is not built.
     """
-    page = built_page(built)
-    files = BuiltPage(page)
-    build = json.loads(page.get(f"/{BUILD_FILE}", b"{}")).get("build", "")
+    build = json.loads(page.get(BUILD_FILE, b"{}")).get("build", "")
     threads = asyncio.Semaphore(os.cpu_count() or 1)
     known = {"workspace": workspace, "control": control, "build": build}
 
@@ -97,7 +85,7 @@ def make_app(workspace: Workspace, port: int, token: str, built: Path = BUILT, *
     async def report(request: Request) -> Response:
         """Answer with the report of a folder, or with a picture of it."""
         try:
-            data, kind = await asyncio.to_thread(workspace.state(OpenReports).read, **request.path_params)
+            data, kind = await asyncio.to_thread(read_report, workspace, **request.path_params)
         except PneudriveError as error:
             return _problems(error, 404)
         return Response(data, media_type=kind, headers={"content-security-policy": SANDBOX})
@@ -107,11 +95,8 @@ def make_app(workspace: Workspace, port: int, token: str, built: Path = BUILT, *
         Route(DROP, drop, methods=["PUT"]),
         Route(f"{REPORTS}{{secret}}/{{name:path}}", report),
         WebSocketRoute("/api/live", socket),
-        *(Route(path, files, methods=["GET"]) for path in files.answers),
     ]
-    app = Starlette(routes=routes)
-    app.state.jobs = workspace.state(PageJobs)
-    return Guard(app, port, token, frozenset(files.answers), workspace.state(OpenReports).folders)
+    return Starlette(routes=routes)
 
 
 def _route(name: str, function: str, known: Keyed) -> Route:

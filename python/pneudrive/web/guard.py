@@ -218,56 +218,38 @@ TYPES = {
 }
 
 
-class BuiltPage:
-    """ASGI application of the files of the page.
+class Site:
+    """ASGI application of the files of the page, and of the routes as soon as their modules are imported.
 
     Parameters
     ----------
     files : mapping
         Bytes by path, from `pneudrive.web.workspace.built_page`.
+    routes : Future
+        Future of the application that answers all other requests.
 
     Attributes
     ----------
     answers : dict
-        Headers and body by path, including `"/"`. No other path is requested.
+        Headers and body by path, including `"/"`.
     """
 
-    def __init__(self, files: Mapping[str, bytes]) -> None:
+    def __init__(self, files: Mapping[str, bytes], routes: Future[App]) -> None:
         self.answers = {name: (_file_headers(name, data), data) for name, data in files.items()}
         self.answers["/"] = self.answers["/index.html"]
-
-    async def __call__(self, scope: Scope, _receive: Receive, send: Send) -> None:
-        """Answer a request with a file of the page."""
-        headers, data = self.answers[scope["path"]]
-        await send({"type": "http.response.start", "status": 200, "headers": headers})
-        await send({"type": "http.response.body", "body": data})
-
-
-class Opening:
-    """ASGI application that serves only the page until the full application is ready and replaces it.
-
-    Parameters
-    ----------
-    guard : Guard
-        Guard of the page.
-    page : BuiltPage
-    whole : Future
-        Future of the complete application behind its own guard.
-    """
-
-    def __init__(self, guard: Guard, page: BuiltPage, whole: Future[App]) -> None:
-        self.guard, self.page, self.whole = guard, page, whole
-        whole.set_running_or_notify_cancel()  # a browser that leaves while waiting does not cancel the start
+        self.routes = routes
+        routes.set_running_or_notify_cancel()  # a browser that leaves while waiting does not cancel the start
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Answer requests of the page itself immediately, and others when the full application is ready."""
-        is_page = scope["type"] == "http" and scope["method"] in READING and scope["path"] in self.page.answers
-        if self.whole.done():
-            app = self.whole.result()
-        else:
-            from asyncio import wrap_future  # not before the address is printed
+        """Answer requests of the page itself immediately, and others when the routes are ready."""
+        if scope["type"] == "http" and scope["method"] in READING and scope["path"] in self.answers:
+            headers, data = self.answers[scope["path"]]
+            await send({"type": "http.response.start", "status": 200, "headers": headers})
+            await send({"type": "http.response.body", "body": data})
+            return
+        from asyncio import wrap_future  # not before the address is printed
 
-            app = self.guard if is_page else await wrap_future(self.whole)
+        app = await wrap_future(self.routes)
         await app(scope, receive, send)
 
 

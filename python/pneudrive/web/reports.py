@@ -15,41 +15,29 @@ SANDBOX = f"{POLICY}; frame-ancestors 'none'; sandbox allow-same-origin allow-do
 _PICTURE = re.compile(rf"{FIGURES}/[\w.+-]+\.(?:png|svg)")
 
 
-class OpenReports:
-    """Addresses of reports. A report never runs code.
+def read_report(workspace: Workspace, secret: str, name: str) -> tuple[bytes, str]:
+    """Return a report, or a picture of a report, with its media type. A report never runs code.
 
-    A tab that is opened by a link has no token. The address itself therefore contains a secret of the same length. The
-    secret is valid for one folder until the server stops.
-
-    Attributes
-    ----------
-    folders : dict
-        Secret -> folder. The guard accepts these secrets.
+    Raises
+    ------
+    CommandError
+        The secret is not valid, or the file is neither a report nor a picture.
     """
-
-    def __init__(self, workspace: Workspace) -> None:
-        self.workspace, self.folders = workspace, dict[str, str]()
-
-    def read(self, secret: str, name: str) -> tuple[bytes, str]:
-        """Return a report, or a picture of a report, with its media type.
-
-        Raises
-        ------
-        CommandError
-            The file is neither a report nor a picture.
-        """
-        if secret in self.folders and (name == REPORT or _PICTURE.fullmatch(name)):
-            path = self.workspace.folder(f"{self.folders[secret]}/{name}")
-            if path.is_file():
-                return path.read_bytes(), guess_type(name)[0] or ""
-        raise CommandError("there is no such report", remedy="Open it from the page again.")
+    if secret in workspace.reports and (name == REPORT or _PICTURE.fullmatch(name)):
+        path = workspace.folder(f"{workspace.reports[secret]}/{name}")
+        if path.is_file():
+            return path.read_bytes(), guess_type(name)[0] or ""
+    raise CommandError("there is no such report", remedy="Open it from the page again.")
 
 
 def report_address(workspace: Workspace, path: str) -> dict[str, str]:
-    """Return the address of the report in a folder. Empty without a report."""
+    """Return the address of the report in a folder. Empty without a report.
+
+    A tab that is opened by a link has no token. The address itself therefore contains a secret of the same length. The
+    secret is valid for one folder until the server stops.
+    """
     if not (workspace.folder(path) / REPORT).is_file():
         return {"address": ""}
-    folders = workspace.state(OpenReports).folders
-    secret = next((known for known, folder in folders.items() if folder == path), None) or new_token()
-    folders[secret] = path
+    secret = next((known for known, folder in workspace.reports.items() if folder == path), None) or new_token()
+    workspace.reports[secret] = path
     return {"address": f"{REPORTS}{secret}/{REPORT}"}

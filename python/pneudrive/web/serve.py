@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from pneudrive.errors import CommandError, PneudriveError, PneudriveWarning
-from pneudrive.web.guard import NAMES, BuiltPage, Guard, Opening, address, new_token
+from pneudrive.web.guard import NAMES, Guard, Site, address, new_token
 from pneudrive.web.workspace import Workspace, built_page, cache_folder, forget_unused
 
 if TYPE_CHECKING:
@@ -71,12 +71,10 @@ def serve(folder: Path, port: int, opened: Callable[[str], object], *, control: 
         import uvicorn
 
         sys.setswitchinterval(SWITCH_S)
-        whole: Future[App] = Future()
-        built = BuiltPage(page)
-        first = Guard(built, port, token, built.answers)
+        routes: Future[App] = Future()
         warnings.simplefilter("ignore", PneudriveWarning)  # the page shows the warnings of a run
         settings = uvicorn.Config(
-            Opening(first, built, whole),
+            guarded(workspace, Site(page, routes), port, token),
             ws="websockets-sansio",
             ws_max_size=MOST_MESSAGE,
             ws_per_message_deflate=False,
@@ -92,17 +90,22 @@ def serve(folder: Path, port: int, opened: Callable[[str], object], *, control: 
             try:
                 from pneudrive.web.app import make_app
 
-                whole.set_result(make_app(workspace, port, token, control=control))
+                routes.set_result(make_app(workspace, page, control=control))
             except BaseException as error:  # Ctrl-C ends the server below
-                whole.set_exception(error)
+                routes.set_exception(error)
                 server.should_exit = True
             else:
                 warm_up()
 
         threading.Thread(target=make, daemon=True).start()
         server.run(sockets=[listening])
-        if whole.done():
-            whole.result()
+        if routes.done():
+            routes.result()
+
+
+def guarded(workspace: Workspace, site: Site, port: int, token: str) -> Guard:
+    """Return the guard of a site: only the page itself and the reports that it opened need no token."""
+    return Guard(site, port, token, site.answers, workspace.reports)
 
 
 def warm_up() -> None:

@@ -67,6 +67,8 @@ class Workspace:
     """A folder and the names in it that the page may use."""
 
     root: Path
+    #: Secret in the address of a report -> its folder. See `pneudrive.web.reports`.
+    reports: dict[str, str] = field(default_factory=dict, init=False, repr=False, compare=False)
     _saves: dict[Path, tuple[str, ...]] = field(default_factory=dict, init=False, repr=False, compare=False)
     _states: dict[Any, Any] = field(default_factory=dict, init=False, repr=False, compare=False)
     _lock: threading.Lock = field(default_factory=threading.Lock, init=False, repr=False, compare=False)
