@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
 from pathlib import Path
+from types import SimpleNamespace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -30,6 +31,7 @@ from pneudrive.signals.recording import CHANNELS, Recording
 from pneudrive.views import View, Viewed
 
 if TYPE_CHECKING:
+    import polars as pl
     import xarray as xr
 
     Reader = Callable[[], Recording | LongFile]
@@ -38,13 +40,13 @@ if TYPE_CHECKING:
 
 def _speed_with_pressure(found: Characterisation) -> float:
     """Return the correlation of speed and pressure within seals, for the direction with the stronger correlation."""
-    of_recording = {point.recording: point for point in found.points}
+    of_recording = {point["recording"]: point for point in found.table.iter_rows(named=True)}
     ways, names, speeds = (found.friction_map[name].to_numpy() for name in ("direction", "recording", "velocity_m_s"))
     strongest = 0.0
     for direction in (1, -1):
         mine = [of_recording[name] for name in names[ways == direction]]
-        seals, scatter = np.array([point.seal for point in mine]), [point.speed_stderr_m_s for point in mine]
-        values = np.column_stack([np.abs(speeds[ways == direction]), [point.pressure_pa for point in mine]])
+        seals, scatter = np.array([point["seal"] for point in mine]), [point["speed_stderr_m_s"] for point in mine]
+        values = np.column_stack([np.abs(speeds[ways == direction]), [point["pressure_pa"] for point in mine]])
         has_changed = False
         for seal in set(seals):
             members = seals == seal
@@ -202,11 +204,12 @@ class Characterisation(Viewed):
         stderr, low, high)}, nominal_m2, force_zero_n (Estimate), pressure_pa, half_sum_force_n,
         residual_n (points,), degrees_of_freedom, statement.
     pressure_lines : tuple of PressureLine
-        Friction against gauge pressure per seal: seal, points (tuple of LevelPoint: recording, seal,
+        Friction against gauge pressure per seal: seal, points (recording, seal,
         run, pressure_pa, speed_m_s, friction_n, expanded_n), intercept_n, slope_n_pa, covariance,
         band_pressure_pa, band_mean_n, band_low_n, band_high_n (41,), basis, statement.
-    points : tuple of LevelPoint
-        All points, also of seals without a line.
+    table : polars.DataFrame
+        A row for each speed level, also of seals without a line; columns in `pneudrive.friction.pressure`. ``points``
+        has its rows, with the columns as attributes.
     run_spread : RunSpread or None
         Relative standard deviation between runs; cells (seal, pressure_pa, lowest, highest, relative
         difference). None without repeated runs.
@@ -223,7 +226,7 @@ class Characterisation(Viewed):
     friction_map: xr.Dataset
     closures: tuple[pressure.ClosureFit, ...]
     pressure_lines: tuple[pressure.PressureLine, ...]
-    points: tuple[pressure.LevelPoint, ...]
+    table: pl.DataFrame
     run_spread: pressure.RunSpread | None
     notes: tuple[str, ...]
     skipped: tuple[tuple[str, str], ...]
@@ -244,6 +247,11 @@ class Characterisation(Viewed):
     def synthetic(self) -> bool:
         """Whether any recording comes from a simulated rig."""
         return any(recording.synthetic for recording in self.recordings)
+
+    @property
+    def points(self) -> tuple[SimpleNamespace, ...]:
+        """Rows of the table, also of seals without a line."""
+        return pressure.as_points(self.table)
 
     @property
     def doubts(self) -> list[str]:
@@ -286,11 +294,13 @@ def characterise_recordings(
     RecordingError, LayoutError
         If a file or recording cannot be used.
     """
+    import polars as pl
+
     choice = protocol if protocol is not None else Settled()
     watch, (number, readers) = Watch(progress, cancel), _readers(recordings, layout)
     is_large = number > KEPT_IN_FULL
     shown = evenly(number, SHOWN) if is_large else np.arange(number)
-    results, rows, points = list[RecordingResult](), list[Row](), list[pressure.LevelPoint]()
+    results, rows, points = list[RecordingResult](), list[Row](), list[Row]()
     uses, inputs, skipped = dict[str, StrokeUse](), list[dict[str, str]](), list[tuple[str, str]]()
     seen, long = dict[str, str](), list[str]()
     for place, (name, read) in enumerate(readers):
@@ -300,7 +310,7 @@ def characterise_recordings(
             skipped.append((name, result))
             continue
         rows += [row for level in result.levels for row in level.rows]
-        points += map(pressure.LevelPoint.of, result.levels)
+        points += map(pressure.point_of, result.levels)
         uses[name] = result.stroke_use
         inputs.append(stored_input("recording", name, result.recording.source, result.recording.sha256))
         results += [result] if place in shown else []
@@ -308,7 +318,7 @@ def characterise_recordings(
     if not rows:
         reasons = "; ".join(f"{name}: {why}" for name, why in skipped[:3])
         raise RecordingError("no recording could be used", value=reasons)
-    friction_map = rows_to_dataset(rows)
+    friction_map, table = rows_to_dataset(rows), pl.DataFrame(points, infer_schema_length=None)
     synthetic = any(result.recording.synthetic for result in results)
     friction_map.attrs |= {"protocol": choice.name, "synthetic": synthetic, INPUTS: inputs}
     if results:
@@ -316,10 +326,10 @@ def characterise_recordings(
     found = Characterisation(
         results=tuple(results),
         friction_map=friction_map,
-        closures=tuple(pressure.fit_closures(points)),
-        pressure_lines=tuple(pressure.fit_pressure_lines(points)),
-        points=tuple(points),
-        run_spread=pressure.run_spread(points),
+        closures=tuple(pressure.fit_closures(table)),
+        pressure_lines=tuple(pressure.fit_pressure_lines(table)),
+        table=table,
+        run_spread=pressure.run_spread(table),
         notes=(),
         skipped=tuple(skipped),
         protocol=choice.name,

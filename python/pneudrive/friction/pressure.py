@@ -1,23 +1,35 @@
 """Results of several recordings over pressure: effective area and force zero (closure), friction over pressure.
 
-Both results are computed from a list of `LevelPoint`.
+Both results are computed from a table of points, with a row for each speed level of each recording:
+
+    recording, seal, run
+    pressure_pa                          higher gauge pressure of both chambers
+    speed_m_s, speed_stderr_m_s          mean of both directions, and the scatter of the strokes' speeds
+    friction_n, expanded_n               with U (k = 2)
+    offset_n, weight_n                   the offset is NaN without both directions
+    gauge_a_pa, u_a_pa, area_a_m2        gauge pressure with its standard uncertainty, and nominal area; also for b
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from itertools import pairwise
+from types import SimpleNamespace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pneudrive.arrays import Array, Columns, Interval, NamedNumbers, Pair, by_name, evenly
+from pneudrive.arrays import Array, Columns, Interval, NamedNumbers, Row, evenly
 from pneudrive.estimate.estimates import Estimate, changed, rms, student
+from pneudrive.friction.friction_map import TABLES
 from pneudrive.friction.sentences import sentence
 from pneudrive.numbers import with_u
 from pneudrive.repr_tables import Shown
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Callable
+
+    import polars as pl
 
     from pneudrive.friction.level import Level
 
@@ -37,60 +49,21 @@ CONTRADICTION = 1e-3  # p-value of groups of residuals below which the line does
 SAME_PRESSURE = 0.1  # recordings within this share of their pressure are repeats
 
 
-@dataclass(frozen=True)
-class LevelPoint:
-    """One recording and speed level.
+def point_of(level: Level) -> Row:
+    """Return the row of a speed level in the table of points."""
+    recording, gauge = level.motion.recording, level.gauge_pa
+    known = {entry.source: entry.standard_uncertainty for entry in level.budget}
+    row = {name: getattr(level, name) for name in TABLES["lists"]["point"]} | {"weight_n": recording.weight_n}
+    for side in "ab":
+        row[f"gauge_{side}_pa"] = gauge[side]
+        row[f"u_{side}_pa"] = known.get(f"pressure {side}: common error", 0.0)
+        row[f"area_{side}_m2"] = getattr(recording, f"area_{side}_m2")
+    return row
 
-    Attributes
-    ----------
-    recording, seal, run : str
-    pressure_pa : float
-        Higher gauge pressure of both chambers.
-    speed_m_s, speed_stderr_m_s : float
-        Mean of both directions, and the scatter of the strokes' speeds.
-    friction_n, expanded_n : float
-        With U (k = 2).
-    offset_n, weight_n : float
-        The offset is NaN without both directions.
-    gauge_pa, u_pa, areas_m2 : tuple of float
-        Gauge pressures in chambers a and b, their standard uncertainties, and the nominal areas.
-    """
 
-    recording: str
-    seal: str
-    run: str
-    pressure_pa: float
-    speed_m_s: float
-    friction_n: float
-    expanded_n: float
-    speed_stderr_m_s: float = 0.0
-    offset_n: float = np.nan
-    weight_n: float = 0.0
-    gauge_pa: Pair = (0.0, 0.0)
-    u_pa: Pair = (0.0, 0.0)
-    areas_m2: Pair = (0.0, 0.0)
-
-    @classmethod
-    def of(cls, level: Level) -> LevelPoint:
-        """Return the point of a speed level."""
-        names = ("recording", "seal", "run", "pressure_pa", "speed_m_s", "friction_n", "expanded_n")
-        names += ("speed_stderr_m_s", "offset_n")
-        known = {entry.source: entry.standard_uncertainty for entry in level.budget}
-        u_a, u_b = (known.get(f"pressure {side}: common error", 0.0) for side in "ab")
-        recording, gauge = level.motion.recording, level.gauge_pa
-        pressures = {
-            "gauge_pa": (gauge["a"], gauge["b"]),
-            "u_pa": (u_a, u_b),
-            "weight_n": recording.weight_n,
-        }
-        areas_m2 = recording.area_a_m2, recording.area_b_m2
-        return cls(**{name: getattr(level, name) for name in names}, **pressures, areas_m2=areas_m2)
-
-    @property
-    def half_sum_force_n(self) -> float:
-        """Half the sum of the forces of both directions at equal positions, N, which does not contain friction."""
-        (gauge_a, gauge_b), (area_a, area_b) = self.gauge_pa, self.areas_m2
-        return self.offset_n - gauge_a * area_a + gauge_b * area_b + self.weight_n
+def as_points(table: pl.DataFrame) -> tuple[SimpleNamespace, ...]:
+    """Return the rows of the table, with its columns as attributes."""
+    return tuple(SimpleNamespace(**row) for row in table.iter_rows(named=True))
 
 
 @dataclass(frozen=True, eq=False, repr=False)  # holds arrays: equal only to itself
@@ -122,33 +95,33 @@ class ClosureFit(Shown):
         return self.force_zero_n.low > -np.inf
 
 
-def fit_closures(points: Sequence[LevelPoint]) -> list[ClosureFit]:
+def fit_closures(points: pl.DataFrame) -> list[ClosureFit]:
     """Fit  F = A_b p_b - A_a p_a + weight + zero  to each group, gauge pressures.
 
     Groups in which no pressure changes by more than 0.2 bar, or with fewer than two points, are left out. If both
     pressures change together, only the net area of both is fitted; if their forces cancel within the sensors'
     uncertainty, no area can be determined.
     """
-    groups: dict[tuple, list[LevelPoint]] = {}
-    for point in points:
-        if np.isfinite(point.offset_n) and any(point.areas_m2):
-            groups.setdefault((point.seal, point.areas_m2), []).append(point)
-    fits = [_closure(members) for members in groups.values()]
-    return [fit for fit in fits if fit is not None]
+    import polars as pl
+
+    paired = points.filter(pl.col("offset_n").is_finite(), pl.any_horizontal(pl.col("area_a_m2", "area_b_m2") != 0.0))
+    groups = paired.partition_by("seal", "area_a_m2", "area_b_m2", maintain_order=True)
+    return [fit for group in groups if (fit := _closure(group)) is not None]
 
 
-def _closure(points: list[LevelPoint]) -> ClosureFit | None:
-    seal, nominal = points[0].seal, by_name("ab", points[0].areas_m2)
-    gauge = dict(zip("ab", np.array([p.gauge_pa for p in points]).T, strict=True))
+def _closure(points: pl.DataFrame) -> ClosureFit | None:
+    seal, nominal = points["seal"][0], {side: points[f"area_{side}_m2"][0] for side in "ab"}
+    gauge = {side: points[f"gauge_{side}_pa"].to_numpy() for side in "ab"}
     # Force of the rig against each chamber, by nominal areas: the fit gives a factor on each.
     push = {"a": -nominal["a"] * gauge["a"], "b": nominal["b"] * gauge["b"]}
-    u_pa = zip("ab", np.array([p.u_pa for p in points]).T, strict=True)
-    unsure = {side: nominal[side] * rms(values) for side, values in u_pa}
+    unsure = {side: nominal[side] * rms(points[f"u_{side}_pa"].to_numpy()) for side in "ab"}
     factors = _factors(gauge, push, unsure, max(nominal.values()))
     if not factors or len(points) < len(factors) + 1:
         return None
-    total = np.array([p.half_sum_force_n for p in points])
-    force = total - np.array([p.weight_n for p in points])
+    # Half the sum of the forces of both directions at equal positions does not contain friction.
+    offset, weight = points["offset_n"].to_numpy(), points["weight_n"].to_numpy()
+    total = offset - gauge["a"] * nominal["a"] + gauge["b"] * nominal["b"] + weight
+    force = total - weight
     for side in "ab":
         if not any(side in sides for sides in factors):  # a chamber at constant pressure acts with its nominal area
             force = force - push[side]
@@ -177,7 +150,7 @@ def _closure(points: list[LevelPoint]) -> ClosureFit | None:
     end = sentence(f"closure.zero_{doubt or 'interval'}", zero=zero) + (sentence(f"closure.{why}") if why else "")
     return ClosureFit(
         group=seal,
-        recordings=tuple(p.recording for p in points),
+        recordings=tuple(points["recording"]),
         areas_m2=areas,
         nominal_m2=sizes,
         force_zero_n=zero,
@@ -189,15 +162,14 @@ def _closure(points: list[LevelPoint]) -> ClosureFit | None:
     )
 
 
-def _contradiction(points: list[LevelPoint], residual_n: Array) -> str:
+def _contradiction(points: pl.DataFrame, residual_n: Array) -> str:
     """Return "speed" or "recording" if residuals differ between them, by a one-way F-test; otherwise ""."""
     from scipy.stats import f_oneway
 
-    residual_of = dict(zip(map(id, points), residual_n, strict=True))
-    by_speed = _neighbours(points, lambda p: p.speed_m_s, lambda v: SAME_SPEED * v)
-    by_recording = [[p for p in points if p.recording == name] for name in {p.recording for p in points}]
-    for name, groups in (("speed", by_speed), ("recording", by_recording)):
-        values = [[residual_of[id(point)] for point in group] for group in groups]
+    points = points.with_columns(residual_n=residual_n)
+    by_speed = _neighbours(points, "speed_m_s", lambda v: SAME_SPEED * v)
+    for name, groups in (("speed", by_speed), ("recording", points.partition_by("recording"))):
+        values = [group["residual_n"].to_numpy() for group in groups]
         if 1 < len(groups) < len(points) and f_oneway(*values).pvalue < CONTRADICTION:
             return name
     return ""
@@ -242,14 +214,14 @@ class RunSpread:
 class PressureLine(Shown):
     """Friction = intercept + slope * gauge pressure for one seal.
 
-    ``band_mean_n`` over ``band_pressure_pa`` is the line, shape (41,). ``band_low_n`` and ``band_high_n`` are the 95 %
+    ``table`` has the points, and ``points`` its rows. ``band_mean_n`` over ``band_pressure_pa`` is the line, shape (41,). ``band_low_n`` and ``band_high_n`` are the 95 %
     prediction interval of a further run. ``covariance`` belongs to (intercept_n, slope_n_pa), ``quantile`` to the 95 %
     intervals. ``basis`` is the source of the spread between runs: ``own`` runs, ``pooled`` from other seals,
     ``unknown``.
     """
 
     seal: str
-    points: tuple[LevelPoint, ...]
+    table: pl.DataFrame
     intercept_n: float
     slope_n_pa: float
     covariance: Array
@@ -263,84 +235,82 @@ class PressureLine(Shown):
     statement: str
 
     @property
+    def points(self) -> tuple[SimpleNamespace, ...]:
+        """Points of the line, with the columns of the table as attributes."""
+        return as_points(self.table)
+
+    @property
     def slope_interval_n_pa(self) -> Interval:
         """Ends of the 95 % interval of the slope."""
         half = self.quantile * float(np.sqrt(self.covariance[1, 1]))
         return self.slope_n_pa - half, self.slope_n_pa + half
 
 
-def run_spread(points: Sequence[LevelPoint]) -> RunSpread | None:
+def run_spread(points: pl.DataFrame) -> RunSpread | None:
     """Return the relative spread between runs; None without repeated runs."""
     cells: list[tuple[str, float, float, float, float]] = []
     squares, freedom = 0.0, 0
-    for seal in dict.fromkeys(p.seal for p in points):
-        members = [p for p in points if p.seal == seal]
+    for members in points.partition_by("seal", maintain_order=True):
         # Repeats have about the same pressure and speed.
-        for some in _neighbours(members, lambda p: p.pressure_pa, lambda v: SAME_PRESSURE * max(abs(v), 1e4)):
-            for cell in _neighbours(some, lambda p: p.speed_m_s, lambda v: SPEED_OF_REPEAT * v):
-                runs = dict.fromkeys(p.run for p in cell)
-                values = np.array([np.mean([p.friction_n for p in cell if p.run == run]) for run in runs])
+        for some in _neighbours(members, "pressure_pa", lambda v: SAME_PRESSURE * max(abs(v), 1e4)):
+            for cell in _neighbours(some, "speed_m_s", lambda v: SPEED_OF_REPEAT * v):
+                runs = cell.partition_by("run", maintain_order=True)
+                values = np.array([run["friction_n"].to_numpy().mean() for run in runs])
                 if values.size >= 2:
                     mean = float(values.mean())
                     squares += ((values / mean - 1) ** 2).sum()
                     freedom += values.size - 1
                     low, high = float(values.min()), float(values.max())
-                    cells.append((seal, cell[0].pressure_pa, low, high, (high - low) / mean))
+                    cells.append((cell["seal"][0], cell["pressure_pa"][0], low, high, (high - low) / mean))
     if freedom == 0:
         return None
     return RunSpread(float(np.sqrt(squares / freedom)), freedom, tuple(cells))
 
 
-def _neighbours(
-    points: list[LevelPoint], value: Callable[[LevelPoint], float], width: Callable[[float], float]
-) -> list[list[LevelPoint]]:
-    """Group points whose values are within a width above the lowest of the group."""
-    groups: list[list[LevelPoint]] = []
-    for point in sorted(points, key=value):
-        lowest = value(groups[-1][0]) if groups else 0.0
-        if groups and value(point) - lowest <= width(lowest):
-            groups[-1].append(point)
-        else:
-            groups.append([point])
-    return groups
+def _neighbours(points: pl.DataFrame, column: str, width: Callable[[float], float]) -> list[pl.DataFrame]:
+    """Group points whose values of a column are within a width above the lowest of the group."""
+    points = points.sort(column, maintain_order=True)
+    values, starts = points[column].to_list(), [0]
+    for i, value in enumerate(values):
+        lowest = values[starts[-1]]
+        if value - lowest > width(lowest):
+            starts.append(i)
+    return [points[begin:end] for begin, end in pairwise([*starts, len(values)])]
 
 
-def fit_pressure_lines(points: Sequence[LevelPoint]) -> list[PressureLine]:
+def fit_pressure_lines(points: pl.DataFrame) -> list[PressureLine]:
     """Fit the line over pressure to each seal with at least three recordings at two or more pressures.
 
     If speed was controlled and crossed with pressure, a line is fitted at each of up to five speeds.
     """
     spread = run_spread(points)
     lines = []
-    for seal in dict.fromkeys(p.seal for p in points):
-        members = [p for p in points if p.seal == seal]
-        for title, group in _speed_groups(seal, members):
-            pressures = np.array([p.pressure_pa for p in group])
-            if len(group) >= 3 and np.ptp(pressures) > MINIMUM_RANGE_PA:
-                lines.append(_line(title, seal, group, spread))
+    for members in points.partition_by("seal", maintain_order=True):
+        groups = _neighbours(members, "speed_m_s", lambda v: SAME_SPEED * v)
+        crossed = [group for group in groups if _has_line(group)]
+        if len(crossed) >= 2 and sum(map(len, crossed)) >= 0.6 * len(members):
+            for i in evenly(len(crossed), SHOWN_SPEEDS):
+                speed = 1e3 * crossed[i]["speed_m_s"][0]
+                lines.append(_line(f"{members['seal'][0]} at {speed:.3g} mm/s", crossed[i], spread))
+        elif _has_line(members):
+            lines.append(_line(members["seal"][0], members, spread))
     return lines
 
 
-def _speed_groups(seal: str, points: list[LevelPoint]) -> list[tuple[str, list[LevelPoint]]]:
-    """Return points by speed if speed and pressure were crossed, otherwise all together."""
-    groups = _neighbours(points, lambda p: p.speed_m_s, lambda v: SAME_SPEED * v)
-    crossed = [g for g in groups if len(g) >= 3 and np.ptp([p.pressure_pa for p in g]) > MINIMUM_RANGE_PA]
-    if len(crossed) < 2 or sum(len(g) for g in crossed) < 0.6 * len(points):
-        return [(seal, points)]
-    chosen = evenly(len(crossed), SHOWN_SPEEDS)
-    return [(f"{seal} at {crossed[i][0].speed_m_s * 1e3:.3g} mm/s", crossed[i]) for i in chosen]
+def _has_line(points: pl.DataFrame) -> bool:
+    return len(points) >= 3 and np.ptp(points["pressure_pa"].to_numpy()) > MINIMUM_RANGE_PA
 
 
-def _line(title: str, seal: str, points: list[LevelPoint], spread: RunSpread | None) -> PressureLine:
-    pressure = np.array([p.pressure_pa for p in points])
-    friction = np.array([p.friction_n for p in points])
+def _line(title: str, points: pl.DataFrame, spread: RunSpread | None) -> PressureLine:
+    names = ("pressure_pa", "friction_n", "speed_m_s", "speed_stderr_m_s")
+    pressure, friction, speed, speed_stderr = (points[name].to_numpy() for name in names)
     scale = np.abs(pressure).max()
     matrix = np.column_stack([np.ones(pressure.size), pressure / scale])
     solution = np.linalg.lstsq(matrix, friction, rcond=None)[0]
     residual = friction - matrix @ solution
     dof = pressure.size - 2
     own = residual @ residual / dof
-    repeated = spread is not None and any(cell[0] == seal for cell in spread.cells)
+    repeated = spread is not None and any(cell[0] == points["seal"][0] for cell in spread.cells)
     basis = "own" if repeated else "pooled" if spread else "unknown"
 
     band = np.linspace(min(pressure.min(), 0.0), pressure.max(), BAND_POINTS)
@@ -362,12 +332,11 @@ def _line(title: str, seal: str, points: list[LevelPoint], spread: RunSpread | N
     leverage = np.einsum("ij,jk,ik->i", design, inverse, design)
     half = student(freedom) * np.sqrt(single + variance * leverage)
     unit = np.diag([1.0, 1.0 / scale])
-    speeds = np.array([abs(p.speed_m_s) for p in points])
-    scatter = float(np.median([p.speed_stderr_m_s for p in points]))
-    together = float(np.corrcoef(speeds, pressure)[0, 1]) if changed(speeds, scatter) else 0.0
+    has_changed = changed(speed, float(np.median(speed_stderr)))
+    together = float(np.corrcoef(speed, pressure)[0, 1]) if has_changed else 0.0
     line = PressureLine(
         seal=title,
-        points=tuple(points),
+        table=points,
         intercept_n=float(solution[0]),
         slope_n_pa=float(solution[1] / scale),
         covariance=unit @ (inverse * variance) @ unit,

@@ -10,12 +10,13 @@ from textwrap import fill
 from typing import TYPE_CHECKING
 
 import numpy as np
+import polars as pl
 
 from pneudrive.errors import RecordingError
 from pneudrive.figures import MEASURED, THIN, Axis, Band, Figure, Line, Look, Markers, Panel, Rule, look, stack
 from pneudrive.friction.budget import COVERAGE_FACTOR
 from pneudrive.friction.friction_map import group_of
-from pneudrive.friction.pressure import MINIMUM_RANGE_PA, NET, ClosureFit, LevelPoint, PressureLine
+from pneudrive.friction.pressure import MINIMUM_RANGE_PA, NET, ClosureFit, PressureLine
 from pneudrive.friction.sentences import flag_findings
 from pneudrive.numbers import fixed, plain
 from pneudrive.report import campaign, page, strokes
@@ -101,7 +102,7 @@ def characterisation_view(found: Characterisation, fits: Fits | None = None) -> 
             Finding(topic.say("runs_beyond_u", percent=100 * spread.relative), "open", topic.say("more_runs"))
         )
     figures, tables = [*base.figures], [*base.tables]
-    if len(found.points) > 1 and np.ptp([p.pressure_pa for p in found.points]) >= MINIMUM_RANGE_PA:
+    if np.ptp(found.table["pressure_pa"].to_numpy()) >= MINIMUM_RANGE_PA:
         known = topic.say("between", percent=100 * spread.relative) if spread else "nothing was run twice"
         band = topic.say("runs" if spread else "one_run")
         texts = {"further": BAND[spread is not None], "known": known, "band": band}
@@ -268,32 +269,29 @@ def plot_pressure(found: Characterisation, path: str | Path) -> DrawnFigure:
 
 def over_pressure(found: Characterisation) -> Figure:
     """Draw a panel for each line, and one for each seal without a line, on shared axes."""
-    groups: dict[str, tuple[list[LevelPoint], PressureLine | None]] = {
-        line.seal: (list(line.points), line) for line in found.pressure_lines
-    }
-    with_line = {p.seal for points, _ in groups.values() for p in points}
-    for point in found.points:
-        if point.seal not in with_line:
-            groups.setdefault(point.seal, ([], None))[0].append(point)
-    shown = spread_evenly(groups.items(), MOST_PANELS)
-    every = [p for _, (points, _) in shown for p in points]
-    highest = max(p.friction_n + np.nan_to_num(p.expanded_n) for p in every)
-    bands = [float(line.band_high_n.max()) for _, (_, line) in shown if line is not None]
+    panels: list[tuple[str, pl.DataFrame, PressureLine | None]]
+    panels = [(line.seal, line.table, line) for line in found.pressure_lines]
+    with_line = {seal for _, points, _ in panels for seal in points["seal"]}
+    rest = found.table.filter(~pl.col("seal").is_in(with_line)).partition_by("seal", maintain_order=True)
+    shown = spread_evenly([*panels, *((points["seal"][0], points, None) for points in rest)], MOST_PANELS)
+    every = pl.concat([points for _, points, _ in shown])
+    highest = float((every["friction_n"] + every["expanded_n"].fill_nan(0.0)).max())
+    bands = [float(line.band_high_n.max()) for *_, line in shown if line is not None]
     y = Axis("friction / N", low=0.0, high=min(1.05 * max([highest, *bands]), 2 * highest))
-    runs = sorted({p.run for p in every})  # a run keeps its marker in all panels
-    panels = [pressure_panel(points, line, runs, title) for title, (points, line) in shown]
-    return figure_of("pressure", panels, y=y, width_in=7.1 if len(shown) > 1 else 4.5)
+    runs = sorted(set(every["run"]))  # a run keeps its marker in all panels
+    drawn = [pressure_panel(points, line, runs, title) for title, points, line in shown]
+    return figure_of("pressure", drawn, y=y, width_in=7.1 if len(shown) > 1 else 4.5)
 
 
-def pressure_panel(points: list[LevelPoint], line: PressureLine | None, runs: Sequence[str], title: str = "") -> Panel:
+def pressure_panel(points: pl.DataFrame, line: PressureLine | None, runs: Sequence[str], title: str = "") -> Panel:
     """Draw the points of each run, and the line with its band."""
     marks: list[Band | Line | Markers] = []
     if line is not None:
         x, label = line.band_pressure_pa, f"95 % for {BAND[line.basis != 'unknown']}"
         marks += [Band(x, line.band_low_n, line.band_high_n, label), Line(x, line.band_mean_n, "line", width=0.9)]
-    own = sorted({p.run for p in points})
+    own = sorted(set(points["run"]))
     for run in own:
-        x, y, reach = np.array([(p.pressure_pa, p.friction_n, p.expanded_n) for p in points if p.run == run]).T
+        x, y, reach = points.filter(run=run).select("pressure_pa", "friction_n", "expanded_n").to_numpy().T
         index = runs.index(run) if len(own) > 1 else 0
         label = f"run {run}, with U (k = 2)" if len(own) > 1 else "recording with U (k = 2)"
         marks.append(Markers(x, y, label, look(index), y - reach, y + reach, filled=not index))

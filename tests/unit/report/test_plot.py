@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
+import polars as pl
 import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 
@@ -12,7 +13,7 @@ import pneudrive as pn
 from pneudrive.characterise import characterise_recordings
 from pneudrive.errors import CommandError, PneudriveWarning
 from pneudrive.figures import Figure, Line, Markers, Panel
-from pneudrive.friction.pressure import LevelPoint, fit_pressure_lines
+from pneudrive.friction.pressure import fit_pressure_lines
 from pneudrive.friction.sentences import flag_table
 from pneudrive.report.recordings import pressure_panel
 from pneudrive.report.render import draw_figure
@@ -73,11 +74,12 @@ def test_the_position_of_a_valve_is_no_distance():
 
 @pytest.mark.parametrize("runs", [("1",), ("1", "2")])
 def test_the_legend_promises_no_further_run_where_nothing_was_run_twice(runs):
-    points = [
-        LevelPoint(f"{run} at {bar} bar", "seal", run, 1e5 * bar, 0.1, 10.0 + 2.0 * bar + off, 0.1)
+    rows = [
+        {"seal": "seal", "run": run, "pressure_pa": 1e5 * bar, "friction_n": 10.0 + 2.0 * bar + off}
         for run, more in zip(runs, (0.0, 0.8), strict=False)
         for bar, off in zip((1, 2, 4, 6), (more, more + 0.1, more - 0.1, more), strict=True)
     ]
+    points = pl.DataFrame(rows).with_columns(speed_m_s=0.1, speed_stderr_m_s=0.0, expanded_n=0.1)
     (line,) = fit_pressure_lines(points)
     label = pressure_panel(points, line, runs).marks[0].label
     assert ("for a further run" in label) == (len(runs) > 1)

@@ -5,12 +5,13 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+import polars as pl
 import pytest
 
 from oracle.recordings import AMBIENT
 from pneudrive.characterise import characterise_recordings, write_map
 from pneudrive.friction.campaign.characteristics import recorded_characteristics
-from pneudrive.friction.pressure import LevelPoint, fit_closures, fit_pressure_lines, run_spread
+from pneudrive.friction.pressure import fit_closures, fit_pressure_lines, run_spread
 from pneudrive.identify.static.fit import fit_characterisation, fit_file, fit_friction
 from pneudrive.web.measured.friction import drawn_map
 
@@ -112,30 +113,28 @@ def test_offsets_that_no_zero_explains_leave_the_zero_open(per_speed, per_bar2, 
     noise = iter(0.01 * np.random.default_rng(1).standard_normal(9))
     gauges, speeds = (0.0, 2e5, 4e5), (0.001, 0.01, 0.1)
     cases = [(p, v, 1.0 - per_speed * v + per_bar2 * (p / 1e5) ** 2 + next(noise)) for p in gauges for v in speeds]
-    known = {"areas_m2": (0.0, 5e-4)}
-    (fit,) = fit_closures(
-        [LevelPoint(f"{p:g}", "", "1", p, v, 20.0, 0.1, offset_n=n, gauge_pa=(0.0, p), **known) for p, v, n in cases]
-    )
+    table = pl.DataFrame(cases, ("gauge_b_pa", "speed_m_s", "offset_n"), orient="row")
+    known = dict.fromkeys(("weight_n", "gauge_a_pa", "u_a_pa", "u_b_pa", "area_a_m2"), 0.0) | {"area_b_m2": 5e-4}
+    (fit,) = fit_closures(table.with_columns(recording=pl.col("gauge_b_pa").cast(str), seal=pl.lit(""), **known))
     assert not fit.has_interval
     assert words in fit.statement
 
 
 # --- Friction against pressure per seal; the prediction interval knows the spread between runs.
 
+COLUMNS = ("seal", "run", "pressure_pa", "speed_m_s", "friction_n", "speed_stderr_m_s")
 
-def points(seal: str, runs: int, spread: float, rng: np.random.Generator, speed: float = 0.01) -> list[LevelPoint]:
+
+def points(seal: str, runs: int, spread: float, rng: np.random.Generator, speed: float = 0.01) -> pl.DataFrame:
     def at(bar: int) -> float:
         return (3 + bar) * (1 + spread * rng.normal())
 
-    return [
-        LevelPoint(f"{seal}-{run}-{bar}", seal, str(run), bar * 1e5, speed, at(bar), 0.1)
-        for run in range(runs)
-        for bar in (1, 3, 5, 7)
-    ]
+    rows = [(seal, str(run), bar * 1e5, speed, at(bar), 0.0) for run in range(runs) for bar in (1, 3, 5, 7)]
+    return pl.DataFrame(rows, COLUMNS, orient="row")
 
 
 def test_pooled_relative_spread_is_recovered():
-    spread = run_spread([p for s in "abcdefgh" for p in points(s, 3, 0.2, np.random.default_rng(ord(s)))])
+    spread = run_spread(pl.concat(points(s, 3, 0.2, np.random.default_rng(ord(s))) for s in "abcdefgh"))
     assert spread.relative == pytest.approx(0.2, rel=0.2)
     assert spread.degrees_of_freedom == 8 * 4 * 2
 
@@ -154,17 +153,18 @@ def test_a_further_run_falls_into_the_band_in_about_95_of_100():
         rng = np.random.default_rng(seed)
         (line,) = fit_pressure_lines(points("a", 2, 0.2, rng))
         assert line.basis == "own"
-        for new in points("a", 1, 0.2, rng):
-            low = np.interp(new.pressure_pa, line.band_pressure_pa, line.band_low_n)
-            top = np.interp(new.pressure_pa, line.band_pressure_pa, line.band_high_n)
-            inside += low <= new.friction_n <= top
+        for pressure, friction in points("a", 1, 0.2, rng).select("pressure_pa", "friction_n").iter_rows():
+            low = np.interp(pressure, line.band_pressure_pa, line.band_low_n)
+            top = np.interp(pressure, line.band_pressure_pa, line.band_high_n)
+            inside += low <= friction <= top
             total += 1
     assert 0.88 <= inside / total <= 0.995
 
 
 def test_a_seal_with_one_run_borrows_the_spread_of_the_others():
     rng = np.random.default_rng(5)
-    lines = {line.seal: line for line in fit_pressure_lines([*points("a", 4, 0.2, rng), *points("b", 1, 0.0, rng)])}
+    both = pl.concat([points("a", 4, 0.2, rng), points("b", 1, 0.0, rng)])
+    lines = {line.seal: line for line in fit_pressure_lines(both)}
     half = (lines["b"].band_high_n - lines["b"].band_low_n) / 2
     assert lines["b"].basis == "pooled"
     assert (half >= 1.9 * 0.12 * lines["b"].band_mean_n).all()
@@ -174,10 +174,7 @@ def test_a_seal_with_one_run_borrows_the_spread_of_the_others():
 
 def test_confounded_speed_is_said():
     rng = np.random.default_rng(2)
-    fast = [
-        LevelPoint(p.recording, p.seal, p.run, p.pressure_pa, 0.015 - p.pressure_pa * 1e-8, p.friction_n, 0.1)
-        for p in points("a", 2, 0.1, rng)
-    ]
+    fast = points("a", 2, 0.1, rng).with_columns(speed_m_s=0.015 - pl.col("pressure_pa") * 1e-8)
     (line,) = fit_pressure_lines(fast)
     assert line.speed_pressure_correlation < -0.9
     assert "speed falls with pressure" in line.statement
@@ -185,7 +182,7 @@ def test_confounded_speed_is_said():
 
 def test_crossed_speeds_get_a_line_each():
     rng = np.random.default_rng(2)
-    lines = fit_pressure_lines([*points("a", 1, 0.0, rng, 0.01), *points("a", 1, 0.0, rng, 0.1)])
+    lines = fit_pressure_lines(pl.concat([points("a", 1, 0.0, rng, 0.01), points("a", 1, 0.0, rng, 0.1)]))
     assert [line.seal for line in lines] == ["a at 10 mm/s", "a at 100 mm/s"]
 
 
