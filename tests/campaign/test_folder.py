@@ -28,7 +28,7 @@ from pneudrive.campaign.storage.folder import (
     write_cycle,
 )
 from pneudrive.errors import CampaignError
-from pneudrive.files import formats, seal
+from pneudrive.files import seal
 from pneudrive.files.tables import read_texts
 from pneudrive.rig.interface import Move, Samples, Sampling
 
@@ -237,14 +237,14 @@ def test_a_damaged_file_costs_no_other(folder, monkeypatch, damage):
     if damage == "footer":
         path.write_bytes(path.read_bytes()[:-100] + b"\xff" * 80 + path.read_bytes()[-20:])
     else:  # polars panics
-        read = formats.open_parquet
+        read = pl.read_parquet_metadata
 
         def opened(other):
             if other.name == path.name:
                 raise pl.exceptions.PanicException("index out of bounds")
             return read(other)
 
-        monkeypatch.setattr(formats, "open_parquet", opened)
+        monkeypatch.setattr(pl, "read_parquet_metadata", opened)
     files, problems = campaign.checked()
     assert [file.head.index for file in files] == [1, 3]
     assert [problem.where for problem in problems] == ["cycles/00002-b1_sweep_v2_r1.parquet"]

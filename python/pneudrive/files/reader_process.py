@@ -37,14 +37,11 @@ def answer(request: dict[str, Any]) -> Any:  # noqa: ANN401 - of each request it
     try:
         about = Path(path).stat()
         opened = _opened(form, path, (about.st_mtime_ns, about.st_size, about.st_ino))
-        if request["ask"] == "names":
-            return opened.names(), opened.metadata
-        if request["ask"] == "count":
-            return opened.count()
-        found = opened.get(request["wanted"], request["dates"], request["rows"])
+        if request["wanted"] is None:
+            return opened.names, opened.metadata
+        found = opened.get(request["wanted"], request["dates"])
         columns = {name: plain(np.asarray(values)) for name, values in found.items()}
-        if not request["rows"]:
-            _opened.cache_clear()
+        _opened.cache_clear()
     except PneudriveError as error:
         return error
     except BaseException as error:  # libraries raise any exception

@@ -12,73 +12,91 @@ import contextlib
 import os
 import subprocess
 import threading
-from dataclasses import dataclass
-from functools import cached_property, partial
+from functools import cached_property
+from itertools import pairwise
 from multiprocessing import Pipe
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
+
+import numpy as np
 
 from pneudrive.batching import in_advance
 from pneudrive.errors import ErrorKind, PneudriveError, RecordingError
 from pneudrive.files import child, formats, seal
 from pneudrive.files.bounds import VARIABLE, bound
-from pneudrive.files.content import check_file, unreadable
+from pneudrive.files.content import check_file, check_unpacked, most_unpacked, unreadable
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Sequence
     from multiprocessing.connection import Connection
 
+    import polars as pl
     from numpy.typing import NDArray
 
     Columns = dict[str, NDArray[Any]]
 
 Found = TypeVar("Found")
 Text = tuple[str | None, bool]
+Rows = tuple[int, int]
 #: Format in the layout file -> its name in messages.
-FORMATS = {form: name for form, (name, _) in formats.OPENERS.items()}
+FORMATS = {"parquet": "Parquet"} | {form: name for form, (name, _) in formats.OPENERS.items()}
+MOST_PLACES = 100  # of a column of lists that become columns
+OF_FILE = "the file of this row"  # name of an added column
 READERS = 2  # threads that read many files
 MOST_FILES, MOST_BYTES = 100, 1 << 24  # largest number of files in one batch, and of their bytes
 BYTES_PER_SECOND = 1e7
 ALARM = -14  # exit status of a process ended by its alarm
 
 
-@dataclass(frozen=True)
 class Table:
-    """File of columns.
+    """Parquet file; its columns are read only on request.
 
     Attributes
     ----------
     path : Path
-    opened : formats.Opened
-        The file, opened here or in the reader process.
-    is_sealed : bool
-        Whether it is a Parquet file with a valid checksum.
     kind : type of PneudriveError
         Class of the errors.
+    is_sealed : bool
+        Whether the file has a valid checksum.
+    metadata : dict
+        Texts in the file's metadata.
     """
 
-    path: Path
-    opened: formats.Opened
-    is_sealed: bool
-    kind: ErrorKind
+    def __init__(self, path: Path, kind: ErrorKind) -> None:
+        import polars as pl
 
-    @property
-    def metadata(self) -> dict[str, str]:
-        """Texts in the file's metadata."""
-        return self.opened.metadata
+        self.path, self.kind, self.is_sealed = path, kind, _is_sealed(path, kind)
+        with clear_errors(path, kind):
+            self.metadata: dict[str, str] = pl.read_parquet_metadata(path)
+        if not self.is_sealed:
+            assert self.names  # read from the footer, which may be damaged
+
+    @cached_property
+    def _scan(self) -> pl.LazyFrame:
+        import polars as pl
+
+        return _without_lists(pl.scan_parquet(self.path))
 
     @cached_property
     def names(self) -> list[str]:
         """Names of the columns."""
         with clear_errors(self.path, self.kind):
-            return self.opened.names()
+            return self._scan.collect_schema().names()
 
-    def get(
-        self,
-        wanted: Iterable[str],
-        rows: formats.Rows | None = None,
-        dates: frozenset[str] = frozenset(),
-    ) -> Columns:
+    def count(self) -> int:
+        """Return the number of rows.
+
+        Raises
+        ------
+        RecordingError
+            As for `get`.
+        """
+        import polars as pl
+
+        with clear_errors(self.path, self.kind):
+            return int(self._scan.select(pl.len()).collect().item())
+
+    def get(self, wanted: Iterable[str], rows: Rows | None = None, dates: frozenset[str] = frozenset()) -> Columns:
         """Read columns.
 
         Parameters
@@ -86,7 +104,7 @@ class Table:
         wanted : iterable of str
             Some of `names`; each is read once.
         rows : (int, int), optional
-            First row and the row after the last; None: all.
+            First row and the row after the last, only for Parquet; None: all.
         dates : frozenset of str
             Columns to read as dates: texts or NumPy's ``datetime64``, if the file has them.
 
@@ -100,19 +118,35 @@ class Table:
         RecordingError
             The file is damaged, or was changed since it was opened.
         """
-        with clear_errors(self.path, self.kind):
-            return self.opened.get(list(dict.fromkeys(wanted)), dates, rows)
+        import polars as pl
 
-    def count(self) -> int | None:
-        """Return the number of rows; None if channels may differ in length.
-
-        Raises
-        ------
-        RecordingError
-            As for `get`.
-        """
         with clear_errors(self.path, self.kind):
-            return self.opened.count()
+            table, size = self._scan.select(list(dict.fromkeys(wanted))), self.path.stat().st_size
+            # A long constant column is a small file: rows beyond the bounds are not read.
+            schema = table.collect_schema()
+            width = sum(8 if kind.is_numeric() or kind.is_temporal() else 16 for kind in schema.dtypes())
+            most = int(most_unpacked(size) / max(width, 1)) + 1
+            first, end = rows or (0, most)
+            frame = table.slice(first, min(end - first, most)).collect()
+            check_unpacked(frame.height * width, size, RecordingError)
+            texts = [int(column.str.len_bytes().sum()) for column in frame.iter_columns() if column.dtype == pl.String]
+            check_unpacked(sum(texts), size, RecordingError)  # a text may stand in the file once, for all rows
+            return {column.name: formats.plain(column.to_numpy()) for column in frame.iter_columns()}
+
+
+class ForeignTable(Table):
+    """File of another format, read in the reader process; it has no number of rows, because channels may differ."""
+
+    def __init__(self, path: Path, form: str, kind: ErrorKind) -> None:
+        self.path, self.kind, self.is_sealed, self._form = path, kind, False, form
+        self.names, self.metadata = _reader.ask(path, kind, {"form": form, "wanted": None})
+
+    def get(self, wanted: Iterable[str], rows: Rows | None = None, dates: frozenset[str] = frozenset()) -> Columns:
+        """Read whole columns, see `Table.get`."""
+        assert rows is None, "only Parquet is read in parts"
+        wanted = list(dict.fromkeys(wanted))
+        found = _reader.ask(self.path, self.kind, {"form": self._form, "wanted": wanted, "dates": dates})
+        return {name: found[name] for name in wanted if name in found}
 
 
 @contextlib.contextmanager
@@ -149,22 +183,45 @@ def open_table(path: Path, form: str, kind: ErrorKind = RecordingError) -> Table
     RecordingError
         The file does not exist, is damaged, too large or not of this format, or its library is not installed.
     """
-    if form == "parquet":
-        is_sealed = _is_sealed(path, kind)
-        with clear_errors(path, kind):
-            table = Table(path, formats.open_parquet(path), is_sealed, kind)
-        if not is_sealed:
-            assert table.names  # read from the footer, which may be damaged
+    return Table(path, kind) if form == "parquet" else ForeignTable(path, form, kind)
+
+
+def _without_lists(table: pl.LazyFrame) -> pl.LazyFrame:
+    """Return a table with each column of short lists split into columns ``name[0]``, ``name[1]``, ..."""
+    import polars as pl
+
+    schema = table.collect_schema()
+    inner = {name: kind.inner for name, kind in schema.items() if isinstance(kind, pl.List | pl.Array)}
+    lists = [name for name, kind in inner.items() if pl.Series(dtype=kind).dtype.is_numeric()]
+    if not lists:
         return table
-    ask = partial(_reader.ask, path, kind)
-    names, metadata = ask({"ask": "names", "form": form})
+    short = table.with_columns(pl.col(name).cast(pl.List(inner[name])) for name in lists)
+    widths = short.head(1).select(pl.col(lists).list.len().max()).collect().row(0, named=True)
+    return short.with_columns(
+        pl.col(name).list.get(at, null_on_oob=True).alias(f"{name}[{at}]")
+        for name in lists
+        for at in range(min(widths[name] or 0, MOST_PLACES))
+    ).drop(lists)
 
-    def get(wanted: list[str], dates: frozenset[str], rows: formats.Rows | None) -> Columns:
-        columns = ask({"ask": "columns", "form": form, "wanted": wanted, "rows": rows, "dates": dates})
-        return {name: columns[name] for name in wanted if name in columns}
 
-    opened = formats.Opened(lambda: names, get, lambda: ask({"ask": "count", "form": form}), metadata)
-    return Table(path, opened, False, kind)
+def read_alike(paths: Sequence[Path], wanted: Sequence[str]) -> list[Columns] | None:
+    """Read columns of Parquet files by one query, which takes longer than reading a small file.
+
+    Return None if a column is missing in a file, or a value: it would turn the integers of all files into floats.
+    """
+    import polars as pl
+
+    try:
+        frame = pl.scan_parquet(list(paths), include_file_paths=OF_FILE).select(*wanted, OF_FILE).collect()
+    except (OSError, pl.exceptions.PolarsError, pl.exceptions.PanicException):  # the columns differ, or are damaged
+        return None
+    if any(frame[name].null_count() for name in wanted):
+        return None
+    stretches = frame[OF_FILE].rle().struct.unnest()
+    rows = dict(zip(stretches["value"], stretches["len"], strict=True))  # a file without rows does not appear
+    columns = {name: frame[name].to_numpy() for name in wanted}
+    ends = np.cumsum([0, *(rows.get(str(path), 0) for path in paths)]).tolist()
+    return [{name: column[begin:end] for name, column in columns.items()} for begin, end in pairwise(ends)]
 
 
 def read_texts(paths: Iterable[Path], key: str, kind: ErrorKind) -> Iterator[Text | PneudriveError]:
@@ -200,7 +257,7 @@ def read_columns(paths: Iterable[Path], wanted: Sequence[str], kind: ErrorKind) 
 
     def batch(some: list[Path]) -> Sequence[Columns | PneudriveError]:
         looked = [_found(lambda path: _is_sealed(path, kind), path, kind) for path in some]
-        alike = formats.read_alike(some, wanted) if all(one is True for one in looked) else None
+        alike = read_alike(some, wanted) if all(one is True for one in looked) else None
         return alike or [_found(columns, path, kind) for path in some]
 
     for found in in_advance(batch, _batches(paths), READERS, ahead=1):

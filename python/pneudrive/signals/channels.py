@@ -113,7 +113,7 @@ class ChannelFile:
 
     def count(self) -> int:
         """Return the number of samples."""
-        return max((self.table.count() or 0) - self.first, 0)
+        return max(self.table.count() - self.first, 0)
 
     def read(self, names: Sequence[str], rows: tuple[int, int]) -> tuple[Array, dict[str, Array]]:
         """Return the times of samples, s (or sample numbers without a time column), and columns in their units."""

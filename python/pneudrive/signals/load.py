@@ -203,7 +203,7 @@ def find_long(file: RecordingFile, least: int) -> LongFile | None:
     else:
         is_plain = said.format == "parquet" and said.is_plain and not said.dates and not file.has_cycles
     table = open_table(file.path, "parquet") if is_plain else None
-    if table is None or (count := table.count()) is None or count <= least:
+    if table is None or (count := table.count()) <= least:
         return None
     return LongFile(file.path, file.layout, file.name, count, table)
 

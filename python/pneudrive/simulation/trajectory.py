@@ -237,7 +237,7 @@ def read_columns(
     wanted : iterable of str
         Names of existing columns, in the form of CSV and Parquet even for netCDF.
     rows : tuple of int, optional
-        First row and the row after the last, not for CSV; None: all rows.
+        First row and the row after the last, only for Parquet; None: all rows.
     table : Table, optional
         The file, if it is already open.
 
