@@ -164,7 +164,8 @@ def open_mat(path: Path) -> Opened:
         elif np.ndim(value) >= 1:
             flat[prefix] = np.squeeze(np.asarray(value))
 
-    if _optional("h5py", "mat").is_hdf5(path):  # from version 7.3 on, beginning at byte 512
+    is_hdf5 = _optional("h5py", "mat").is_hdf5(path)  # from version 7.3 on, beginning at byte 512
+    if is_hdf5:
         _check_hdf5(path)
     else:
         from scipy.io import whosmat
@@ -174,7 +175,8 @@ def open_mat(path: Path) -> Opened:
     with _limited_memory(path):
         content = pymatreader.read_mat(path)
     collect("", {key: value for key, value in content.items() if not key.startswith("__")})
-    return Opened(list(flat), lambda wanted, _: {name: flat[name] for name in wanted})
+    names = sorted(flat) if is_hdf5 else list(flat)  # the library reads a structure in HDF5 in any order
+    return Opened(names, lambda wanted, _: {name: flat[name] for name in wanted})
 
 
 #: Format in the layout file -> its name in messages, and its opener.
