@@ -70,7 +70,6 @@ def figure_5(run: Campaign) -> PaperFigure:
         {"largest": judge(excess > CLEAR * elsewhere and early, part=early)},
         {
             "peak_n": smooth[top],
-            "mean_n": rest.mean(),
             "excess_n": excess,
             "elsewhere_n": elsewhere,
             "travel_at_peak_m": travel,
@@ -168,7 +167,7 @@ def figure_8(run: Campaign) -> PaperFigure:
     -------
     PaperFigure
         Columns: speeds (m,) and gauge pressures (k,). The sensor's force, its parts from air and seal, and the seal's
-        truth have shape (k, m). The depth of the dip of the sensor's force has shape (k,).
+        truth have shape (k, m).
     """
     found = campaign_friction(run, SourcePaper(average_samples=1))
     shares = _shares(found)
@@ -196,13 +195,9 @@ def figure_8(run: Campaign) -> PaperFigure:
         },
         {
             "ordered_share": ordered,
-            "smallest_rise_n": rises.min(),
             "low_speed_slope_n_pa": slope,
-            "dip_at_lowest_pressure": dip[0],
-            "dip_at_highest_pressure": dip[-1],
             "air_at_lowest_pressure_n": air[0, -1],
             "air_at_highest_pressure_n": air[-1, -1],
-            "seal_error_n": np.max(np.abs(seal - truth)),
         },
         {
             "speed_m_s": speed,
@@ -212,7 +207,6 @@ def figure_8(run: Campaign) -> PaperFigure:
             "air_n": air,
             "seal_n": seal,
             "friction_true_n": truth,
-            "dip": dip,
         },
         slowest_m_s=speed[0],
         fastest_m_s=speed[-1],

@@ -18,7 +18,6 @@ from pneudrive.characterise import Characterisation, characterise_recordings
 from pneudrive.describe.tables.friction import friction_laws
 from pneudrive.errors import PneudriveWarning
 from pneudrive.figures import MEASURED, MODEL, THIN, Axis, Band, Figure, Line, Look, Markers, Panel, Rule, ramp, thin
-from pneudrive.identify.static.fit import fit_characterisation
 from pneudrive.report.layout_figure import rig_diagram
 from pneudrive.report.page import Addition, Paragraph, Topic, plural, sentence
 from pneudrive.report.strokes import DrawnMotion, motion_figures, recovered, recovered_section
@@ -43,7 +42,7 @@ if TYPE_CHECKING:
 
     import xarray as xr
 
-    from pneudrive.report.page import Block, Fits, Section
+    from pneudrive.report.page import Block, Section
     from pneudrive.rig.description import RigDescription
 
 
@@ -385,8 +384,6 @@ class Reproduction:
         Rigs of the figures.
     found : Characterisation
         Result of simulated recordings with known true values.
-    fits : dict
-        Group -> law -> fit of those recordings.
     chambers : ChamberComparison
         Comparison of the printed equations with the energy balance.
     claims : tuple of Claim
@@ -397,7 +394,6 @@ class Reproduction:
     figures: Mapping[int, PaperFigure]
     rigs: tuple[RigDescription, ...]
     found: Characterisation
-    fits: Fits
     chambers: ChamberComparison
     claims: tuple[Claim, ...]
 
@@ -445,13 +441,12 @@ def reproduce(into: str | Path) -> Reproduction:
     rig = SimulatedRig.default()
     recordings = sweep(rig, np.geomspace(*RECOVERY_SPEEDS_M_S), RECOVERY_GAUGES_PA, count=RECOVERY_CYCLES, seed=SEED)
     found = characterise_recordings(recordings)
-    fits, _ = fit_characterisation(found)
     names = dict.fromkeys(name for _, name in EXPERIMENTS.values())
     rigs = tuple(SimulatedRig.load(shipped_rigs()[name]).description for name in names)
     figures, chamber_laws = paper_figures(runs), compare_chamber_laws()
     claims = tuple(claim for figure in figures.values() for claim in figure.claims)
     claims += general_claims(chamber_laws, figures)
-    return Reproduction(rig, figures, rigs, found, fits, chamber_laws, claims)
+    return Reproduction(rig, figures, rigs, found, chamber_laws, claims)
 
 
 # --- Additions of the study to a report: verdict, sections, provenance.

@@ -8,12 +8,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 import pneudrive as pn
+from pneudrive.arrays import rows_of
 from pneudrive.errors import CampaignError
 from pneudrive.estimate.estimates import mean_estimate
 from pneudrive.friction.stick_slip import STUCK_SHARE, StickSlip, measure_stick_slip, slip_onsets
 from pneudrive.rig import AnalogSensor, Encoder, Envelope, Identity
 from pneudrive.rig.interface import envelope_of
 from pneudrive.signals.motion import local_slope
+from pneudrive.simulation.trajectory import columns
 from pneudrive.studies.bracha.figure import PaperFigure, judge
 
 if TYPE_CHECKING:
@@ -87,14 +89,14 @@ def figure_1(seed: int = 0) -> PaperFigure:
     rng = np.random.default_rng(seed)
     time = run.time.to_numpy()
     position = ENCODER.read(run.position.to_numpy())
-    columns = {
+    read = {
         "time_s": time,
         "position_m": position,
         "velocity_m_s": local_slope(time, position, SLOPE_HALF_WIDTH),
         "pressure_a_pa": PRESSURE_SENSOR.read(run.pressure_a.to_numpy(), rng),
         "pressure_b_pa": PRESSURE_SENSOR.read(run.pressure_b.to_numpy(), rng),
     }
-    found, faster = whole_periods(columns), measure_faster()
+    found, faster = whole_periods(read), measure_faster()
     verdicts = {
         "steps": judge(sticks(found) and not sticks(faster), part=sticks(found)),
         "speed": judge(abs(found.mean_speed_m_s - MEAN_SPEED_M_S) <= SPEED_TOLERANCE_M_S, part=False),
@@ -103,7 +105,7 @@ def figure_1(seed: int = 0) -> PaperFigure:
         1,
         verdicts,
         _quantities(found),
-        columns,
+        read,
         opened=FASTER,
         faster_speed_m_s=faster.mean_speed_m_s,
         faster_stuck_share=faster.stuck_share,
@@ -115,45 +117,34 @@ def measure_faster() -> StickSlip:
     run = pn.simulate(
         slow_drive(), [(0.0, FASTER * OPENING["lugre"])], FASTER_S, initial=START, sample_rate=SAMPLE_RATE
     )
-    columns = _columns(run)
-    inside = (columns["position_m"] > MIDDLE_M[0]) & (columns["position_m"] < MIDDLE_M[1])
-    return whole_periods({name: values[inside] for name, values in columns.items()})
+    motion = columns(run)
+    inside = (motion["position_m"] > MIDDLE_M[0]) & (motion["position_m"] < MIDDLE_M[1])
+    return whole_periods(rows_of(motion, inside))
 
 
 def figure_2() -> PaperFigure:
     """Return stick-slip of the same drive simulated with the LuGre law."""
-    columns = _columns(creep("lugre"))
-    found = whole_periods(columns)
+    motion = columns(creep("lugre"))
+    found = whole_periods(motion)
     verdicts = {
         "simulates": judge(sticks(found), part=False),
         "coarse": judge(sticks(found) and found.step_m > COARSE_M, part=sticks(found)),
     }
-    return PaperFigure.make(2, verdicts, _quantities(found), columns)
+    return PaperFigure.make(2, verdicts, _quantities(found), motion)
 
 
 def figure_3() -> PaperFigure:
     """Return stick-slip of the same drive with Coulomb and Stribeck friction combined, sticking exactly."""
-    columns = _columns(creep("stribeck"))
-    found = whole_periods(columns)
-    still = np.mean(columns["velocity_m_s"] == 0.0)
+    motion = columns(creep("stribeck"))
+    found = whole_periods(motion)
+    still = np.mean(motion["velocity_m_s"] == 0.0)
     verdicts = {"simulates": judge(sticks(found) and still > 0.0, part=sticks(found))}
-    return PaperFigure.make(3, verdicts, _quantities(found) | {"rest_share": still}, columns)
+    return PaperFigure.make(3, verdicts, _quantities(found) | {"rest_share": still}, motion)
 
 
-def _columns(run: xr.Dataset) -> Columns:
-    return {
-        "time_s": run.time.to_numpy(),
-        "position_m": run.position.to_numpy(),
-        "velocity_m_s": run.velocity.to_numpy(),
-        "pressure_a_pa": run.pressure_a.to_numpy(),
-        "pressure_b_pa": run.pressure_b.to_numpy(),
-        "friction_n": run.friction_force.to_numpy(),
-    }
-
-
-def whole_periods(columns: Columns) -> StickSlip:
+def whole_periods(motion: Columns) -> StickSlip:
     """Measure stick-slip between the first and the last onset of a slip, so that the mean covers whole periods."""
-    time, position, velocity = columns["time_s"], columns["position_m"], columns["velocity_m_s"]
+    time, position, velocity = motion["time_s"], motion["position_m"], motion["velocity_m_s"]
     mean = (position[-1] - position[0]) / (time[-1] - time[0])
     onsets = slip_onsets(velocity < STUCK_SHARE * mean, velocity > mean)
     part = slice(onsets[0], onsets[-1] + 1) if len(onsets) >= 2 else slice(None)
