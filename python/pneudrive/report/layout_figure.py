@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pneudrive.errors import CommandError, package_table
+from pneudrive.errors import package_table
 from pneudrive.figures import WIDTH_IN, Axis, Drawing, Figure, Line, Look, Panel, PenStroke, Rule, stack, thin
 from pneudrive.report.page import spread_evenly
 from pneudrive.report.render import draw_figure
@@ -56,10 +56,7 @@ def write_layout_figure(proposal: Proposal, path: str | Path) -> Path:
         notes = {guess.role: f"column {guess.column!r}: {guess.reason}" for guess in proposal.guesses}
         title = f"{proposal.path.name}: as understood, {len(proposal.strokes)} strokes found"
         figure = record_figure(proposal.recording, proposal.strokes, notes, title)
-    try:
-        draw_figure(figure, path)
-    except (OSError, ValueError) as error:
-        raise CommandError(f"the picture {path} cannot be written", value=str(error).splitlines()[0]) from None
+    draw_figure(figure, path)
     return Path(path)
 
 

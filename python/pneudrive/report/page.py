@@ -516,7 +516,7 @@ class Addition:
     verdict : tuple of str
         Lines of the verdict.
     sections : tuple of Section
-        Sections that follow those of the recordings. A section with an existing key continues that section.
+        Sections that follow those of the recordings.
     validity : str
         Text on validation with real data, and its limits.
     settings : tuple
