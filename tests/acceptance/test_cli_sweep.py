@@ -94,11 +94,11 @@ def stopped_after(chunks, monkeypatch):
     """Let Ctrl-C come after so many chunks; yields the chunks that were run."""
     ran, whole = [], EnsembleStudy.run
 
-    def some(self, chunk, look=None):
+    def some(self, look=None):
         if len(ran) == chunks:
             raise KeyboardInterrupt
-        ran.append(chunk)
-        return whole(self, chunk, look)
+        ran.append(self.first)
+        return whole(self, look)
 
     with monkeypatch.context() as patched:
         patched.setattr(EnsembleStudy, "run", some)

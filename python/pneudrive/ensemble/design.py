@@ -312,7 +312,7 @@ class Rows:
         """Return rows with these values, shape (members, names)."""
         digest = hashlib.sha256(np.ascontiguousarray(values).tobytes()).hexdigest()
         about = {"design": "table", "names": list(names), "members": len(values), "sha256": digest}
-        return cls(tuple(names), len(values), about, partial(_part, values, 0))
+        return cls(tuple(names), len(values), about, partial(_part, values))
 
     @classmethod
     def grid(cls, axes: Columns) -> Rows:
@@ -343,13 +343,9 @@ class Rows:
         for first in range(0, self.size, CHECKED_ROWS):
             variation.check(self.take(first, first + CHECKED_ROWS), first)
 
-    def part(self, first: int, last: int) -> Rows:
-        """Return these rows without the description of the design, to be sent to another machine."""
-        return replace(self, points=partial(_part, self.take(first, last), first), quantiles=None)
 
-
-def _part(values: Array, begin: int, first: int, last: int) -> Array:
-    return values[first - begin : last - begin]
+def _part(values: Array, first: int, last: int) -> Array:
+    return values[first:last]
 
 
 def _mixed(scores: Array, by: Array) -> Array:
@@ -443,7 +439,7 @@ class EnsembleDesign(Shown):
         axes : mapping
             Name -> argument or result of `pneudrive.grid`.
         """
-        return cls("grid", dict(axes))
+        return cls("grid", {name: axis if isinstance(axis, GridAxis) else grid(axis) for name, axis in axes.items()})
 
     @classmethod
     def sobol(
@@ -531,22 +527,21 @@ class EnsembleDesign(Shown):
         Parameters
         ----------
         variation : Variation
-            Variation of a drive, by `names`.
+            Variation of a drive, by `names` first.
 
         Raises
         ------
         CommandError
             A quantity cannot be read, lengths are unequal, or the correlations contradict each other.
         """
-        read = {name: variation.reader(name) for name in variation.names}
         if self.method == "table":
-            columns = {name: _column(values, read[name].value) for name, values in self.each.items()}
+            columns = {name: _column(values, variation.reader(name).value) for name, values in self.each.items()}
             check_lengths(columns)
             return Rows.table(list(columns), np.column_stack(list(columns.values())))
         if self.method == "grid":
-            return Rows.grid({name: axis.in_si(read[name].value) for name, axis in self.each.items()})
+            return Rows.grid({name: axis.in_si(variation.reader(name).value) for name, axis in self.each.items()})
         size, names = self._size(), tuple(self.names)
-        quantiles, of = self._marginals(read) if self.fit is None else self._posterior(variation)
+        quantiles, of = self._marginals(variation) if self.fit is None else self._posterior(variation)
 
         def points(first: int, last: int) -> Array:
             return quantiles(SAMPLERS[self.method](first, last, size, len(names), self.seed))
@@ -580,12 +575,12 @@ class EnsembleDesign(Shown):
             raise CommandError("the correlations contradict each other", rule="their matrix is positive definite")
         return matrix
 
-    def _marginals(self, read: Mapping[str, QuantityReader]) -> tuple[Callable[[Array], Array], Plain]:
+    def _marginals(self, variation: Variation) -> tuple[Callable[[Array], Array], Plain]:
         """Return the values at points of the unit cube, and the description of the distributions.
 
         The normal scores of the numbers may be correlated.
         """
-        each = {name: _distribution(name, one).in_si(read[name]) for name, one in self.each.items()}
+        each = {name: _distribution(name, one).in_si(variation.reader(name)) for name, one in self.each.items()}
         correlation = self._correlations()
 
         def values(cube: Array) -> Array:
@@ -608,7 +603,7 @@ class EnsembleDesign(Shown):
         start = variation.drive.replace(
             {
                 number.name: number.written(self.fit.values[name])
-                for number, name in zip(variation.numbers, self.each, strict=True)
+                for number, name in zip(variation.numbers, self.each, strict=False)
             }
         )
         # Next to zero, a value itself is normal and not its logarithm: it is folded at zero.

@@ -65,8 +65,8 @@ class EnsembleStudy:
     rtol : float
     outputs : tuple of Reduction
     threads : int, optional
-    begin : int
-        The first member of `plans`.
+    first : int
+        Number of the first member; greater than 0 for a part of a study.
     """
 
     variation: Variation
@@ -75,7 +75,7 @@ class EnsembleStudy:
     rtol: float
     outputs: tuple[Reduction, ...]
     threads: int | None = None
-    begin: int = 0
+    first: int = 0
 
     def about(self) -> Plain:
         """Describe all inputs that determine the results, as plain data."""
@@ -104,20 +104,20 @@ class EnsembleStudy:
         return [range(first, min(first + step, size)) for first in range(0, size, step)]
 
     def part(self, chunk: range) -> EnsembleStudy:
-        """Return a study reduced to the data of one chunk, to be sent to another machine."""
+        """Return the study of the members of one chunk, which can be sent to another machine."""
         ends = chunk.start, chunk.stop
-        return replace(self, rows=self.rows.part(*ends), plans=self.plans.part(*ends), begin=chunk.start)
+        rows = Rows.table(self.rows.names, self.rows.take(*ends))
+        return replace(self, rows=rows, plans=self.plans.part(*ends), first=chunk.start)
 
     def sample_times(self, rate_hz: float) -> Array:
         """Return the times of samples, s."""
         return np.arange(round(self.plans.duration_s * rate_hz) + 1) / rate_hz
 
-    def run(self, chunk: range, look: Callable[[float], object] | None = None) -> pl.DataFrame:
-        """Run a chunk.
+    def run(self, look: Callable[[float], object] | None = None) -> pl.DataFrame:
+        """Run all members, usually those of a chunk.
 
         Parameters
         ----------
-        chunk : range
         look : callable, optional
             Receives the number of finished members.
 
@@ -133,14 +133,13 @@ class EnsembleStudy:
         """
         import polars as pl
 
-        rows = self.rows.take(chunk.start, chunk.stop)
+        rows = self.rows.take(0, self.rows.size)
         requests = [request for output in self.outputs for request in output.requests]
-        plans = self.plans.part(chunk.start - self.begin, chunk.stop - self.begin)
         members = self.variation.members(rows)
         system = self.variation.drive.system
-        seen, status, failed = run_members(system, members, plans, self.rtol, requests, self.threads, look)
+        seen, status, failed = run_members(system, members, self.plans, self.rtol, requests, self.threads, look)
         values, reasons = iter(seen), [failed.get(k, "") for k in range(len(rows))]
-        columns: Plain = {"member": np.arange(chunk.start, chunk.stop), "status": status}
+        columns: Plain = {"member": self.first + np.arange(len(rows)), "status": status}
         columns["reason"] = pl.Series(reasons, dtype=pl.String)
         for number, column in zip(self.variation.numbers, rows.T, strict=True):
             columns[number.file_name] = np.ascontiguousarray(column)
@@ -319,7 +318,11 @@ class DaskExecutor:
                 except KilledWorker as error:
                     raise SimulationError.of("ensemble.workers", error=error) from None
                 except TimeoutError:  # chunks take long, or the lost chunk of a worker is repeated
-                    seen = self._still_there(seen)
+                    if self.client.nthreads():
+                        seen = time.monotonic()
+                    elif time.monotonic() - seen > NO_WORKER_S:
+                        what = f"the cluster has had no worker for {NO_WORKER_S:g} s"
+                        raise SimulationError(what, remedy="Start workers.") from None
                     continue
                 seen = time.monotonic()
                 on_the_way.discard(future)
@@ -327,14 +330,6 @@ class DaskExecutor:
                 yield result
         finally:
             self.client.cancel(list(on_the_way))
-
-    def _still_there(self, seen: float) -> float:
-        """Return the time at which a worker was last seen. Raise an error after `NO_WORKER_S`."""
-        if self.client.nthreads():
-            return time.monotonic()
-        if time.monotonic() - seen > NO_WORKER_S:
-            raise SimulationError(f"the cluster has had no worker for {NO_WORKER_S:g} s", remedy="Start workers.")
-        return seen
 
 
 # --- Run of the chunks of a study, and a folder of finished chunks: a sealed Parquet file each, and the study.
@@ -451,25 +446,19 @@ def results(
     done = total - sum(map(len, chunks))
     # A cluster runs one chunk in each of its threads at a time.
     source = study if executor is None else replace(study, threads=study.threads or 1)
-    items = ((source.part(chunk), chunk) for chunk in chunks)
+    parts = (source.part(chunk) for chunk in chunks)
 
     def look(count: float) -> None:
         watch.tell(done + count, total, "members simulated")
 
     look(0)
-    own = (part.run(chunk, look) for part, chunk in items)
-    for frame in own if executor is None else executor.map(run_part, items):
+    own = (part.run(look) for part in parts)
+    for frame in own if executor is None else executor.map(EnsembleStudy.run, parts):
         if store is not None:
             store.write(frame)
         done += frame.height
         look(0)
         yield frame
-
-
-def run_part(item: tuple[EnsembleStudy, range]) -> pl.DataFrame:
-    """Run one chunk in another process."""
-    study, chunk = item
-    return study.run(chunk)
 
 
 # --- One drive in many variants: simulated, reduced and labelled.
@@ -634,9 +623,9 @@ def study_of(
     of = Variation if drive.system.names else CircuitVariation
     begun = {f"{INITIAL}{key}": values for key, values in each.items()}
     variation = of(drive, [*design.names, *begun], for_all)
-    rows = design.rows(of(drive, design.names, for_all) if begun else variation)
+    rows = design.rows(variation)
     if begun:
-        beside = EnsembleDesign.table(begun).rows(of(drive, [*begun], for_all))
+        beside = EnsembleDesign.table(begun).rows(variation)
         if beside.size != rows.size:
             raise CommandError(f"initial has {beside.size} rows, and there are {rows.size} members")
         rows = rows.wider(beside)

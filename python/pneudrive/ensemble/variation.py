@@ -187,8 +187,13 @@ class Variation:
         extremes = [*rows.argmin(axis=0), *rows.argmax(axis=0)]
         extremes += [(columns[low] / columns[high]).argmax() for low, high in self.coupled()]
         for place in sorted({int(extreme) for extreme in extremes}):
-            with _of_row(first + place, self.numbers, rows[place]):
+            try:
                 self.try_row(rows[place])
+            except DescriptionError as error:  # noqa: PERF203 - reading a member takes longer
+                values = zip(self.numbers, rows[place], strict=True)
+                shown = ", ".join(f"{number.name} = {number.written(float(si))}" for number, si in values)
+                what = f"row {first + place} of the design: {error.what}"
+                raise CommandError(what, value=shown, rule=error.rule, remedy=error.remedy) from None
 
     def members(self, rows: Array) -> CoreMembers:
         """Return members in the form of the core.
@@ -305,17 +310,14 @@ class QuantityReader:
             if not isinstance(given, str):
                 return float(given)  # type: ignore[arg-type]
             if isinstance(self.number.mark, StatedPressure):
-                return self._absolute(units.parse_pressure(given))
+                pressure = units.parse_pressure(given)
+                if pressure.gauge and self._gauge_from is None:
+                    what = f'"{pressure}" is relative to the ambient pressure, which varies'
+                    raise CommandError(what, remedy="Write it as abs.")
+                return pressure.absolute_pa(self._gauge_from or 0.0)
             if self.number.unit in ("1", ""):
                 return float(given)
             return units.parse(given, self.number.unit)
-
-    def _absolute(self, pressure: units.Pressure) -> float:
-        if pressure.gauge and self._gauge_from is None:
-            raise CommandError(
-                f'"{pressure}" is relative to the ambient pressure, which varies', remedy="Write it as abs."
-            )
-        return pressure.absolute_pa(self._gauge_from or 0.0)
 
     def width(self, given: object, about: float) -> float:
         """Return a difference in SI. ``"10 %"`` is a fraction of `about`.
@@ -345,19 +347,6 @@ def _named(name: str) -> Iterator[None]:
         raise CommandError(f"vary: {name}: {error.what}", rule=error.rule, remedy=error.remedy) from None
     except (TypeError, ValueError) as error:
         raise CommandError(f"vary: {name}: {error}", remedy="Give a quantity, or a number in SI.") from None
-
-
-@contextmanager
-def _of_row(place: int, numbers: Sequence[Parameter], row: Array) -> Iterator[None]:
-    """Add the index and the values of the row to an error."""
-    try:
-        yield
-    except DescriptionError as error:
-        shown = ", ".join(
-            f"{number.name} = {number.written(float(si))}" for number, si in zip(numbers, row, strict=True)
-        )
-        what = f"row {place} of the design: {error.what}"
-        raise CommandError(what, value=shown, rule=error.rule, remedy=error.remedy) from None
 
 
 def check_lengths(columns: Mapping[str, Array]) -> None:

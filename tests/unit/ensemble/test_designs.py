@@ -63,9 +63,7 @@ def test_a_hypercube_has_one_member_in_each_share_and_sobol_fills_evenly():
 
 
 def test_a_grid_has_all_combinations_the_last_number_fastest():
-    rows = rows_of(
-        pn.EnsembleDesign.grid({"cylinder.bore": pn.grid("20 mm .. 30 mm", 3), "load.mass": pn.grid(1.0, 2.0)})
-    )
+    rows = rows_of(pn.EnsembleDesign.grid({"cylinder.bore": pn.grid("20 mm .. 30 mm", 3), "load.mass": [1.0, 2.0]}))
     assert rows.size == 6
     expected = [[0.02, 1.0], [0.02, 2.0], [0.025, 1.0], [0.025, 2.0], [0.03, 1.0], [0.03, 2.0]]
     np.testing.assert_allclose(rows.take(0, 6), expected)
