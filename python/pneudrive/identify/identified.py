@@ -14,16 +14,16 @@ from pneudrive import units
 from pneudrive.describe import Circuit
 from pneudrive.describe.files import provenance
 from pneudrive.describe.marks import Quantity, StatedPressure, parameter_quantities
-from pneudrive.describe.tables.dependences import SealPressure
 from pneudrive.describe.tables.friction import assumed_with, friction_laws, has_bristles
 from pneudrive.errors import FitError, nearest, package_table, warn
+from pneudrive.estimate.estimates import CONFIDENCE
 from pneudrive.figures import MODEL, RESIDUAL, SPEED, Axis, Figure, Line, Look, Mark, Markers, Panel, Rule, thin
 from pneudrive.free.parameters import circuit_numbers, numbers_of, with_shape
 from pneudrive.simulation.trajectory import meaning
 from pneudrive.units import readable
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping
+    from collections.abc import Callable, Iterable, Mapping
 
     from pneudrive.arrays import Array, Interval, Keyed, NamedNumbers, Plain
     from pneudrive.describe.drive import Drive
@@ -143,8 +143,6 @@ class Identified:
         Hash that identifies the fit.
     file : str
         File of the fit, if known.
-    confidence : float
-        Coverage probability of the intervals.
     model_errors : dict
         Name -> lower limit of the model error, SI, if known.
     correlations : dict
@@ -156,13 +154,12 @@ class Identified:
     sources: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     fit: str = ""
     file: str = ""
-    confidence: float = 0.95
     model_errors: Mapping[str, float] = field(default_factory=dict)
     correlations: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
 
     def lowered(self, forces: Mapping[str, float]) -> Identified:
         """Subtract forces from values and intervals, by name."""
-        every = {name: forces.get(name, 0.0) for name in (*self.values, *self.intervals)}
+        every = {name: forces.get(name, 0.0) for name in self.values}
         values = {name: value - every[name] for name, value in self.values.items()}
         ends = {name: (low - every[name], high - every[name]) for name, (low, high) in self.intervals.items()}
         return replace(self, values=values, intervals=ends)
@@ -171,12 +168,10 @@ class Identified:
         """Return the tables of provenance, with the units of `marks`."""
         out = {}
         for name, interval in self.intervals.items():
-            if name not in self.values:
-                continue
             mark = marks.get(name)
             origin = {
                 "interval": _ends(interval, mark),
-                "confidence": self.confidence,
+                "confidence": CONFIDENCE,
                 "source": joined(self.sources.get(name, ())),
             }
             if name in self.model_errors:
@@ -225,25 +220,18 @@ def apply_identified(
         known = {name: number.mark for name, number in circuit_numbers(drive).items()}
         own = {name: mark for name, mark in known.items() if not name.startswith("ambient.")}
     else:
-        drive = with_shape(drive, found.values)
+        drive = _with_seals(with_shape(drive, found.values), found.values)
         known = provenance.marks(drive)
         entry = drive.friction.entry if law is None else friction_laws()[str(law)]
         known |= {f"friction.{key}": mark for key, mark in parameter_quantities(entry).items()}
-        known |= {name: _chamber(drive, name) for name in found.values if name.endswith((".a", ".b"))}
         own = {name: p.mark for name, p in numbers_of(drive).items() if name.startswith(("tubing.", "flow_control."))}
         known |= own
     found = _off_bounds(found, known)
     for name, value in found.values.items():
-        table, _, last = name.rpartition(".")
         if name not in known:
             raise FitError(f"the fit has {name}, but this {drive.file_kind} does not", remedy=nearest(name, known))
         written = _rounded(value, found.intervals.get(name), known[name])
-        if name in own:
-            changes[name] = {"value": written} | _said(found, name, own[name])
-        elif last in ("a", "b"):
-            changes.setdefault(table, _both(drive, table))[last] = written  # type: ignore[index]
-        else:
-            changes[name] = written
+        changes[name] = {"value": written} | _said(found, name, own[name]) if name in own else written
     if isinstance(drive, Circuit):
         return drive.replace(changes).read_from(found.file)
     changes |= _within_limits(found, drive, changes)
@@ -263,6 +251,14 @@ def apply_identified(
     return after.replace({"provenance": origins}).read_from(found.file)
 
 
+def _with_seals(drive: Drive, names: Iterable[str]) -> Drive:
+    """Return a drive that states the slope over pressure of each force in `names`; a slope that it lacks is zero."""
+    stated = drive.friction.to_dict().get("pressure", {})
+    forces = (name.split(".")[2] for name in names if name.startswith("friction.pressure."))
+    missing = {f"friction.pressure.{force}": {"a": "0 N/Pa", "b": "0 N/Pa"} for force in forces if force not in stated}
+    return drive.replace(missing) if missing else drive
+
+
 def _off_bounds(found: Identified, known: Mapping[str, Written | None]) -> Identified:
     """Replace values at a bound that a drive does not accept, such as a force of 0 N, by the smallest written value."""
     values = dict(found.values)
@@ -279,7 +275,7 @@ def _said(found: Identified, name: str, mark: Written | None) -> dict[str, str]:
     if name not in found.intervals:
         return source
     low, high = _ends(found.intervals[name], mark)
-    return source | {"note": f"identified, {100.0 * found.confidence:g} % interval {low} to {high}"}
+    return source | {"note": f"identified, {100.0 * CONFIDENCE:g} % interval {low} to {high}"}
 
 
 def _assumed(found: Identified, drive: Drive) -> dict[str, str | float]:
@@ -308,29 +304,6 @@ def _within_limits(found: Identified, drive: Drive, changed: Keyed) -> dict[str,
         return {}
     warn(sentence("notes", "limit", name=name, own=own, limit=limit))
     return {name: _rounded(limit, found.intervals.get(other), provenance.marks(drive)[other])}
-
-
-def _chamber(drive: Drive, name: str) -> Quantity | None:
-    """Return the annotation of a value of one chamber, even if the drive does not state the value."""
-    known = provenance.values(drive)
-    if name in known:
-        mark = known[name].mark
-        return mark if isinstance(mark, Quantity) else None
-    if name.startswith("friction.pressure."):
-        (mark,) = (m for m in SealPressure.model_fields["coulomb_n_pa"].metadata if isinstance(m, Quantity))
-        return mark
-    raise FitError(f"the fit has {name}, but this drive does not", remedy=nearest(name, known))
-
-
-def _both(drive: Drive, table: str) -> dict[str, str]:
-    """Return the present values of both chambers; empty without values."""
-    known = provenance.values(drive)
-    out = {}
-    for c in "ab":
-        mark = _chamber(drive, f"{table}.{c}")
-        value = known[f"{table}.{c}"].si if f"{table}.{c}" in known else 0.0
-        out[c] = str(_written(value, mark))
-    return out
 
 
 def _way(mark: Written | None) -> tuple[Quantity, str]:
