@@ -214,10 +214,10 @@ class RunSpread:
 class PressureLine(Shown):
     """Friction = intercept + slope * gauge pressure for one seal.
 
-    ``table`` has the points, and ``points`` its rows. ``band_mean_n`` over ``band_pressure_pa`` is the line, shape (41,). ``band_low_n`` and ``band_high_n`` are the 95 %
-    prediction interval of a further run. ``covariance`` belongs to (intercept_n, slope_n_pa), ``quantile`` to the 95 %
-    intervals. ``basis`` is the source of the spread between runs: ``own`` runs, ``pooled`` from other seals,
-    ``unknown``.
+    ``table`` has the points, and ``points`` its rows. ``band_mean_n`` over ``band_pressure_pa`` is the line, shape
+    (41,). ``band_low_n`` and ``band_high_n`` are the 95 % prediction interval of a further run. ``covariance`` belongs
+    to (intercept_n, slope_n_pa), ``quantile`` to the 95 % intervals. ``basis`` is the source of the spread between
+    runs: ``own`` runs, ``pooled`` from other seals, ``unknown``.
     """
 
     seal: str

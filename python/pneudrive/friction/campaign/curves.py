@@ -72,10 +72,10 @@ class Fits:
         for number, index in enumerate(sorted(set(points["curve"][points.use].tolist()))):
             speed, measured, cycles = points.speeds_of(index)
             value, low, high = by_chance(self, self.friction, number, speed, cycles)
-            offset, cycle = self.offset.at(number, speed), deviation_n(self, "cycle", value)
+            offset = self.offset.at(number, speed)
             shared = systematic(self, value, offset.mean, index)
             of_speed = (points.conditions[index], speed, measured, cycles)
-            found.append(CurveBand(number, index, *of_speed, value, low, high, cycle, offset, shared))
+            found.append(CurveBand(number, index, *of_speed, value, low, high, offset, shared))
         return tuple(found)
 
     @property
@@ -192,7 +192,7 @@ def systematic(fits: Fits, friction_n: Array, half_sum_n: Array, condition: int)
     points, (unseen, unseen_offset_n) = fits.points, fits.points.pattern.unseen()
     here = points.at(points.use & (points["curve"] == condition))
     gain = here["u_gain_n"].mean() / max(abs(here["friction_n"].mean()), 1e-12)
-    spread, size = fits.friction.drift.std(), np.abs(friction_n)
+    spread, size = fits.friction.drift.mean.std(), np.abs(friction_n)
     ones = np.ones(size.size)
     return SharedTerms(
         gain_n=gain * size,
@@ -215,8 +215,8 @@ class CurveBand:
     condition : Condition
     speed_m_s, measured, cycles : ndarray
         See `CurvePoints.speeds_of`.
-    value_n, low_n, high_n, cycle_n : ndarray
-        Curve, its statistical 95 % interval, and the standard deviation of a single cycle.
+    value_n, low_n, high_n : ndarray
+        Curve and its statistical 95 % interval.
     offset : Predicted
         Half the sum of both directions.
     shared : SharedTerms
@@ -231,7 +231,6 @@ class CurveBand:
     value_n: Array
     low_n: Array
     high_n: Array
-    cycle_n: Array
     offset: Predicted
     shared: SharedTerms
 
@@ -279,7 +278,7 @@ def cycle_terms(points: CurvePoints, fits: Fits | None) -> tuple[Array, Array, A
     for number in set(points["curve"][points.use].tolist()):  # others have no curve for their cycles
         here = points["curve"] == number
         shared = systematic(fits, points["friction_n"][here], points["offset_n"][here], number)
-        offset = np.hypot(points["offset_stderr_n"][here], fits.offset.sd["cycle"])
+        offset = np.hypot(points["offset_stderr_n"][here], fits.offset.fit.most_probable_sd("cycle"))
         systematic_n[here] = np.hypot(shared.friction_n(), np.hypot(shared.state_n, block[here]))
         one_sided[here] = offset**2 + shared.zero_n**2 + shared.half_sum_n**2
     return np.hypot(noise, cycle), systematic_n, one_sided
@@ -311,7 +310,7 @@ def by_chance(
 def deviation_n(fits: Fits, source: str, friction_n: Array) -> Array:
     """Return the standard deviation that a random source adds to a single cycle, N, at given friction."""
     fit = fits.friction
-    sd = fit.sd[source] * fits.scale_n
+    sd = fit.fit.most_probable_sd(source) * fits.scale_n
     relative = fit.relative if source == "cycle" else float(fit.logarithmic)
     return sd * np.sqrt(relative * (friction_n / fits.level_n) ** 2 + 1.0 - relative)
 

@@ -79,7 +79,7 @@ def _paired(points: CurvePoints, fits: Fits | None, width_m: float) -> dict[str,
         zero = float(np.average([s.beta[0] for s in fits.offset.fit.states], weights=fits.offset.fit.weights))
         order = fits.offset.data.order
         at = np.argsort(order, kind="stable")
-        own = points["offset_n"] - zero - np.interp(points["order"], order[at], fits.offset.drift[at])
+        own = points["offset_n"] - zero - np.interp(points["order"], order[at], fits.offset.drift.mean[at])
     own = friction + WAYS * own[:, None]
     stderr, systematic, one_sided = (values[:, None] for values in cycle_terms(points, fits))
     half = NORMAL_95 * np.hypot(stderr, systematic)

@@ -168,20 +168,18 @@ class CurveFit:
     fit : MixedFit
     relative : float
         Probability that the scatter of a cycle is proportional to friction, rather than constant in newton.
-    drift : ndarray, shape (n,)
-        Best estimate of the drift at each observation, mean zero.
-    drift_half : ndarray, shape (n,)
-        Half of its 95 % interval.
-    sd : dict
-        Source of scatter (cycle, block) -> its standard deviation, in the unit of the response.
     """
 
     data: CurveData
     fit: mixed.MixedFit
     relative: float
-    drift: Array
-    drift_half: Array
-    sd: dict[str, float]
+
+    @cached_property
+    def drift(self) -> mixed.Predicted:
+        """Best estimate of the drift at each observation, mean zero."""
+        walk = {c.name: c.kernel for c in self.fit.model.components if c.name == "drift"}
+        nothing = np.zeros((len(self.data), self.fit.model.x.shape[1]))
+        return self.fit.predict(nothing, walk, {name: np.diag(kernel) for name, kernel in walk.items()})
 
     @property
     def logarithmic(self) -> bool:
@@ -229,15 +227,7 @@ def carried_drift(data: CurveData) -> float:
 
 def fit_curves(data: CurveData) -> CurveFit:
     """Fit all curves of a campaign."""
-    return _described(data, curve_model(data).fit(), relative=float(data.logarithmic))
-
-
-def _described(data: CurveData, fit: mixed.MixedFit, relative: float) -> CurveFit:
-    walk = {c.name: c.kernel for c in fit.model.components if c.name == "drift"}
-    nothing = np.zeros((len(data), fit.model.x.shape[1]))
-    found = fit.predict(nothing, walk, {name: np.diag(kernel) for name, kernel in walk.items()})
-    sd = {name: fit.most_probable_sd(name) for name in ("cycle", "block")}
-    return CurveFit(data, fit, relative, found.mean, found.half_width(), sd)
+    return CurveFit(data, curve_model(data).fit(), relative=float(data.logarithmic))
 
 
 def either_chance(fitted: CurveFit) -> CurveFit:
@@ -255,7 +245,7 @@ def either_chance(fitted: CurveFit) -> CurveFit:
     share = np.maximum(steady / steady.mean(), LEAST_FRICTION)
     data = replace(fitted.data, chance=1.0 / share if fitted.logarithmic else share)
     fit, (weight,) = fitted.fit.averaged(curve_model(data).fit())
-    return _described(fitted.data, fit, 1.0 - weight if fitted.logarithmic else weight)
+    return CurveFit(fitted.data, fit, 1.0 - weight if fitted.logarithmic else weight)
 
 
 def with_doubt(fitted: CurveFit, readings: Sequence[NDArray[np.intp]]) -> CurveFit:
@@ -272,7 +262,7 @@ def with_doubt(fitted: CurveFit, readings: Sequence[NDArray[np.intp]]) -> CurveF
     noises = (model.noise + spread**2 * np.isin(np.arange(model.y.size), rows) for rows in readings)
     others = (replace(model, noise=noise).fit() for noise in noises)
     fit, _ = fitted.fit.averaged(*others, odds=[(WILD / (1.0 - WILD)) ** rows.size for rows in readings])
-    return _described(fitted.data, fit, fitted.relative)
+    return CurveFit(fitted.data, fit, fitted.relative)
 
 
 def curve_model(data: CurveData) -> mixed.MixedModel:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pneudrive.estimate.estimates import CHANCE, NORMAL_95, student
+from pneudrive.friction.campaign.curves import Fits, deviation_n
 from pneudrive.friction.campaign.points import NEGATIVE, OUTLIER, CurvePoints, suspicions
 from pneudrive.friction.campaign.smooth import CARRIED
 from pneudrive.friction.campaign.trends import pure_scatter, together
@@ -17,7 +18,6 @@ from pneudrive.signals.motion import straight_line
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
-    from pneudrive.friction.campaign.curves import Fits
     from pneudrive.friction.campaign.reading import CampaignData
     from pneudrive.friction.campaign.result import CampaignCharacteristics, Drift, Repeatability
 
@@ -123,7 +123,8 @@ def _once(found: CampaignCharacteristics, repeat: Repeatability, fits: Fits) -> 
         shares = [np.zeros(0)]  # width of the band at a point measured once, over the 95 % scatter of a single cycle
         for curve, band in zip((c for c in found.curves if c.direction == BOTH), fits.bands, strict=True):
             once = curve.measured & (curve.cycles == 1)
-            shares.append((curve.high_n - curve.low_n)[once] / (2.0 * NORMAL_95 * band.cycle_n[once]))
+            cycle_n = deviation_n(fits, "cycle", band.value_n[once])
+            shares.append((curve.high_n - curve.low_n)[once] / (2.0 * NORMAL_95 * cycle_n))
         share = np.concatenate(shares)
         if share.size and np.median(share) < 1.0:
             count = sum(kinds.count("sentinel") for kinds in fits.points.labels("kind", np.arange(len(fits.points))))
@@ -136,7 +137,7 @@ def _left(fits: Fits) -> Iterator[Statement]:
     points, pure = fits.points, pure_scatter(fits)
     if pure is not None:
         data, found = fits.friction.data, pure[0]
-        rest = data.y - fits.friction.drift - fits.friction.steady()
+        rest = data.y - fits.friction.drift.mean - fits.friction.steady()
         scatter = np.hypot(found.value / np.sqrt(data.count), np.sqrt(data.noise))
         off = np.abs(rest) / np.maximum(scatter, ROUNDING * np.abs(points["friction_n"]).max())
         far = np.flatnonzero(off > student(found.degrees_of_freedom) * LEAVES)

@@ -76,7 +76,7 @@ def drift_of(fits: Fits) -> Drift:
     time, sentinel = points["elapsed_s"], points["kind"] == "sentinel"
     repeated = (np.bincount(points.cell[points.use]) > 1).any()
     basis = "sentinels" if sentinel.any() else "repeats" if repeated else "smooth curve"
-    value, half = fit.drift * scale, fit.drift_half * scale
+    value, half = fit.drift.mean * scale, fit.drift.half_width() * scale
     return Drift(
         time_s=time[points.use],
         drift_n=value,
