@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -225,41 +224,39 @@ def _sizes(jacobian: Array) -> Array:
     return np.where(size > 0.0, size, 1.0)
 
 
-# --- Losses of robust estimates: weight of a residual u, in standard deviations.
+# --- Losses of robust estimates.
 
 
 @dataclass(frozen=True)
 class Loss:
-    """Loss rho(u) with its derivatives.
+    """Huber's loss of residuals u (n,) in standard deviations: a square up to |u| = `tuning`, and a line beyond."""
 
-    Attributes
-    ----------
-    name : str
-        Name for ``scipy.optimize.least_squares``.
-    tuning : float
-        Residual, in standard deviations, above which the loss is no longer a square.
-    psi, slope, rho : callable
-        First and second derivative of rho, and rho itself, as functions of residuals u (n,).
-    """
-
-    name: str
     tuning: float
-    psi: Callable[[Array], Array]
-    slope: Callable[[Array], Array]
-    rho: Callable[[Array], Array]
+
+    @property
+    def name(self) -> str:
+        """Name for ``scipy.optimize.least_squares``."""
+        return "huber" if np.isfinite(self.tuning) else "linear"
+
+    def psi(self, u: Array) -> Array:
+        """Return the first derivative of the loss."""
+        return np.clip(u, -self.tuning, self.tuning)
+
+    def slope(self, u: Array) -> Array:
+        """Return the second derivative of the loss."""
+        return (np.abs(u) <= self.tuning).astype(float)
+
+    def rho(self, u: Array) -> Array:
+        """Return the loss."""
+        inner = np.abs(self.psi(u))
+        return inner * (np.abs(u) - 0.5 * inner)
 
 
-#: Huber's tuning constant: 99 % efficiency on normal errors. The usual 1.345 (95 %) is slightly more robust, but with a
-#: dozen levels its intervals cover the true value 1 % less often [huber2009].
-HUBER_K = 2.0
-LINEAR = Loss("linear", np.inf, lambda u: u, np.ones_like, lambda u: 0.5 * u**2)
-HUBER = Loss(
-    "huber",
-    HUBER_K,
-    lambda u: np.clip(u, -HUBER_K, HUBER_K),
-    lambda u: (np.abs(u) <= HUBER_K).astype(float),
-    lambda u: np.where(np.abs(u) <= HUBER_K, 0.5 * u**2, HUBER_K * np.abs(u) - 0.5 * HUBER_K**2),
-)
+#: Least squares, without a straight part.
+LINEAR = Loss(np.inf)
+#: Huber's loss with an efficiency of 99 % on normal errors. The usual tuning constant 1.345 (95 %) is slightly more
+#: robust, but with a dozen levels its intervals cover the true value 1 % less often [huber2009].
+HUBER = Loss(2.0)
 
 
 # --- Moderated variances: empirical-Bayes estimates from few repetitions.
