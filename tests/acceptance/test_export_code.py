@@ -98,10 +98,10 @@ def test_friction_in_structured_text_is_that_of_the_core(name, tmp_path, printed
     text = printed(["export", name, "--to", "st", *speeds])
     rng = np.random.default_rng(3)
     inside = np.exp(rng.uniform(np.log(0.2e-3), np.log(2.0), 1000)) * rng.choice([-1.0, 1.0], 1000)
-    own = steady_friction(pn.Drive.load(name).friction, inside, 5e5, 0.0) * np.sign(inside)
+    own = steady_friction(pn.Drive.load(name).friction.core(), inside, 5e5, 0.0) * np.sign(inside)
     found = run_text(text, inside)
     assert np.abs(found / own - 1.0).max() < 1e-6
     outside = run_text(text, [0.0, 1e-4, -1e-4, 2e-4, 2.1])
     assert outside[:4] == pytest.approx([0.0, 0.5 * outside[3], -0.5 * outside[3], outside[3]])
-    at = steady_friction(pn.Drive.load(name).friction, np.array([2.0, 2.1]), 5e5, 0.0)
+    at = steady_friction(pn.Drive.load(name).friction.core(), np.array([2.0, 2.1]), 5e5, 0.0)
     assert outside[4] == pytest.approx(at[1], rel=1e-3), "beyond its range it goes on as a line"

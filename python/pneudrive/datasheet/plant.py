@@ -16,7 +16,7 @@ from pneudrive.describe.drive import Drive
 from pneudrive.describe.system import compiled
 from pneudrive.describe.tables.valve_flow import EXHAUST, FLOW_KEYS, path_of
 from pneudrive.errors import CommandError, DescriptionError
-from pneudrive.identify.export import steady_force
+from pneudrive.identify.export import steady_friction
 from pneudrive.simulation.session import Linear, Session
 
 if TYPE_CHECKING:
@@ -531,7 +531,7 @@ class HeldDrive:
         if name not in self.frictions:
             return 0.0
         gauge_a, gauge_b = (pressure - self.ambient[0] for pressure in pressures)
-        size = steady_force(self.frictions[name], np.array([velocity]), gauge_a, gauge_b, position)[0]
+        size = steady_friction(self.frictions[name], np.array([velocity]), gauge_a, gauge_b, position)[0]
         return float(np.copysign(size, velocity))
 
     def pressures(self, gas: Array) -> Pair:

@@ -162,7 +162,7 @@ def validate_friction(drive: Drive, path: str | Path) -> FrictionValidation:
 
 def law_n(drive: Drive, velocity_m_s: Array, gauge_a_pa: float, gauge_b_pa: float) -> Array:
     """Return the steady friction of the drive's law, N, against the motion, at velocities and gauge pressures."""
-    return steady_friction(drive.friction, velocity_m_s, gauge_a_pa, gauge_b_pa, 0.5 * drive.cylinder.stroke_m)
+    return steady_friction(drive.friction.core(), velocity_m_s, gauge_a_pa, gauge_b_pa, 0.5 * drive.cylinder.stroke_m)
 
 
 def _model(drive: Drive, direction: int, speed_m_s: Array, gauge_a_pa: float, gauge_b_pa: float) -> Array:

@@ -59,7 +59,7 @@ def test_the_other_tool_gives_our_curve_within_what_is_stated(fit, tool, tmp_pat
 def test_no_other_parameters_are_closer(fit):
     for tool, formula in FORMULAS.items():
         done = fit.export(tool)
-        best = {p.name: p.value for p in done.parameters}
+        best = dict(done.parameters)
         speeds, ours = done.curve.speed_m_s, done.curve.friction_n
 
         def away(p, formula=formula, speeds=speeds, ours=ours):
@@ -76,7 +76,7 @@ def test_an_exponential_curve_goes_over_to_modelica_exactly(make_map):
     assert done.worst_n < 1e-6
     values = {"F_Coulomb": 30.0, "F_Stribeck": 15.0, "fexp": 50.0, "F_prop": 40.0}
     for name, value in values.items():
-        assert done.value(name) == pytest.approx(value, rel=1e-4)
+        assert done.parameters[name] == pytest.approx(value, rel=1e-4)
 
 
 def test_a_curve_of_simscape_goes_over_exactly(make_map):
@@ -88,7 +88,7 @@ def test_a_curve_of_simscape_goes_over_exactly(make_map):
     done = export(SlidingCurve("as it is", "stribeck", "", speed, friction, 0.0, 0.0, (), ()), "simscape")
     assert done.worst_n < 1e-6
     for name, value in p.items():
-        assert done.value(name) == pytest.approx(value, rel=1e-5)
+        assert done.parameters[name] == pytest.approx(value, rel=1e-5)
 
 
 def test_the_table_for_modelica_is_our_curve(fit):
@@ -120,7 +120,7 @@ def test_what_is_lost_is_said(make_map, friction_of):
     friction = friction_of(speed) + (slopes["coulomb_a"] * a + slopes["coulomb_b"] * b)
     fit = fit_friction(make_map(speed, friction, 0.1, gauge_a=a, gauge_b=b), pressure_dependence=True)
     low, high = (fit.export("modelica", gauge_a_pa=g, gauge_b_pa=0.0) for g in (0.0, 2e5))
-    assert high.value("F_Coulomb") - low.value("F_Coulomb") == pytest.approx(1.0, abs=0.1)  # 5e-6 N/Pa over 2 bar
+    assert high.parameters["F_Coulomb"] - low.parameters["F_Coulomb"] == pytest.approx(1.0, abs=0.1)  # 5e-6 N/Pa over 2 bar
     assert "2 bar gauge in a" in high.text
 
 

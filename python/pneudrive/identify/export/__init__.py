@@ -31,10 +31,11 @@ import csv
 import io
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
+from pneudrive.arrays import NamedNumbers, by_name
 from pneudrive.describe.base import Described
 from pneudrive.describe.files import toml
 from pneudrive.describe.files.provenance import GivenNumber, values
@@ -59,17 +60,8 @@ if TYPE_CHECKING:
 POINTS = 400
 
 
-@dataclass(frozen=True)
-class CurveEntry:
-    """Value of the exported law in a table: a number in SI or a word. Missing bounds are NaN."""
-
-    name: str
-    value: float | str
-    unit: str
-    low: float
-    high: float
-    source: str
-    note: str = ""
+#: Value of the exported law in a table: a number in SI or a word, unit, both bounds (NaN if missing), source, note.
+Entry: TypeAlias = tuple[float | str, str, float, float, str, str]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -85,8 +77,8 @@ class SlidingCurve(Shown):
         Ascending speeds, uniform in the logarithm.
     gauge_a_pa, gauge_b_pa : float
         Gauge pressures of the curve.
-    entries : tuple of CurveEntry
-        Parameters of the law in pneudrive.
+    entries : dict
+        Name -> `Entry`: the parameters of the law in pneudrive.
     lost : tuple of str
         Dependences on quantities other than speed, which the law of another tool does not include.
     unwritten : tuple of str
@@ -100,7 +92,7 @@ class SlidingCurve(Shown):
     friction_n: Array
     gauge_a_pa: float
     gauge_b_pa: float
-    entries: tuple[CurveEntry, ...]
+    entries: dict[str, Entry]
     lost: tuple[str, ...]
     unwritten: tuple[str, ...] = ()
 
@@ -144,16 +136,14 @@ def curve_of_drive(
     numbers = {key: value for key, value in values(drive).items() if key.startswith("friction.")}
     numbers |= _numbers_of_lists(drive.friction, "friction")
     given = {f"friction.{key}" for key, _ in _written(drive.friction)}
-    entries = []
+    entries: dict[str, Entry] = {}
     for key, value in numbers.items():
         if key not in given and _is_refused(drive, key, value):
             continue
         origin = drive.provenance.get(key)
         ends = origin.bounds_si(value.mark) if origin is not None else (np.nan, np.nan)
         unit = getattr(value.mark, "si_unit", "") or "1"
-        entries.append(
-            CurveEntry(key.removeprefix("friction."), value.si, unit, *ends, origin.source if origin else "")
-        )
+        entries[key.removeprefix("friction.")] = value.si, unit, *ends, origin.source if origin else "", ""
     speed = speeds_over(speeds_m_s, "drive")
     return curve_of_friction(drive.friction, drive.name, speed, (gauge_a_pa or 0.0, gauge_b_pa or 0.0), entries)
 
@@ -184,18 +174,17 @@ def _is_refused(drive: Drive, key: str, value: GivenNumber) -> bool:
 
 
 def curve_of_friction(
-    friction: Friction, title: str, speed: Array, gauges_pa: Pair, entries: Sequence[CurveEntry]
+    friction: Friction, title: str, speed: Array, gauges_pa: Pair, entries: dict[str, Entry]
 ) -> SlidingCurve:
     """Return the steady curve of a friction law at some speeds and gauge pressures of the chambers."""
-    sides = [steady_friction(friction, sign * speed, *gauges_pa) for sign in (1.0, -1.0)]
+    sides = [steady_friction(friction.core(), sign * speed, *gauges_pa) for sign in (1.0, -1.0)]
     at = {"a": gauges_pa[0] / 1e5, "b": gauges_pa[1] / 1e5, "position": 0.0}
     at |= {"reference": friction.temperature.reference_k} if friction.temperature else {}
     at |= {"slid": friction.wear.slid_m} if friction.wear else {}
     tables = [key for key, table in friction.to_dict().items() if key != "law" and isinstance(table, (dict, list))]
     lost = [sentences("not_exported").get(key, f"friction.{key}").format(**at) for key in tables]
-    names = {entry.name for entry in entries}
-    rest = [(key, str(w)) for key, w in _written(friction) if key not in names and not key.startswith("law.")]
-    entries = (*entries, *(CurveEntry(key, word, "", np.nan, np.nan, "") for key, word in rest))
+    rest = {key: str(w) for key, w in _written(friction) if key not in entries and not key.startswith("law.")}
+    entries = entries | {key: (word, "", np.nan, np.nan, "", "") for key, word in rest.items()}
     unwritten = () if friction.formula is None else (f"the formulas of law {friction.law}",)
     if friction.law not in ("coulomb", "stribeck"):
         lost.append(sentence("not_exported", "presliding", law=friction.law))
@@ -206,16 +195,17 @@ def curve_of_friction(
 
 
 def steady_friction(
-    friction: Friction, velocity_m_s: Array, gauge_a_pa: float, gauge_b_pa: float, position_m: float = 0.0
-) -> Array:
-    """Return the steady friction of a law against the motion, N, at velocities, gauge pressures and a position."""
-    return steady_force(friction.core(), velocity_m_s, gauge_a_pa, gauge_b_pa, position_m)
-
-
-def steady_force(
     core: Keyed, velocity_m_s: Array, gauge_a_pa: float, gauge_b_pa: float, position_m: float = 0.0
 ) -> Array:
-    """Return the steady friction of a law in the core's form; see `steady_friction`."""
+    """Return the steady friction of a law against the motion, N, at velocities, gauge pressures and a position.
+
+    Parameters
+    ----------
+    core : mapping
+        Law in the core's form, from `Friction.core`.
+    velocity_m_s : ndarray, shape (n,)
+    gauge_a_pa, gauge_b_pa, position_m : float
+    """
     from pneudrive import _core
 
     more = {key: value for key, value in core.items() if key not in ("law", "parameters", "pressure")} or None
@@ -242,16 +232,6 @@ ACCURACY = 5e-7
 FALL = 3.0**4
 
 
-@dataclass(frozen=True)
-class ToolParameter:
-    """Parameter of the other tool, by its name there; SI."""
-
-    name: str
-    value: float
-    unit: str
-    meaning: str
-
-
 @dataclass(frozen=True, eq=False, repr=False)
 class Exported(Shown):
     """Converted friction law.
@@ -259,8 +239,8 @@ class Exported(Shown):
     Attributes
     ----------
     tool : str
-    parameters : tuple of ToolParameter
-        Empty if the tool has the same parameters.
+    parameters : dict
+        Name in the tool -> value, SI. Empty if the tool has the same parameters.
     curve : SlidingCurve
         Curve of pneudrive.
     converted_n : ndarray, shape (n,)
@@ -272,7 +252,7 @@ class Exported(Shown):
     """
 
     tool: str
-    parameters: tuple[ToolParameter, ...]
+    parameters: NamedNumbers
     curve: SlidingCurve
     converted_n: Array
     lost: tuple[str, ...]
@@ -287,10 +267,6 @@ class Exported(Shown):
     def worst_percent(self) -> float:
         """Greatest deviation relative to the friction at the same speed, %."""
         return 100.0 * float(np.abs(self.converted_n / self.curve.friction_n - 1.0).max())
-
-    def value(self, name: str) -> float:
-        """Return the value of one parameter, SI."""
-        return {parameter.name: parameter.value for parameter in self.parameters}[name]
 
     def remarks(self) -> list[str]:
         """Return sentences on accuracy, range and losses of the conversion."""
@@ -326,10 +302,9 @@ def _converted(
 ) -> Exported:
     """Return the conversion to a tool, from the values of its parameters, with the text of its template."""
     table = number_table("tools")[tool]
-    named = zip(table["parameters"], values, strict=True)
-    parameters = tuple(ToolParameter(name, value, unit, words) for (name, unit, words), value in named)
+    parameters = by_name((name for name, *_ in table["parameters"]), values)
     made = Exported(tool, parameters, curve, converted_n, (*curve.lost, *table["lost"]))
-    places |= {"made": made, "curve": curve, "remarks": made.remarks()}
+    places |= {"parameters": parameters, "about": table["parameters"], "curve": curve, "remarks": made.remarks()}
     return replace(made, text=rendered(Path(__file__).with_name(f"{tool}.jinja"), {"real": _real}, **places))
 
 
@@ -404,14 +379,14 @@ def _modelica(curve: SlidingCurve) -> Exported:
 
 
 def _csv(curve: SlidingCurve) -> Exported:
-    made, out = Exported("csv", (), curve, curve.friction_n, curve.unwritten), io.StringIO()
+    made, out = Exported("csv", {}, curve, curve.friction_n, curve.unwritten), io.StringIO()
     out.writelines(f"# {remark}\n" for remark in made.remarks())
     table = csv.writer(out, lineterminator="\n")
     table.writerow(["name", "value", "unit", "low", "high", "source", "note"])
-    for e in curve.entries:
-        ends = ["" if np.isnan(end) else repr(float(end)) for end in (e.low, e.high)]
-        value = e.value if isinstance(e.value, str) else repr(float(e.value))
-        table.writerow(map(spreadsheet_text, [e.name, value, e.unit, *ends, e.source, e.note]))
+    for name, (value, unit, low, high, source, note) in curve.entries.items():
+        ends = ["" if np.isnan(end) else repr(float(end)) for end in (low, high)]
+        written = value if isinstance(value, str) else repr(float(value))
+        table.writerow(map(spreadsheet_text, [name, written, unit, *ends, source, note]))
     return replace(made, text=out.getvalue())
 
 

@@ -296,13 +296,13 @@ class FrictionFit(SlidingFit, kind="friction map"):
     def _curve(self, speeds_m_s: Any, gauges_pa: Pair) -> export.SlidingCurve:  # noqa: ANN401 - checked
         speed, gauges = export.speeds_over(speeds_m_s, "fit"), gauges_pa
         found = self.identified()
-        entries = []
+        entries: dict[str, export.Entry] = {}
         for name, value in self.values.items():
             key = slope_key(name) if name in sliding.PRESSURE_NAMES else f"friction.{name}"
             ends = found.intervals.get(key, (np.nan, np.nan))
             note = "" if name in self.determined else "fixed" if name not in self.free else "not determined by the data"
             source = ", ".join(found.sources[key]) if key in found.intervals else ""
-            entries.append(export.CurveEntry(name, value, self.units[name], *ends, source, note))
+            entries[name] = value, self.units[name], *ends, source, note
         exponent = self.values.get("stribeck_exponent", 2.0)
         shape = "lorentzian" if self.model.lorentzian else f"exp(-(v/vs)^{exponent:g})"
         effects = sentences("not_exported")
@@ -315,7 +315,7 @@ class FrictionFit(SlidingFit, kind="friction map"):
             speed,
             self.predict(speed, *gauges).friction_n,
             *gauges,
-            tuple(entries),
+            entries,
             (*([pressure] if self.model.chambers else ()), *lost),
             tuple(lost),
         )
@@ -468,10 +468,10 @@ class LawFit(SlidingFit, kind="law"):
 
     def _curve(self, speeds_m_s: Any, gauges_pa: Pair) -> export.SlidingCurve:  # noqa: ANN401 - checked
         speed = export.speeds_over(speeds_m_s, "fit")
-        entries = [
-            export.CurveEntry(name, value, self.units[name], *self.intervals.get(name, (np.nan, np.nan)), "")
+        entries: dict[str, export.Entry] = {
+            name: (value, self.units[name], *self.intervals.get(name, (np.nan, np.nan)), "", "")
             for name, value in self.values.items()
-        ]
+        }
         title = f"friction fit, law {self.model.friction.law}"
         return export.curve_of_friction(self.friction, title, speed, gauges_pa, entries)
 
