@@ -11,15 +11,16 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from contextvars import ContextVar
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from fnmatch import fnmatchcase
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import Annotated, Any
 
 from pydantic import ConfigDict, Field
 
 from pneudrive import units
+from pneudrive.arrays import Plain
 from pneudrive.describe.base import Described
 from pneudrive.describe.files import sourced, toml
 from pneudrive.describe.files.sourced import Value
@@ -35,19 +36,36 @@ DRIVE = "drive"
 _own: ContextVar[tuple[Path, ...]] = ContextVar("folders of the user's catalogue", default=())
 
 
-@dataclass(frozen=True)
-class Entry:
-    """Part or drive of the catalogue."""
+def _values(given: object) -> tuple[Value, ...]:
+    """Read values with their origin, in tables of any depth."""
+    if not isinstance(given, dict):
+        raise WrongValueError(f"{given!r} is not a table")
+    problems, origins = Problems(), {"value", "source", "assumed"}
+    inner = toml.leaves(given, is_inner=lambda one: bool(isinstance(one, dict) and one and not origins & set(one)))
+    found = [problems.take(sourced.read, key, one) for key, one in inner]
+    problems.tell()
+    return tuple(found)
+
+
+class Entry(Described):
+    """Part or drive of the catalogue.
+
+    `kind` is "drive", or the part's kind of component. `parts` has the parts of a drive by table. `printed` are data of
+    the source that the model does not use.
+    """
 
     name: str
-    kind: str  # "drive", or the part's kind of component
     title: str
-    values: tuple[Value, ...]
-    parts: dict[str, str]  # table -> part, for a drive
-    note: str
-    printed: tuple[Value, ...]  # data of the source that the model does not use
-    path: Path
-    key: str  # key in its file
+    kind: str = ""
+    note: str = ""
+    parts: dict[str, str] = Field(default_factory=dict)
+    values: Annotated[tuple[Value, ...], Reads(_values)] = ()
+    printed: Annotated[tuple[Value, ...], Reads(_values)] = ()
+
+    @cached_property
+    def key(self) -> str:
+        """Prefix of its keys in its file."""
+        return ""
 
     @property
     def is_drive(self) -> bool:
@@ -120,7 +138,8 @@ def entries() -> dict[str, Entry]:
             for own in _read(path):
                 before = found.get(own.name)
                 if before is not None:
-                    whose = "the built-in catalogue" if before.path.is_relative_to(FOLDER) else str(before.path)
+                    home = before.source_file
+                    whose = "the built-in catalogue" if Path(home).is_relative_to(FOLDER) else home
                     warn(f"{own.name} of {path} replaces {own.name} of {whose}")
                 found[own.name] = own
     return found
@@ -209,7 +228,7 @@ def check(part: Entry) -> None:
         errors = [one for one in error.each() if " is missing" not in one.what]  # the user of the part gives it
     if not errors:
         return
-    text = toml.read(part.path)[1]
+    text = toml.read(part.source_file)[1]
     lines = toml.line_numbers(text)
     for error in errors:
         whole = f"{part.key}values.{error.key or ''}"
@@ -217,23 +236,12 @@ def check(part: Entry) -> None:
             whole = whole[: max(whole.rfind("."), whole.rfind("_"), 0)]
         error.key = whole or part.key.rstrip(".")
         error.what = f"{part.name}: {error.what}"
-    raise toml.located(together(errors), part.path, text)
+    raise toml.located(together(errors), part.source_file, text)
 
 
 def _read(path: Path) -> list[Entry]:
     """Read a file of the catalogue."""
     return list(_read_at(path, path.stat().st_mtime_ns))
-
-
-def _values(given: object) -> tuple[Value, ...]:
-    """Read values with their origin, in tables of any depth."""
-    if not isinstance(given, dict):
-        raise WrongValueError(f"{given!r} is not a table")
-    problems, origins = Problems(), {"value", "source", "assumed"}
-    inner = toml.leaves(given, is_inner=lambda one: bool(isinstance(one, dict) and one and not origins & set(one)))
-    found = [problems.take(sourced.read, key, one) for key, one in inner]
-    problems.tell()
-    return tuple(found)
 
 
 class SourceTable(Described):
@@ -245,43 +253,18 @@ class SourceTable(Described):
     date: Text
 
 
-class EntryTable(Described):
-    """Part or drive in the form of a catalogue file."""
-
-    name: str
-    title: str
-    kind: str | None = None
-    note: str = ""
-    parts: dict[str, str] = Field(default_factory=dict)
-    values: Annotated[tuple[Value, ...], Reads(_values)] = ()
-    printed: Annotated[tuple[Value, ...], Reads(_values)] = ()
-
-    def entry(self, at: str, sources: Mapping[str, SourceTable], path: Path) -> Entry:
-        """Return the entry with each source as text or as a key of references.bib."""
-        kind = self.kind or next((value.value for value in self.values if value.key == "kind"), None)
-        if not isinstance(kind, str):
-            raise invalid(f"{at}kind", "describe.entry-without-kind", name=self.name, drive=DRIVE)
-        problems = Problems()
-        values, printed = (
-            tuple(replace(v, source=problems.take(_source, v.source, sources, f"{at}{name}.{v.key}")) for v in said)
-            for name, said in (("values", self.values), ("printed", self.printed))
-        )
-        problems.tell()
-        return Entry(self.name, kind, self.title, values, self.parts, self.note, printed, path, at)
-
-
 class _Sources(Described):
     sources: dict[str, SourceTable] = Field(default_factory=dict)
 
 
-class _OneEntry(EntryTable, _Sources):
+class _OneEntry(Entry, _Sources):
     """File of one entry."""
 
 
 class _Parts(_Sources):
     """File of several parts."""
 
-    part: tuple[EntryTable, ...]
+    part: tuple[Entry, ...]
 
 
 @lru_cache(maxsize=512)
@@ -295,9 +278,22 @@ def _read_at(path: Path, _changed: int) -> tuple[Entry, ...]:
         else:
             file = _OneEntry.model_validate({"name": path.stem} | tables)
             parts = {"": file}
-        found = [problems.take(one.entry, at, file.sources, path) for at, one in parts.items()]
+        found = [problems.take(_sourced, one, at, file.sources) for at, one in parts.items()]
         problems.tell()
-    return tuple(found)
+    return tuple(one.read_from(path) for one in found)
+
+
+def _sourced(entry: Entry, at: str, sources: Mapping[str, SourceTable]) -> Entry:
+    """Return an entry with its kind and its key, and each source as text or as a key of references.bib."""
+    kind = entry.kind or next((value.value for value in entry.values if value.key == "kind"), None)
+    if not isinstance(kind, str):
+        raise invalid(f"{at}kind", "describe.entry-without-kind", name=entry.name, drive=DRIVE)
+    problems, changes = Problems(), Plain(kind=kind, key=at)
+    for name in ("values", "printed"):
+        keyed = ((v, f"{at}{name}.{v.key}") for v in getattr(entry, name))
+        changes[name] = tuple(replace(v, source=problems.take(_source, v.source, sources, key)) for v, key in keyed)
+    problems.tell()
+    return entry.model_copy(update=changes)
 
 
 def _source(key: str | None, sources: Mapping[str, SourceTable], where: str) -> str | None:
