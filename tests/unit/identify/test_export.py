@@ -120,7 +120,7 @@ def test_what_is_lost_is_said(make_map, friction_of):
     friction = friction_of(speed) + (slopes["coulomb_a"] * a + slopes["coulomb_b"] * b)
     fit = fit_friction(make_map(speed, friction, 0.1, gauge_a=a, gauge_b=b), pressure_dependence=True)
     low, high = (fit.export("modelica", gauge_a_pa=g, gauge_b_pa=0.0) for g in (0.0, 2e5))
-    assert high.parameters["F_Coulomb"] - low.parameters["F_Coulomb"] == pytest.approx(1.0, abs=0.1)  # 5e-6 N/Pa over 2 bar
+    assert high.parameters["F_Coulomb"] - low.parameters["F_Coulomb"] == pytest.approx(1.0, abs=0.1)  # 5e-6 N/Pa, 2 bar
     assert "2 bar gauge in a" in high.text
 
 
