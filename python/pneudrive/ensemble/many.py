@@ -402,19 +402,16 @@ class ChunkStore:
         about = {"pneudrive": json.dumps({"study": self.study.study_hash})}
         write_frame(frame, self.path(frame["member"][0]), about)
 
-    def frames(self) -> Iterator[pl.DataFrame]:
-        """Yield the chunks in order."""
+    def frames(self, columns: list[str] | None = None) -> Iterator[pl.DataFrame]:
+        """Yield the chunks in order, whole or with some columns."""
         import polars as pl
 
         for chunk in self.chunks:
-            yield pl.read_parquet(self.path(chunk.start))
+            yield pl.read_parquet(self.path(chunk.start), columns=columns)
 
     def failed(self) -> int:
         """Return the number of failed members."""
-        import polars as pl
-
-        frames = (pl.read_parquet(self.path(chunk.start), columns=["status"]) for chunk in self.chunks)
-        return sum(int((frame["status"] != DONE).sum()) for frame in frames)
+        return sum(int((frame["status"] != DONE).sum()) for frame in self.frames(["status"]))
 
     def remove(self) -> None:
         """Remove the folder with all chunks."""

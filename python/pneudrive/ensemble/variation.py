@@ -13,7 +13,7 @@ from pneudrive import units
 from pneudrive.arrays import Array, Columns, Plain, by_name
 from pneudrive.describe.marks import StatedPressure
 from pneudrive.describe.tables.parts import Initial
-from pneudrive.describe.tables.starts import read_initial, start_state, start_values
+from pneudrive.describe.tables.starts import read_initial, start_state, start_table, start_values
 from pneudrive.errors import CommandError, DescriptionError, PneudriveError, SimulationError, nearest
 from pneudrive.free import parameters as free
 
@@ -92,7 +92,8 @@ class Variation:
     """
 
     def __init__(self, drive: Any, names: Sequence[str], initial: Any = None) -> None:  # noqa: ANN401
-        self.drive, self.initial = drive, self._read_initial(initial)
+        self.drive = drive
+        self.initial = dict(start_table(read_initial(initial)) if drive.system.names else start_values(initial))
         known = all_numbers(drive)
         for name in names:
             if name not in known:
@@ -102,9 +103,6 @@ class Variation:
             if list(names).count(name) > 1:
                 raise CommandError(f"vary: {name} is given twice", remedy="Keep one of them.")
         self.numbers = [known[name] for name in names]
-
-    _read_initial: Any = staticmethod(read_initial)
-    _made_start: Any = staticmethod(Initial.model_validate)
 
     @cached_property
     def family(self) -> DriveFamily:
@@ -123,10 +121,7 @@ class Variation:
 
     def start_said(self) -> dict[str, str]:
         """Return the start state of all members in words. Studies with the same text have the same start."""
-        return {key: str(value) for key, value in self._start_table().items()}
-
-    def _start_table(self) -> Plain:
-        return {} if self.initial is None else self.initial.to_dict()
+        return {key: str(value) for key, value in self.initial.items()}
 
     def reader(self, name: str) -> QuantityReader:
         """Return the reader of quantities, such as ``"25 mm"``, for a varied number."""
@@ -134,30 +129,25 @@ class Variation:
         gauge_from = None if "ambient.pressure" in self.names else ambient
         return QuantityReader(self.numbers[self.names.index(name)], gauge_from)
 
-    def changes(self, row: Array) -> tuple[Plain, Plain]:
-        """Return a member's changes to the description (see `Drive.replace`) and to the start state, in file form."""
-        texts = {number.name: number.written(float(value)) for number, value in zip(self.numbers, row, strict=True)}
-        start = self._start_table()
-        start |= {
-            name.removeprefix(free.INITIAL): text for name, text in texts.items() if name.startswith(free.INITIAL)
-        }
-        return {self._key(name): text for name, text in texts.items() if not name.startswith(free.INITIAL)}, start
-
     @staticmethod
     def _key(name: str) -> str:
         """Return the key of a number in its file."""
         return name
 
-    def single(self, row: Array) -> tuple[Any, Any]:
-        """Return the drive or the circuit and the start state of a member.
+    def single(self, row: Array) -> tuple[Any, Plain]:
+        """Return the drive or the circuit of a member, and its start state in the form of files.
 
         Raises
         ------
         DescriptionError
-            The description or the start state is not valid.
+            The description is not valid.
         """
-        changes, start = self.changes(row)
-        return self.drive.replace(changes) if changes else self.drive, self._made_start(start)
+        texts = {number.name: number.written(float(value)) for number, value in zip(self.numbers, row, strict=True)}
+        changes = {self._key(name): text for name, text in texts.items() if not name.startswith(free.INITIAL)}
+        start = self.initial | {
+            name.removeprefix(free.INITIAL): text for name, text in texts.items() if name.startswith(free.INITIAL)
+        }
+        return self.drive.replace(changes) if changes else self.drive, start
 
     def try_row(self, row: Array) -> None:
         """Check a member by reading it.
@@ -216,7 +206,7 @@ class Variation:
             return state | self._each_start(rows)
         nominal = (self.drive.cylinder.stroke_m, self.drive.ambient.pressure_pa, self.drive.ambient.temperature_k)
         by = [columns.get(name, at) for name, at in zip(STARTS_FROM, nominal, strict=True)]
-        state |= start_state(self.initial or Initial(), *by)
+        state |= start_state(Initial.model_validate(self.initial), *by)
         for name in moved:
             if name.startswith(free.INITIAL):
                 key = name.removeprefix(free.INITIAL)
@@ -232,15 +222,9 @@ class Variation:
 class CircuitVariation(Variation):
     """The numbers of a circuit, and of its start state, that a design sets; names as in `circuit_numbers`."""
 
-    _read_initial = staticmethod(lambda initial: start_values(initial) or None)
-    _made_start = dict
-
     def start_said(self) -> dict[str, str]:
         """Return the start state of all members in words, including that of the circuit file."""
         return {name: repr(value) for name, value in self.drive.core_initial(self.initial).items()}
-
-    def _start_table(self) -> Plain:
-        return dict(self.initial or {})
 
     @staticmethod
     def _key(name: str) -> str:
