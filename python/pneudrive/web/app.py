@@ -29,7 +29,7 @@ from pneudrive.web.drop import take
 from pneudrive.web.guard import DROP, REPORTS
 from pneudrive.web.jobs import READY
 from pneudrive.web.live import live
-from pneudrive.web.messages import PageRequest, fault_of, problems_of, wrong_request
+from pneudrive.web.messages import PageRequest, page_error, problems_of, table_of
 from pneudrive.web.reports import SANDBOX, read_report
 from pneudrive.web.workspace import MOST_FILES, ChangedError, Workspace
 
@@ -112,12 +112,10 @@ def _route(name: str, function: str, known: Keyed) -> Route:
         except ChangedError as changed:
             there = {"text": changed.text, "sha256": changed.version}
             return JSONResponse({"problems": [{"what": str(changed)}], **there}, status_code=412)
-        except PneudriveError as error:
-            return _problems(error)
         except (KeyboardInterrupt, SystemExit, asyncio.CancelledError):
             raise
-        except BaseException as fault:  # unexpected, or a damaged file; the core's panics are no `Exception`
-            return _problems(fault_of(fault, query.get("path", "")))
+        except BaseException as error:  # also an unexpected one; the core's panics are no `Exception`
+            return _problems(page_error(error, query.get("path", "")))
 
     return Route(path, endpoint, methods=[method])
 
@@ -126,7 +124,7 @@ def _answer(name: str, query: Mapping[str, str], body: bytes | None, known: Keye
     """Call a function of `ANSWERS` with the values of a request. Texts missing in a GET request are empty."""
     function, names, fields, models = _door(name)
     texts = [key for key, each in fields.model_fields.items() if each.is_required()]
-    table = {**dict.fromkeys(texts, ""), **query} if body is None else {**query, **_table(body)}
+    table = {**dict.fromkeys(texts, ""), **query} if body is None else {**query, **table_of(body)}
     values = {**known, "given": table, **vars(fields.of(table)), **{key: of.of(table) for key, of in models.items()}}
     return function(**{key: values[key] for key in names})
 
@@ -145,18 +143,6 @@ def _door(name: str) -> tuple[Callable[..., Any], list[str], type[PageRequest], 
         if key not in models
     }
     return found, list(parameters), create_model(function, __base__=PageRequest, **fields), models
-
-
-def _table(body: bytes) -> Plain:
-    """Read a JSON body that is a table."""
-    try:
-        table = json.loads(body)
-        json.dumps(table, ensure_ascii=False).encode()  # half of a surrogate pair is not text
-    except (ValueError, RecursionError):
-        table = None
-    if not isinstance(table, dict):
-        raise wrong_request()
-    return table
 
 
 def _json(answer: Any) -> JSONResponse:  # noqa: ANN401 - plain data

@@ -12,7 +12,9 @@ from pathlib import Path
 
 from pneudrive.arrays import Plain
 from pneudrive.errors import CommandError
+from pneudrive.files.content import exists
 from pneudrive.files.writing import alone_in
+from pneudrive.simulation.trajectory import whole
 from pneudrive.web.workspace import TABLES, Workspace
 
 #: Space that stays free on the disk, bytes.
@@ -85,7 +87,6 @@ def rename(workspace: Workspace, path: str, to: str) -> None:
         raise CommandError(f"there is no folder {target.parent.name}", remedy="Make it first.")
     with alone_in(workspace.root):
         _place(place, target)
-        place.unlink(missing_ok=True)
 
 
 def with_own_layout(workspace: Workspace, path: str, text: str) -> Plain:
@@ -111,7 +112,6 @@ def with_own_layout(workspace: Workspace, path: str, text: str) -> Plain:
             folder.mkdir()
             (folder / "layout.toml").write_text(text, encoding="utf-8")
             _place(place, folder / place.name)
-            place.unlink(missing_ok=True)
         except FileExistsError:
             raise CommandError(f"{own} already exists", remedy="Rename one of the two.") from None
         except OSError as error:
@@ -126,13 +126,9 @@ def add_example(workspace: Workspace) -> Plain:
     try:
         folder.mkdir(exist_ok=True)
         for file in files:
-            part = folder / f".pneudrive-{secrets.token_hex(8)}.part"
-            try:
-                shutil.copyfile(file, part)
-                with contextlib.suppress(CommandError):  # the folder exists already
-                    _place(part, folder / file.name)
-            finally:
-                part.unlink(missing_ok=True)
+            if not exists(folder / file.name):
+                with whole(folder / file.name) as temporary:
+                    shutil.copyfile(file, temporary)
     except OSError as error:
         raise CommandError(f"{EXAMPLE} cannot be written: {error.strerror}") from None
     return {"path": f"{EXAMPLE}/{files[1].name}"}
@@ -156,3 +152,4 @@ def _place(part: Path, target: Path) -> None:
         except FileExistsError:
             raise CommandError(f"{target.name} already exists", remedy="Rename one of the two.") from None
         part.replace(target)
+    part.unlink(missing_ok=True)

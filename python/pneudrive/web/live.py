@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import asyncio
-import json
 import threading
 from collections.abc import Sequence
 from functools import lru_cache
-from typing import Any
 
 import numpy as np
 from starlette.websockets import WebSocket, WebSocketDisconnect
@@ -21,7 +19,7 @@ from pneudrive.web.drive.beside import ExtrasRequest
 from pneudrive.web.drive.run_request import Run, RunLimit
 from pneudrive.web.guard import PROTOCOL
 from pneudrive.web.measured.tiles import drawn_columns
-from pneudrive.web.messages import fault_of, pack, problems_of
+from pneudrive.web.messages import pack, page_error, problems_of, table_of
 from pneudrive.web.workspace import Workspace
 
 #: Panels of the page: quantity of the columns in it, its SI unit, and its title.
@@ -66,10 +64,9 @@ async def live(socket: WebSocket, workspace: Workspace, threads: asyncio.Semapho
 def answer(workspace: Workspace, message: str, limit: RunLimit | None = None) -> bytes:
     """Run the request of a message, and return the frame of the answer with its number."""
     number = path = None
+    limit = limit or RunLimit()
     try:
-        asked = _read(message)
-        if not isinstance(asked, dict):
-            raise CommandError("the request is not a table", remedy="Reload the page.")
+        asked = table_of(message)
         number, path = asked.get("number"), asked.get("path")
         match asked.get("what"):
             case "window":
@@ -84,33 +81,23 @@ def answer(workspace: Workspace, message: str, limit: RunLimit | None = None) ->
                 from pneudrive.web.measured import validation
 
                 return validation.frame_of(workspace, asked, number)
-        limit = limit or RunLimit()
         request = ExtrasRequest.of(asked)
         described = request.described(workspace)
-        run = request.run_of(described, workspace, limit)
+        run = request.run(workspace, described, limit)
         panels = panels_of(run)
         shown = [curve["column"] for panel in panels for curve in panel["curves"]]
         head, arrays = request.answer(workspace, described, run, shown, limit)
         return frame_of(run, panels, request.pixels, {"number": number, "path": path, **head}, arrays)
     except Cancelled:
         error: PneudriveError = CommandError(
-            f"the run took longer than {(limit or RunLimit()).seconds:g} s on the clock",
+            f"the run took longer than {limit.seconds:g} s on the clock",
             remedy="Make it shorter, or copy the command and run it in a terminal.",
         )
-    except PneudriveError as wrong:
-        error = wrong
     except (KeyboardInterrupt, SystemExit):
         raise
-    except BaseException as fault:  # unexpected error; without an answer the page would wait forever
-        error = fault_of(fault)
+    except BaseException as raised:  # also an unexpected one; without an answer the page would wait forever
+        error = page_error(raised)
     return pack({"number": number, "path": path, "problems": problems_of(error)}, {})
-
-
-def _read(message: str) -> Any:  # noqa: ANN401 - plain data
-    try:
-        return json.loads(message)
-    except (ValueError, RecursionError):
-        raise CommandError("the request is not JSON", remedy="Reload the page.") from None
 
 
 def panels_of(run: Run) -> list[Plain]:

@@ -17,7 +17,7 @@ import numpy as np
 from pydantic import AfterValidator, BaseModel, FiniteFloat, StrictInt, StrictStr, ValidationError, WrapValidator
 
 from pneudrive.arrays import Keyed, Plain
-from pneudrive.errors import CommandError, package_table
+from pneudrive.errors import CommandError, PneudriveError, package_table
 from pneudrive.figures import plain_data
 from pneudrive.web.workspace import safe
 
@@ -61,7 +61,7 @@ def pack(head: Keyed, arrays: Keyed, *, drawn: bool = False) -> bytes:
     return b"".join([struct.pack("<I", len(text)), text, *blocks])
 
 
-def problems_of(error: Any) -> list[Plain]:  # noqa: ANN401 - a PneudriveError
+def problems_of(error: PneudriveError) -> list[Plain]:
     """Return an error and its sub-errors as plain data: file, line, what, value, rule and remedy."""
     out = []
     for one in error.each():
@@ -84,8 +84,8 @@ def problems_of(error: Any) -> list[Plain]:  # noqa: ANN401 - a PneudriveError
 _OF_CONTENT = (LookupError, TypeError, ValueError, AttributeError, ArithmeticError, EOFError, zlib.error, struct.error)
 
 
-def fault_of(error: BaseException, path: str = "") -> CommandError:
-    """Return the error for an unexpected exception.
+def page_error(error: BaseException, path: str = "") -> PneudriveError:
+    """Return the error that the page shows for an exception. An unexpected one is also printed on the terminal.
 
     Parameters
     ----------
@@ -94,6 +94,8 @@ def fault_of(error: BaseException, path: str = "") -> CommandError:
     path : str
         File that was read. Empty if the request names no file.
     """
+    if isinstance(error, PneudriveError):
+        return error
     text = f"{type(error).__name__}: {error}"
     if path and isinstance(error, _OF_CONTENT):
         value = f"{error.args[0]} is missing" if isinstance(error, KeyError) and error.args else text
@@ -145,6 +147,24 @@ class PageRequest(BaseModel):
             return cls.model_validate(given)
         except ValidationError:
             raise wrong_request() from None
+
+
+def table_of(request: str | bytes) -> Plain:
+    """Read a request in JSON, which must be a table.
+
+    Raises
+    ------
+    CommandError
+        The request is not such a table.
+    """
+    try:
+        table = json.loads(request)
+        json.dumps(table, ensure_ascii=False).encode()  # half of a surrogate pair is not text
+    except (ValueError, RecursionError):
+        table = None
+    if not isinstance(table, dict):
+        raise wrong_request()
+    return table
 
 
 def wrong_request() -> CommandError:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import socket
 import sys
 import threading
@@ -12,7 +13,7 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from pneudrive.errors import CommandError, PneudriveError, PneudriveWarning
+from pneudrive.errors import CommandError, PneudriveWarning
 from pneudrive.web.guard import NAMES, Guard, Site, address, new_token
 from pneudrive.web.workspace import Workspace, built_page, cache_folder, forget_unused
 
@@ -111,12 +112,10 @@ def guarded(workspace: Workspace, site: Site, port: int, token: str) -> Guard:
 def warm_up() -> None:
     """Simulate once, then import the modules of other views, so that the first click is answered without delay."""
     from pneudrive.web.app import BEHIND
-    from pneudrive.web.drive.run_request import RunRequest
-    from pneudrive.web.live import ANSWERED
+    from pneudrive.web.live import ANSWERED, answer
 
     asked = {"path": "catalogue:reference", "command": "1", "duration": "10 ms"}
-    with suppress(PneudriveError):
-        RunRequest.of(asked).run(Workspace.at(Path(__file__).parent), None)
+    answer(Workspace.at(Path(__file__).parent), json.dumps(asked))
     ANSWERED.wait(MOST_WAIT_S)
     for name in BEHIND:
         import_module(name)

@@ -121,7 +121,7 @@ class ExtrasRequest(RunRequest):
         """Return columns of another drive with the same command, or of a trajectory file."""
         if _is_described(path):
             try:
-                found = self.with_path(path).run(workspace, limit).columns
+                found = self.with_path(path).run(workspace, described_at(workspace, path), limit).columns
             except PneudriveError as error:
                 error.where = error.where or path  # the file is not that of the run
                 raise

@@ -71,13 +71,16 @@ class ControlRequest(PageRequest):
     duration: StrictStr = ""
     pixels: Pixels = 1000
 
-    def prepared(self, workspace: Workspace) -> Prepared:
-        """Return all inputs that determine the run, except its seed.
+    def run(self, workspace: Workspace, limit: RunLimit) -> tuple[Prepared, Run]:
+        """Run the drive under control. Return all inputs that determine the run, except its seed, and the run.
 
         Raises
         ------
         PneudriveError
-            A name is outside the workspace, a file is not valid, or the drive cannot follow the reference.
+            A name is outside the workspace, a file is not valid, the drive cannot follow the reference or cannot
+            continue, or the run is too long for a page.
+        Cancelled
+            The time limit is reached, or the page no longer waits.
         """
         drive = described_at(workspace, self.path)
         controller: Controller | str | None = _checked_law(workspace, self.law) or None
@@ -85,7 +88,7 @@ class ControlRequest(PageRequest):
             raise CommandError(f"{self.law} is a file with its own gains", remedy="Change them in the file.")
         if self.gains:
             controller = Controller(law=self.law, gains=dict(self.gains))
-        return prepare(
+        prepared = prepare(
             drive,
             None if controller else self.law,
             _reference(workspace, self.reference),
@@ -95,19 +98,7 @@ class ControlRequest(PageRequest):
             mismatch=_ready(workspace, self.mismatch, "mismatch") if self.mismatch else None,
         )
 
-    def run(self, workspace: Workspace, limit: RunLimit | None = None) -> tuple[Prepared, Run]:
-        """Run the drive under control.
-
-        Raises
-        ------
-        PneudriveError
-            As for `prepared`, or the run is too long for a page, or the drive cannot continue.
-        Cancelled
-            The time limit is reached, or the page no longer waits.
-        """
-        prepared = self.prepared(workspace)
         check_samples(prepared.duration_s / prepared.tuning.period_s)
-        limit = limit or RunLimit()
         limit.allow(MOST_SECONDS)
         return prepared, run_prepared(prepared, self.seed, Watch(cancel=limit))
 
@@ -121,9 +112,8 @@ class ControlRequest(PageRequest):
         stem = posixpath.splitext(self.path.rpartition(":")[2].rpartition("/")[2])[0] or "axis"
         if self.gains:
             law = names.of(f"{stem}-{self.law}", ".toml")
-            gains = [f"{key} = {toml.value_text(value)}" for key, value in self.gains.items()]
-            lines = ["schema = 1", f"law = {toml.value_text(self.law)}", "", "[gains]", *gains, ""]
-            text = shlex.join(["printf", "%s", "\n".join(lines)]) + f" > {shlex.quote(law)}\n"
+            file = toml.write({"schema": 1, "law": self.law, "gains": self.gains})
+            text = f"{shlex.join(['printf', '%s', file])} > {shlex.quote(law)}\n"
         out = names.of(f"{stem}-control")
         line = words("control run", self.path, controller=safe(law), **self._options, out=out)
         line.insert(3, f"--reference={self.reference}")
@@ -176,7 +166,7 @@ def _reference(workspace: Workspace, text: str) -> str:
     return str(workspace.path(text, files)) if text.endswith(files) else text
 
 
-def answer(workspace: Workspace, asked: Keyed, limit: RunLimit | None = None) -> bytes:
+def answer(workspace: Workspace, asked: Keyed, limit: RunLimit) -> bytes:
     """Run the request of a message, and return the frame of the answer with its number.
 
     Raises
@@ -220,7 +210,7 @@ def tried_law(workspace: Workspace, request: ControlRequest) -> Plain:
         As for `ControlRequest.run`.
     """
     try:
-        _, run = request.run(workspace)
+        _, run = request.run(workspace, RunLimit())
     except Cancelled:
         raise CommandError(f"{request.law} took longer than {MOST_SECONDS:g} s", remedy="Use Compare.") from None
     return {"value": run.provenance["score"]["max_error_m"]}

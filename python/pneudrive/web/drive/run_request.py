@@ -123,8 +123,8 @@ class RunRequest(PageRequest):
         """
         return with_changes(described_at(workspace, self.path, self.text), self.changes)
 
-    def run(self, workspace: Workspace, cancel: Flag | None) -> Run:
-        """Simulate.
+    def run(self, workspace: Workspace, described: Described, cancel: Flag) -> Run:
+        """Simulate the result of `described`.
 
         Raises
         ------
@@ -133,13 +133,8 @@ class RunRequest(PageRequest):
         Cancelled
             The flag was set, or the time limit is reached.
         """
-        return self.run_of(self.described(workspace), workspace, cancel)
-
-    def run_of(self, described: Described, workspace: Workspace, cancel: Flag | None) -> Run:
-        """Simulate the result of `described`. Errors are those of `run`."""
         check_samples(positive(self.duration, "s", "duration") * positive(self.rate, "1/s", "sample_rate"))
-        watch = Watch(cancel=cancel or RunLimit())
-        options: Plain = {"initial": self.initial or None, "sample_rate": self.rate, "watch": watch}
+        options: Plain = {"initial": self.initial or None, "sample_rate": self.rate, "watch": Watch(cancel=cancel)}
         return run(described, self.command_of(described, workspace), self.duration, **options)
 
     def command_of(self, described: Described, workspace: Workspace) -> Any:  # noqa: ANN401 - any form of a command

@@ -28,7 +28,7 @@ from pneudrive.signals.motion import find_strokes
 from pneudrive.signals.recording import clean
 from pneudrive.simulation.trajectory import SUFFIXES, columns_in
 from pneudrive.web.measured.tiles import BLOCK, Pyramid
-from pneudrive.web.messages import MOST_PIXELS, PageRequest, fault_of, pack, problems_of
+from pneudrive.web.messages import MOST_PIXELS, PageRequest, pack, page_error, problems_of
 from pneudrive.web.workspace import TABLES, Listed, Workspace, cache_folder, safe
 
 ENDS = 1 << 16  # bytes at both ends of a file that enter its key
@@ -120,12 +120,10 @@ class Reading(Future[OpenRecording]):
 
         try:
             self.set_result(_opened(path, layout, key, Watch(tell)))
-        except PneudriveError as error:
-            self.set_exception(error)
         except OSError as error:  # the file was removed, or the disk is full
             self.set_exception(unreadable(path, error, RecordingError))
-        except BaseException as fault:  # unexpected error; without an end the page would wait forever
-            self.set_exception(fault_of(fault))
+        except BaseException as error:  # also an unexpected one; without an end the page would wait forever
+            self.set_exception(page_error(error))
 
     def need(self, name: str) -> OpenRecording:
         """Return the recording, once it has been read.
