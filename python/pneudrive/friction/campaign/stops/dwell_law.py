@@ -307,7 +307,7 @@ def dwell_statements(series: DwellSeries, stops: pl.DataFrame) -> Iterator[State
         kind = next((f"spoiled_{flag}" for flag in ("negative_friction", "undersampled") if flags[flag]), "spoiled")
         counts = ", ".join(f"{flag.replace('_', ' ')} {count}" for flag, count in flags.most_common())
         yield say(f"stops.{kind}", where=where, count=(~stops["usable"]).sum(), stops=len(stops), flags=counts)
-    durations = series.curve.data.durations if series.curve is not None else 0
+    durations = dwell_models.most_durations(series.curve.data) if series.curve is not None else 0
     if series.curve is None or durations < 2:
         yield from _one_duration(where, stops.filter("usable"))
         return
@@ -369,7 +369,7 @@ def _confounding(where: str, series: DwellSeries, curve: dwell_models.DwellCurve
     rate = series.stops["loading_rate_n_s"].to_numpy()
     known = np.isfinite(rate) & (rate > 0)
     if known.sum() > 5:
-        logs, durations = np.log(rate[known]), curve.data.log_s[known]
+        logs, durations = np.log(rate[known]), curve.data["log_s"][known]
         spread = np.subtract(*np.quantile(logs, [0.9, 0.1]))
         together = np.corrcoef(logs, durations)[0, 1] if spread > 0 and np.ptp(durations) > 0 else 0.0
         if spread > RATE_SPREAD and abs(together) > RATE_CORRELATION:
@@ -440,13 +440,13 @@ def _series(stops: pl.DataFrame, ambient: float) -> DwellSeries:
     slope = np.polyfit((time - time.mean()) / np.ptp(time), running, 1)[0] if np.ptp(time) != 0 else 0.0
     drift = abs(slope) / 2.0 / max(abs(series.running_n), 1e-9)
     drift_n = drift * np.ptp(used["increment_n"].to_numpy())
-    curve = dwell_models.fit_curve(dwell_models.DwellData(used, tuple(enough), drift_n))
+    curve = dwell_models.fit_curve(used, tuple(enough), drift_n)
     return replace(series, **_results(series, curve, ambient)) if curve is not None else series
 
 
 def _results(series: DwellSeries, curve: dwell_models.DwellCurve, ambient: float) -> Row:
     at = np.log10([series.reference_s])
-    low, high = curve.data.log_s.min(), curve.data.log_s.max()
+    low, high = curve.data["log_s"].min(), curve.data["log_s"].max()
     slopes, gains = curve.slopes(at), curve.gains(low, high)
     # Inertia adds to every peak, but less if the contact is softer: at most all of it over the durations.
     u = inertia_of(series.stops) / max(high - low, 0.3) / np.sqrt(12.0)
@@ -489,7 +489,7 @@ def _running(stops: pl.DataFrame) -> float:
 
 def _pressure(curve: dwell_models.DwellCurve, at: Array, ambient: float) -> DwellPressure | None:
     """Regress slopes and increments of the conditions on their pressures, within one model."""
-    gauge = np.array([(c.pressure_a_pa - ambient, c.pressure_b_pa - ambient) for c in curve.data.conditions])
+    gauge = np.array([(c.pressure_a_pa - ambient, c.pressure_b_pa - ambient) for c in curve.conditions])
     if len(gauge) < 2 or not (np.ptp(gauge, axis=0) > SAME_PRESSURE_PA).any():
         return None
     kind = classify_pressures(gauge / PA_PER_BAR)

@@ -20,13 +20,12 @@ the scatter.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from pneudrive import _core
-from pneudrive.arrays import Array, Interval, Ints, by_name
+from pneudrive.arrays import Array, Interval, by_name
 from pneudrive.describe.files import toml
 from pneudrive.errors import FitError, nearest, package_table
 from pneudrive.estimate import mixed
@@ -168,7 +167,7 @@ def fit_forms(curve: DwellCurve, reference_s: float) -> tuple[DwellLawFit, ...]:
     tuple of DwellLawFit
         Best first. Empty with fewer than three durations.
     """
-    if curve.data.durations < LEAST_DURATIONS:
+    if most_durations(curve.data) < LEAST_DURATIONS:
         return ()
     whitener = np.linalg.inv(np.linalg.cholesky(curve.scatter_covariance())).astype(float)
     fits = sorted((_fit(curve, form, whitener, reference_s) for form in FORMS), key=lambda f: f.aicc)
@@ -179,8 +178,8 @@ def fit_forms(curve: DwellCurve, reference_s: float) -> tuple[DwellLawFit, ...]:
 
 
 def _fit(curve: DwellCurve, form: DwellForm, whitener: Array, reference_s: float) -> DwellLawFit:
-    n, conditions = len(curve.data), len(curve.data.conditions)
-    shortest, longest = curve.data["dwell_s"].min(), curve.data["dwell_s"].max()
+    dwell, conditions = curve.data["dwell_s"], len(curve.conditions)
+    n, shortest, longest = dwell.size, dwell.min(), dwell.max()
     limits = {"s": (shortest / form.reach[0], longest * form.reach[1]), "": (EXPONENTS[0], np.inf)}
     linear = conditions + curve.extra.shape[1] + (conditions if form.growth else 0)
     count = linear + len(form.units) + 1
@@ -216,11 +215,11 @@ def _fit(curve: DwellCurve, form: DwellForm, whitener: Array, reference_s: float
 
 def _at(curve: DwellCurve, form: DwellForm, whitener: Array, times: Array) -> mixed.Scan:
     """Fit a law at these times, and at all exponents if they are free."""
-    data, conditions = curve.data, len(curve.data.conditions)
-    own = np.eye(conditions)[data.condition]
+    data, conditions = curve.data, len(curve.conditions)
+    own = np.eye(conditions)[data["condition"]]
     columns = [times, EXPONENTS][: len(form.units)]
     shapes = np.stack(np.meshgrid(*columns, indexing="ij"), axis=-1).reshape(-1, len(columns)) if columns else EMPTY
-    designs = np.broadcast_to(np.c_[own, curve.extra], (len(shapes), len(data), conditions + curve.extra.shape[1]))
+    designs = np.broadcast_to(np.c_[own, curve.extra], (len(shapes), len(own), conditions + curve.extra.shape[1]))
     if form.growth:
         dwell = data["dwell_s"]
         psi = np.array([form.psi(dwell, *shape) for shape in shapes])
@@ -249,46 +248,10 @@ LEAST_FREEDOM = 2
 SPARE_FOR_PLACES, SPARE_FOR_DRIFT = 4, 6
 
 
-@dataclass(frozen=True, eq=False)
-class DwellData:
-    """Stops of one series.
-
-    Attributes
-    ----------
-    stops : polars.DataFrame
-    conditions : tuple of Condition
-    drift_prior_n : float
-        Standard deviation of the drift of increments over half the campaign, used if the order of the stops hides the
-        drift.
-    """
-
-    stops: pl.DataFrame
-    conditions: tuple[Condition, ...]
-    drift_prior_n: float = 0.0
-
-    def __getitem__(self, name: str) -> NDArray:
-        """Return a column of the stops, shape (n,)."""
-        return self.stops[name].to_numpy()
-
-    def __len__(self) -> int:
-        """Return the number of stops."""
-        return len(self.stops)
-
-    @cached_property
-    def log_s(self) -> Array:
-        """Decadic logarithm of the duration."""
-        return np.log10(self["dwell_s"])
-
-    @cached_property
-    def condition(self) -> Ints:
-        """Index of the condition of each stop."""
-        return np.array([self.conditions.index(c) for c in conditions_of(self.stops)], dtype=np.int64)
-
-    @property
-    def durations(self) -> int:
-        """Largest number of different durations at a condition."""
-        level = levels(self.log_s, SAME_DURATION)
-        return max(np.unique(level[self.condition == c]).size for c in range(len(self.conditions)))
+def most_durations(data: dict[str, NDArray]) -> int:
+    """Return the largest number of different durations at a condition."""
+    level, condition = levels(data["log_s"], SAME_DURATION), data["condition"]
+    return max(np.unique(level[condition == c]).size for c in np.unique(condition))
 
 
 @dataclass(frozen=True, eq=False)
@@ -297,7 +260,9 @@ class DwellCurve:
 
     Attributes
     ----------
-    data : DwellData
+    data : dict of ndarray, shape (n,)
+        Columns of the stops, decadic logarithm of the duration (``log_s``), and index of the ``condition``.
+    conditions : tuple of Condition
     fit : MixedFit
     centre : float
         log10 duration to which the levels refer.
@@ -309,7 +274,8 @@ class DwellCurve:
         Huber's weight of each stop; below 1 for an outlying stop.
     """
 
-    data: DwellData
+    data: dict[str, NDArray]
+    conditions: tuple[Condition, ...]
     fit: mixed.MixedFit
     centre: float
     extra: Array
@@ -327,7 +293,7 @@ class DwellCurve:
     def gains(self, low: float, high: float) -> mixed.Functionals:
         """Return the mean slope per decade between two log10 durations, at each condition."""
         row = np.array([[-1.0, 1.0]]) / (high - low)
-        rows = np.kron(np.eye(len(self.data.conditions)), row)
+        rows = np.kron(np.eye(len(self.conditions)), row)
         return self.values(np.array([low, high])).combine(rows.astype(float))
 
     def scatter_covariance(self) -> Array:
@@ -338,41 +304,47 @@ class DwellCurve:
         return part.covariance(self.fit.sd[kept])
 
     def _functionals(self, log_s: Array, *, derivative: bool) -> mixed.Functionals:
-        conditions = len(self.data.conditions)
+        conditions, log_stop_s = len(self.conditions), self.data["log_s"]
         of, at = np.repeat(np.arange(conditions), log_s.size), np.tile(log_s, conditions)
         rows, fixed = np.arange(of.size), np.zeros((of.size, self.fit.model.x.shape[1]))
         fixed[rows, of] = 0.0 if derivative else 1.0
         fixed[rows, conditions + of] = 1.0 if derivative else at - self.centre
-        with_stops = np.where(of[:, None] == self.data.condition, 1.0, COMMON_BEND)
+        with_stops = np.where(of[:, None] == self.data["condition"], 1.0, COMMON_BEND)
         with_each = np.where(of[:, None] == of, 1.0, COMMON_BEND)
         cross, own = {}, {}
         for name, (length, _) in BENDS.items():
-            k, z = gaussian(at, self.data.log_s, length), gaussian(at, at, length)
+            k, z = gaussian(at, log_stop_s, length), gaussian(at, at, length)
             if derivative:
                 away = (at[:, None] - at) / length
-                k = -k * (at[:, None] - self.data.log_s) / length**2
+                k = -k * (at[:, None] - log_stop_s) / length**2
                 z = z * (1.0 - away * away) / length**2
             cross[name], own[name] = k * with_stops, z * with_each
         return mixed.Functionals(self.fit, fixed, cross, own)
 
 
-def fit_curve(data: DwellData) -> DwellCurve | None:
+def fit_curve(stops: pl.DataFrame, conditions: tuple[Condition, ...], drift_prior_n: float) -> DwellCurve | None:
     """Fit the curve; None if too few stops are left to estimate the scatter.
 
     Parameters
     ----------
-    data : DwellData
-        At least two durations at each condition.
+    stops : polars.DataFrame
+        Stops of one series, at least two durations at each condition.
+    conditions : tuple of Condition
+    drift_prior_n : float
+        Standard deviation of the drift of increments over half the campaign, used if the order of the stops hides the
+        drift.
     """
-    n, conditions = len(data), len(data.conditions)
-    u, rows = data.log_s, np.arange(n)
+    condition = np.array([conditions.index(c) for c in conditions_of(stops)], dtype=np.int64)
+    data: dict[str, NDArray] = {name: stops[name].to_numpy() for name in stops.columns}
+    data |= {"condition": condition, "log_s": np.log10(data["dwell_s"])}
+    n, u, rows = len(stops), data["log_s"], np.arange(len(stops))
     centre = float(u.mean())
-    x = np.zeros((n, 2 * conditions))
-    x[rows, data.condition] = 1.0
-    x[rows, conditions + data.condition] = u - centre
+    x = np.zeros((n, 2 * len(conditions)))
+    x[rows, condition] = 1.0
+    x[rows, len(conditions) + condition] = u - centre
     if n - x.shape[1] < LEAST_FREEDOM:
         return None
-    extra, hidden, inflation = _places_and_drift(data, x)
+    extra, hidden, inflation = _places_and_drift(data, x, drift_prior_n)
     x = np.c_[x, extra]
     # Sources of scatter; the scatter from stop to stop comes first.
     line = np.abs(projection(data["increment_n"], x))
@@ -380,8 +352,8 @@ def fit_curve(data: DwellData) -> DwellCurve | None:
     tau = _first_scatter(data, x)
     swing = max(np.ptp(line), tau)
     components = [mixed.RandomEffect("scatter", size / size.mean(), tau)]
-    if data.durations > 2:
-        share = np.where(data.condition[:, None] == data.condition, 1.0, COMMON_BEND)
+    if most_durations(data) > 2:
+        share = np.where(condition[:, None] == condition, 1.0, COMMON_BEND)
         bends = ((name, gaussian(u, u, length) * share, swing * part) for name, (length, part) in BENDS.items())
         components += [mixed.RandomEffect(*bend) for bend in bends]
     block = data["block"]
@@ -400,7 +372,7 @@ def fit_curve(data: DwellData) -> DwellCurve | None:
         model = mixed.MixedModel(
             data["increment_n"], x, data["increment_stderr_n"] ** 2 / weight, (scatter, *components[1:])
         )
-        curve = DwellCurve(data, model.fit(), centre, extra, inflation, weight)
+        curve = DwellCurve(data, conditions, model.fit(), centre, extra, inflation, weight)
         # Residual of each stop from curve and blocks, in standard deviations.
         own = (model.noise + curve.fit.sd[0] ** 2 * scatter.kernel) * weight
         solved = np.linalg.solve(model.covariance(curve.fit.sd), model.y - x @ curve.fit.states[0].beta)
@@ -412,9 +384,9 @@ def fit_curve(data: DwellData) -> DwellCurve | None:
     return curve
 
 
-def _places_and_drift(data: DwellData, x: Array) -> tuple[Array, Array, float]:
+def _places_and_drift(data: dict[str, NDArray], x: Array, drift_prior_n: float) -> tuple[Array, Array, float]:
     """Return fixed columns of positions and drift, the column of a hidden drift, and its variance inflation."""
-    n = len(data)
+    n = len(x)
     at = np.round(data["position_m"] / SAME_PLACE_M).astype(np.int64)
     names, member = np.unique(cells(data["direction"], at), return_inverse=True)
     extra = np.eye(names.size)[member] - 1.0 / names.size
@@ -427,10 +399,10 @@ def _places_and_drift(data: DwellData, x: Array) -> tuple[Array, Array, float]:
     if np.ptp(time) == 0:
         return extra, np.zeros((n, 0)), 1.0
     drift = (time / np.abs(time).max())[:, None]
-    inflation = _inflation(np.c_[x, extra], len(data.conditions), drift)
+    inflation = _inflation(np.c_[x, extra], x.shape[1] // 2, drift)
     if inflation < CONFOUNDED and spare > SPARE_FOR_DRIFT:
         return np.c_[extra, drift], np.zeros((n, 0)), inflation
-    return extra, drift * data.drift_prior_n if data.drift_prior_n > 0 else np.zeros((n, 0)), inflation
+    return extra, drift * drift_prior_n if drift_prior_n > 0 else np.zeros((n, 0)), inflation
 
 
 def _inflation(x: Array, conditions: int, drift: Array) -> float:
@@ -445,10 +417,10 @@ def _inflation(x: Array, conditions: int, drift: Array) -> float:
     return wider @ np.linalg.inv(both.T @ both) @ wider / max(before, 1e-300)
 
 
-def _first_scatter(data: DwellData, x: Array) -> float:
+def _first_scatter(data: dict[str, NDArray], x: Array) -> float:
     """Return a first estimate of the scatter beyond noise: within equal stops, otherwise about lines."""
     y = data["increment_n"]
-    cell = cells(data.condition, levels(data.log_s, SAME_DURATION))
+    cell = cells(data["condition"], levels(data["log_s"], SAME_DURATION))
     counts = np.bincount(cell)
     repeats = (counts - 1).sum()
     if repeats >= 3:
