@@ -221,11 +221,11 @@ class MixedModel:
     def fit(self) -> MixedFit:
         """Fit the standard deviations, and find the points that represent their uncertainty."""
         if not self.components:
-            return MixedFit(self, self.scales, np.ones(1), (_State.of(self, self.scales),))
+            return MixedFit(self, self.scales, np.ones(1), (_State(self, self.scales),))
         few = self._few()
         best = _search(few, None)
         points, weights = _points(few, best)
-        return MixedFit(self, np.exp(best), weights, tuple(_State.of(self, np.exp(p)) for p in points))
+        return MixedFit(self, np.exp(best), weights, tuple(_State(self, np.exp(p)) for p in points))
 
     def most_probable(self, start: Array | None) -> tuple[Array, float]:
         """Return the most probable standard deviations, searched from `start`, and the cost of the data.
@@ -246,7 +246,7 @@ class MixedModel:
         ndarray, shape (n,)
             Standard deviation of the difference.
         """
-        state = _State.of(self, sd)
+        state = _State(self, sd)
         inverse = state.solve(np.eye(self.y.size))
         vx = inverse @ self.x
         diagonal = np.diag(inverse) - np.einsum("ij,jk,ik->i", vx, state.beta_covariance, vx)
@@ -282,40 +282,44 @@ class MixedModel:
         return total
 
 
-@dataclass(frozen=True, eq=False)
 class _State:
-    """Solution of the model at one set of standard deviations."""
+    """Solution of the model at one set of standard deviations.
 
-    sd: Array
-    solved: Array  # V^-1 (y - X b)
-    beta: Array
-    beta_covariance: Array
-    lower: Array  # Cholesky factor of V
-    half_x: Array  # L^-1 X
-    r: Array  # upper triangle of its QR decomposition
+    Attributes
+    ----------
+    sd : ndarray, shape (k,)
+    lower : ndarray, shape (n, n)
+        Cholesky factor L of the covariance V.
+    half_x : ndarray, shape (n, p)
+        L^-1 X.
+    beta, beta_covariance : ndarray, shape (p,) and (p, p)
+        Coefficients of the fixed effects.
+    residual, solved : ndarray, shape (n,)
+        y - X b, and V^-1 (y - X b).
+    """
 
-    @classmethod
-    def of(cls, model: MixedModel, sd: Array) -> _State:
-        lower = cholesky(model.covariance(sd), lower=True, check_finite=False)
-        half_x, half_y = (
-            solve_triangular(lower, right, lower=True, check_finite=False) for right in (model.x, model.y)
+    def __init__(self, model: MixedModel, sd: Array) -> None:
+        self.sd = sd
+        self.lower = cholesky(model.covariance(sd), lower=True, check_finite=False)
+        self.half_x, half_y = (
+            solve_triangular(self.lower, right, lower=True, check_finite=False) for right in (model.x, model.y)
         )
-        q, r = np.linalg.qr(half_x)
-        rights = q.T @ half_y, np.eye(r.shape[0])
-        beta, inverse = (solve_triangular(r, right, check_finite=False) for right in rights)
-        solved = cho_solve((lower, True), model.y - model.x @ beta, check_finite=False)
-        return cls(sd, solved, beta, inverse @ inverse.T, lower, half_x, r)
+        q, self._r = np.linalg.qr(self.half_x)
+        rights = q.T @ half_y, np.eye(self._r.shape[0])
+        self.beta, inverse = (solve_triangular(self._r, right, check_finite=False) for right in rights)
+        self.beta_covariance = inverse @ inverse.T
+        self.residual = model.y - model.x @ self.beta
+        self.solved = self.solve(self.residual)
 
     def solve(self, right: Array) -> Array:
         """Return V^-1 times `right`, shape (n,) or (n, m)."""
         return cho_solve((self.lower, True), right, check_finite=False)
 
-    def deviance(self, model: MixedModel) -> float:
+    def deviance(self) -> float:
         """Twice the negative logarithm of the restricted likelihood."""
         of_v = float(np.sum(np.log(np.diag(self.lower))))
-        of_x = float(np.sum(np.log(np.abs(np.diag(self.r)))))
-        log_det = 2.0 * of_v + 2.0 * of_x
-        return log_det + float((model.y - model.x @ self.beta) @ self.solved)
+        of_x = float(np.sum(np.log(np.abs(np.diag(self._r)))))
+        return 2.0 * of_v + 2.0 * of_x + float(self.residual @ self.solved)
 
 
 @dataclass(frozen=True, eq=False)
@@ -449,7 +453,7 @@ class MixedFit:
 
     def log_likelihood(self) -> float:
         """Restricted log-likelihood at the most probable standard deviations."""
-        return -0.5 * _State.of(self.model, self.sd).deviance(self.model)
+        return -0.5 * _State(self.model, self.sd).deviance()
 
 
 @dataclass(frozen=True, eq=False)
@@ -525,7 +529,7 @@ def independent(x: Array) -> NDArray[np.intp]:
 def _cost(model: MixedModel, log_sd: Array) -> tuple[float, Array]:
     """Return the negative log posterior of the log standard deviations and its gradient."""
     sd = np.exp(log_sd)
-    state = _State.of(model, sd)
+    state = _State(model, sd)
     inverse = state.solve(np.eye(model.y.size))
     vx = inverse @ model.x
     p = inverse - vx @ state.beta_covariance @ vx.T
@@ -540,7 +544,7 @@ def _cost(model: MixedModel, log_sd: Array) -> tuple[float, Array]:
     share = (sd / model.scales) ** 2
     power = 1.0 + np.array([c.power for c in model.components])
     prior = float(np.sum(0.5 * (1.0 + power) * np.log1p(share) - power * log_sd))
-    return 0.5 * state.deviance(model) + prior, gradient + (1.0 + power) * share / (1.0 + share) - power
+    return 0.5 * state.deviance() + prior, gradient + (1.0 + power) * share / (1.0 + share) - power
 
 
 def _search(model: MixedModel, sd: Array | None) -> Array:
