@@ -15,18 +15,7 @@ from functools import cache
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Protocol, TypeGuard, TypeVar, runtime_checkable
 
 import numpy as np
-from pydantic import (
-    AfterValidator,
-    BeforeValidator,
-    ConfigDict,
-    Discriminator,
-    Strict,
-    StrictBool,
-    StrictInt,
-    Tag,
-    TypeAdapter,
-    ValidationError,
-)
+import pydantic
 
 from pneudrive.constants import STANDARD_ATMOSPHERE_PA
 from pneudrive.errors import DescriptionError, ErrorKind, RigError, nearest, package_table
@@ -47,7 +36,7 @@ def present(data: Any) -> Any:  # noqa: ANN401 - JSON
     return {name: value for name, value in data.items() if value is not None} if isinstance(data, dict) else data
 
 
-def holds(rule: str, check: Callable[[Any], bool]) -> AfterValidator:
+def holds(rule: str, check: Callable[[Any], bool]) -> pydantic.AfterValidator:
     """Return a validator for a value from JSON. Messages show the rule."""
 
     def checked(value: T) -> T:
@@ -55,12 +44,12 @@ def holds(rule: str, check: Callable[[Any], bool]) -> AfterValidator:
             return value
         raise ValueError(rule)
 
-    return AfterValidator(checked)
+    return pydantic.AfterValidator(checked)
 
 
 #: Number, not NaN. Infinity is valid for a rigid rig or a sensor without limits.
 Number = Annotated[
-    float, Strict(), holds("the value is a number", lambda value: abs(value) <= LARGEST or abs(value) == math.inf)
+    pydantic.StrictFloat, holds("the value is a number", lambda value: abs(value) <= LARGEST or abs(value) == math.inf)
 ]
 Positive = Annotated[Number, holds("must be positive; pressures are absolute", lambda value: 0.0 < value < math.inf)]
 NotNegative = Annotated[Number, holds("a number, not negative", lambda value: value >= 0.0)]
@@ -71,11 +60,11 @@ Limits = Annotated[Span, holds("[lowest, highest]", lambda value: value[0] < val
 #: Texts by name. Numbers are converted to text.
 Texts = Annotated[
     dict[str, str],
-    BeforeValidator(lambda data: {n: str(v) for n, v in data.items()} if isinstance(data, dict) else data),
+    pydantic.BeforeValidator(lambda data: {n: str(v) for n, v in data.items()} if isinstance(data, dict) else data),
 ]
 
 WORDS: dict[str, Plain] = package_table(__file__, "words.toml")
-ONLY_KNOWN = ConfigDict(extra="forbid")
+ONLY_KNOWN = pydantic.ConfigDict(extra="forbid")
 #: Fields of a rig in both an identity and a recording.
 SHARED = (
     *("area_a_m2", "area_b_m2", "ambient_pressure_pa", "mass_beyond_sensor_kg", "incline_rad", "stiffness_n_m"),
@@ -120,8 +109,8 @@ class Hold:
 
     __pydantic_config__: ClassVar = ONLY_KNOWN
     duration_s: Number
-    released: StrictBool = False
-    shut: StrictBool = False
+    released: pydantic.StrictBool = False
+    shut: pydantic.StrictBool = False
     weight_n: Number = 0.0
 
 
@@ -129,9 +118,9 @@ Step = Move | Hold
 #: Kinds of steps in JSON, by whether a step has a target.
 TAGS = ("hold", "move")
 WrittenStep = Annotated[
-    Annotated[Move, Tag("move")] | Annotated[Hold, Tag("hold")],
-    Discriminator(lambda step: TAGS[isinstance(step, Move) or (isinstance(step, dict) and "to_m" in step)]),
-    BeforeValidator(present),
+    Annotated[Move, pydantic.Tag("move")] | Annotated[Hold, pydantic.Tag("hold")],
+    pydantic.Discriminator(lambda step: TAGS[isinstance(step, Move) or (isinstance(step, dict) and "to_m" in step)]),
+    pydantic.BeforeValidator(present),
 ]
 
 
@@ -156,7 +145,7 @@ class Sampling:
     """
 
     __pydantic_config__: ClassVar = ONLY_KNOWN
-    samples_per_stroke: StrictInt = 5000
+    samples_per_stroke: pydantic.StrictInt = 5000
     burst_rate_hz: Number = 5000.0
     burst_before_s: Number = 0.05
     burst_after_s: Number = 0.2
@@ -291,7 +280,7 @@ class Envelope:
     jerk_m_s3: Number
     force_n: Number
     pressure_pa: Span
-    separate_pressures: StrictBool
+    separate_pressures: pydantic.StrictBool
     temperature_k: Span
     supply_pressure_pa: Number = 0.0
     expected_friction_n: Number = 0.0
@@ -351,7 +340,7 @@ class Identity:
     labels: Texts = field(default_factory=dict)
     chambers: str = "held"
     pressure_measured_at: str = "chamber"
-    synthetic: StrictBool = False
+    synthetic: pydantic.StrictBool = False
     bandwidth_hz: dict[str, Frequency] = field(default_factory=dict)
     force_calibration: ForceCalibration | None = None
 
@@ -480,7 +469,7 @@ def read_table(
     notes = [f"{path}{n} is ignored, as it is not a known key. {nearest(n, names)}" for n in data if n not in names]
     try:
         return _adapter(cls).validate_python(usual | {n: v for n, v in present(data).items() if n in names}), notes
-    except ValidationError as error:
+    except pydantic.ValidationError as error:
         first = error.errors()[0]
     cause = first.get("ctx", {}).get("error", "")
     if isinstance(cause, DescriptionError):  # of the calibration curve
@@ -496,7 +485,7 @@ def read_table(
     raise kind(f"{key} = {first['input']!r:.80}", where=where, rule=words)
 
 
-_adapter = cache(TypeAdapter)
+_adapter = cache(pydantic.TypeAdapter)
 
 
 def identity_of(data: Any, where: str, kind: ErrorKind = RigError) -> tuple[Identity, list[str]]:  # noqa: ANN401 - JSON

@@ -18,18 +18,7 @@ import numpy as np
 from pneudrive.arrays import Plain
 from pneudrive.errors import ConnectionLostError, RigError, warn
 from pneudrive.files.content import parse_json
-from pneudrive.rig.interface import (
-    Envelope,
-    Hold,
-    Identity,
-    Move,
-    RigState,
-    Samples,
-    Sampling,
-    Step,
-    envelope_of,
-    identity_of,
-)
+from pneudrive.rig import interface
 from pneudrive.rig.opcua import nodes as node_map
 from pneudrive.rig.opcua.access import SCHEME, OpcUaFile
 from pneudrive.rig.opcua.link import COUNTER, HungUpError, Link, LinkError
@@ -67,24 +56,24 @@ class OpcUaRig:
         self._gone = False
         self._starting = threading.RLock()
         self._told = self._told_name()
-        self._identity = identity or identity_of(self._described("identity"), link.url)[0]
+        self._identity = identity or interface.identity_of(self._described("identity"), link.url)[0]
         link.ambient_pa = self._identity.ambient_pressure_pa
-        self._limits = limits or envelope_of(self._described("limits"), link.url)
+        self._limits = limits or interface.envelope_of(self._described("limits"), link.url)
         self._id = secrets.randbelow(COUNTER)  # not the id of another client, as some servers share the node
 
     def close(self) -> None:
         """Close the connection; the server then receives no heartbeat and brings the axis to rest."""
         self._finalizer()
 
-    def identity(self) -> Identity:
+    def identity(self) -> interface.Identity:
         """Return the identity of the rig."""
         return self._identity
 
-    def limits(self) -> Envelope:
+    def limits(self) -> interface.Envelope:
         """Return the limits of the rig."""
         return self._limits
 
-    def state(self) -> RigState:
+    def state(self) -> interface.RigState:
         """Return the state of the rig; a lost connection is reopened first."""
         try:
             *values, fault = self._link.read(*node_map.STATE, "state.fault")
@@ -93,7 +82,7 @@ class OpcUaRig:
             self._gone = True  # the next verb reports it
             return self.state()
         said: Plain = dict(zip(node_map.STATE.values(), values, strict=True))
-        return RigState(**{**said, "moving": bool(said["moving"])}, fault=fault or None)
+        return interface.RigState(**{**said, "moving": bool(said["moving"])}, fault=fault or None)
 
     def home(self) -> None:
         """Bring the axis to its home position."""
@@ -105,13 +94,13 @@ class OpcUaRig:
 
     def move(self, to_m: float, speed_m_s: float) -> None:
         """Move from rest to rest without recording."""
-        self._do(node_map.Verb.MOVE, [Move(to_m, speed_m_s)])
+        self._do(node_map.Verb.MOVE, [interface.Move(to_m, speed_m_s)])
 
     def hold(self, duration_s: float, released: bool = False) -> None:
         """Rest for a time without recording."""
-        self._do(node_map.Verb.HOLD, [Hold(duration_s, released)])
+        self._do(node_map.Verb.HOLD, [interface.Hold(duration_s, released)])
 
-    def acquire(self, steps: Sequence[Step], sampling: Sampling) -> Iterator[Samples]:
+    def acquire(self, steps: Sequence[interface.Step], sampling: interface.Sampling) -> Iterator[interface.Samples]:
         """Run the steps in their order, and yield the samples in parts as they arrive."""
         self._check_back()
         patience = SLACK * self._expected_s(steps) + self._nodes.handshake.patience_s
@@ -162,7 +151,7 @@ class OpcUaRig:
             raise RigError.of("rig.stop-lost", where=self._url, reason=self._link.lost, beat=beat) from None
         self._gone = False
 
-    def _do(self, verb: node_map.Verb, steps: Sequence[Step] = (), arguments: Plain | None = None) -> None:
+    def _do(self, verb: node_map.Verb, steps: Sequence[interface.Step] = (), arguments: Plain | None = None) -> None:
         """Run a command and wait until it is done."""
         self._check_back()
         with self._one_connection(_words(verb)):
@@ -208,7 +197,7 @@ class OpcUaRig:
             what, *rest = fault.splitlines()
             raise RigError(f"{_words(verb)} failed: {what}", where=self._url, value="\n".join(rest).strip() or None)
 
-    def _chunk(self, number: int) -> Samples:
+    def _chunk(self, number: int) -> interface.Samples:
         slot = self._nodes.slot_of(number)
         sequence, count, *read = self._link.read("samples.sequence", "samples.count", *node_map.SAMPLES, slot=slot)
         if sequence != number:
@@ -217,15 +206,15 @@ class OpcUaRig:
         if any(column.size != count for column in columns):
             sizes = ", ".join(f"{name} {column.size}" for name, column in zip(node_map.SAMPLES, columns, strict=True))
             raise RigError(f"chunk {number} of {count} samples has columns of different lengths", value=sizes)
-        return Samples(**dict(zip(node_map.SAMPLES.values(), columns, strict=True)))
+        return interface.Samples(**dict(zip(node_map.SAMPLES.values(), columns, strict=True)))
 
-    def _program(self, steps: Sequence[Step]) -> Plain:
+    def _program(self, steps: Sequence[interface.Step]) -> Plain:
         """Write steps as arrays, within the limits of the rig."""
         most = self._link.served["step.kind"].length or self._nodes.handshake.steps
         arrays = {name: [getattr(step, field, 0.0) for step in steps] for name, field in node_map.STEPS.items()}
         kinds = [
             node_map.HOLD | node_map.RELEASED * step.released | node_map.SHUT * step.shut
-            if isinstance(step, Hold)
+            if isinstance(step, interface.Hold)
             else 0
             for step in steps
         ]
@@ -236,10 +225,11 @@ class OpcUaRig:
         known = {name: values for name, values in arrays.items() if name in self._nodes}
         return {"step.count": len(steps), "step.kind": kinds, **known}
 
-    def _expected_s(self, steps: Sequence[Step]) -> float:
+    def _expected_s(self, steps: Sequence[interface.Step]) -> float:
         low, high = self._limits.position_m
         return sum(
-            step.duration_s if isinstance(step, Hold) else (high - low) / max(step.speed_m_s, 1e-9) for step in steps
+            step.duration_s if isinstance(step, interface.Hold) else (high - low) / max(step.speed_m_s, 1e-9)
+            for step in steps
         )
 
     def _described(self, table: str) -> Any:  # noqa: ANN401 - JSON
@@ -317,7 +307,7 @@ class OpcUaRig:
         """Return the name of the rig as stated by the server; empty without a name."""
         if "rig.identity" not in self._nodes:
             return ""
-        return identity_of(self._described("identity"), self._url)[0].name
+        return interface.identity_of(self._described("identity"), self._url)[0].name
 
 
 class SimulatedOpcUaRig(OpcUaRig):
