@@ -12,7 +12,7 @@ from __future__ import annotations
 import sys
 from types import ModuleType
 
-from pneudrive.lazy_names import UPPER, lazily
+from pneudrive.lazy_names import lazily
 from pneudrive.processor import require as require_processor
 
 __version__ = "0.1.0"
@@ -81,26 +81,6 @@ with lazily(__name__) as _HOME:
     from pneudrive.validate import validate as validate
     from pneudrive.validate.motion import validate_motion as validate_motion
 
-# Functions that methods of lower layers forward to.
-_UPPER = {
-    "web.serve": "serve",
-    "simulation.start": "start",
-    "simulation.simulate": "simulate",
-    "accessor": "Pneu",
-    "report.page": "figure_svg view_report write_fit_report",
-    "report.recordings": "characterisation_view recording_view",
-    "report.strokes": "map_view",
-    "report.trajectory": "plot view_of_run ensemble_view sensitivity_view motion_view chambers motion_page",
-    "report.control": "controllers_view",
-    "report.platform": "platform_view",
-    "report.validation": "validation_view write_validation_report friction_view write_friction_report",
-    "report.campaign": "campaign_view",
-    "report.comparison": "comparison_view",
-    "report.sizing": "plot_sizing sizing_sheet sizing_view write_sizing_report",
-    "report.datasheet": "sheet_view characteristic_view",
-    "studies.bracha.reproduction": "Reproduction reproduce",
-}
-UPPER.update({name: f"pneudrive.{module}" for module, names in _UPPER.items() for name in names.split()})
 _SUBMODULES = ("control", "ensemble", "mujoco", "report", "rig", "errors", "units")
 
 __all__ = ["__version__", *sorted(_HOME), *_SUBMODULES]  # noqa: PLE0604 # pyright: ignore[reportUnsupportedDunderAll]

@@ -14,13 +14,13 @@ from typing import Any
 
 _LOCK = RLock()
 
-#: Name -> module of an upper layer. The package root fills it, because the layers below do not know that module.
-UPPER: dict[str, str] = {}
-
 
 def upper(name: str) -> Any:  # noqa: ANN401 - any function
-    """Return a function of an upper layer, for a method that forwards to this function."""
-    return getattr(import_module(UPPER[name]), name)
+    """Return a function of an upper layer, for a method that forwards to this function; ``upper.toml`` lists them."""
+    from pneudrive.errors import package_table
+
+    module = next(module for module, names in package_table(__file__, "upper.toml").items() if name in names)
+    return getattr(import_module(f"pneudrive.{module}"), name)
 
 
 @contextmanager

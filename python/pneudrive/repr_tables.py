@@ -10,11 +10,11 @@ import re
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import fields
 from html import escape
-from importlib import import_module
 from itertools import islice, zip_longest
 from typing import ClassVar, NamedTuple
 
 from pneudrive.errors import DescriptionError, is_severe
+from pneudrive.lazy_names import upper
 
 #: Largest sizes of a card.
 MOST_ROWS, MOST_NOTES, MOST_LETTERS, MOST_ENTRIES = 30, 8, 200, 6
@@ -44,12 +44,11 @@ class Shown:
 
     Attributes
     ----------
-    picture_home : str
-        Module and function that draw an object as SVG text, ``"package.module:function"``. Empty for no picture. The
-        function is given by name, because its module imports this one.
+    picture : str
+        Name of the function of an upper layer that draws an object as SVG text. Empty for no picture.
     """
 
-    picture_home: ClassVar[str] = ""
+    picture: ClassVar[str] = ""
 
     def _card(self) -> Card:
         """Return the card. Default: the lines of ``str`` with the first line as title, or otherwise the fields."""
@@ -66,11 +65,8 @@ class Shown:
         return self._picture() + html_of(self._card())
 
     def _picture(self) -> str:
-        if not self.picture_home:
-            return ""
-        module, _, name = self.picture_home.partition(":")
         try:
-            return getattr(import_module(module), name)(self)
+            return upper(self.picture)(self) if self.picture else ""
         except DescriptionError:  # a circuit that has no drawing still has its card
             return ""
 

@@ -152,7 +152,7 @@ class DescribedSystem(Described):
 
     #: Prefix of component names in the keys of the file.
     key_prefix: ClassVar[str] = ""
-    picture_home: ClassVar[str] = "pneudrive.report.circuit.svg:circuit_svg"
+    picture: ClassVar[str] = "circuit_svg"
 
     schema_version: Literal[1] = Field(default=1, alias="schema")
     name: str
