@@ -183,7 +183,7 @@ def check(drive: str) -> None:
     for title, lines in (
         ("To note", [*described.notes, *_together(_ideal_valves(described.circuit.core_json()))]),
         ("Values with a source", described.sources()),
-        ("Assumed", list(_together(described.assumptions()))),
+        ("Assumed", list(_together(described.assumptions))),
     ):
         if lines:
             typer.echo("\n".join(["", title, *(f"  {line}" for line in lines)]))

@@ -232,23 +232,19 @@ class Described(Shown, BaseModel):
         out: Plain = {}
         for name, field in type(self).model_fields.items():
             value = getattr(self, name)
-            if value is None or name not in self.model_fields_set:
-                continue
-            mark = mark_of(field)
-            out[field.alias or name] = mark.show(value) if mark is not None else as_tables(value)
+            if value is not None and name in self.model_fields_set:
+                out[field.alias or name] = as_tables(value, mark_of(field))
         return out
 
     def with_defaults(self) -> Plain:
         """Write the table as `to_dict` does, with the keys that have their default."""
-        return {key: _written(value, mark) for key, value, mark in self.entries()}
+        return {key: as_tables(value, mark, defaults=True) for key, value, mark in self.entries()}
 
     def _card(self) -> Card:
         """Return a card with the value of every key; defaults are marked."""
         given = self.to_dict()
-        rows = [
-            (key, inline(given.get(key, _written(value, mark))), "" if key in given else "default")
-            for key, value, mark in self.entries()
-        ]
+        each = self.with_defaults() | given
+        rows = [(key, inline(each[key]), "" if key in given else "default") for key, _, _ in self.entries()]
         title = f"[{self.table_name}]" if self.table_name else type(self).__name__
         return Card(title, rows=rows)
 
@@ -271,17 +267,17 @@ def mark_of(field: FieldInfo) -> Mark | None:
     return next((m for m in field.metadata if isinstance(m, Mark)), None)
 
 
-def as_tables(value: Any) -> Any:  # noqa: ANN401 - any type of a field
-    """Convert tables to plain values, including those in lists and mappings."""
+def as_tables(value: Any, mark: Mark | None = None, *, defaults: bool = False) -> Any:  # noqa: ANN401 - any field
+    """Write a value as users would: tables as plain values, including those in lists and mappings."""
+    if mark is not None:
+        return mark.show(value)
     if isinstance(value, Described):
-        return value.to_dict()
+        return value.with_defaults() if defaults else value.to_dict()
     if isinstance(value, dict):
-        return {key: as_tables(one) for key, one in value.items()}
-    return (
-        [one.to_dict() for one in value]
-        if isinstance(value, tuple) and value and isinstance(value[0], Described)
-        else value
-    )
+        return {key: as_tables(one, defaults=defaults) for key, one in value.items()}
+    if isinstance(value, tuple) and value and isinstance(value[0], Described):
+        return [as_tables(one, defaults=defaults) for one in value]
+    return value
 
 
 def _placed(error: DescriptionError, place: str) -> DescriptionError:
@@ -301,14 +297,6 @@ def _by_key(name: str, mark: Mark | None) -> property:
 
     unit = f", stored in {mark.si_unit} as `{name}`" if isinstance(mark, Quantity) and mark.si_unit else ""
     return property(read, doc=f"Value of the key in the file{unit}.")
-
-
-def _written(value: Any, mark: Mark | None) -> Any:  # noqa: ANN401
-    if isinstance(value, Described):
-        return value.with_defaults()
-    if isinstance(value, dict) and mark is None:
-        return {key: _written(one, None) for key, one in value.items()}
-    return mark.show(value) if mark is not None else value
 
 
 def escaped(line: str) -> str:

@@ -360,12 +360,9 @@ class Circuit(DescribedSystem):
         options = {"initial": initial, "sample_rate": sample_rate, "rtol": rtol, "ledger": ledger, "budget": budget}
         return upper("simulate")(self, commands, duration, **options, progress=progress, cancel=cancel)
 
-    def assumed(self) -> list[str]:
-        """Return the assumed values, which have no source."""
-        return [line.format(name) for line, name in self.assumptions()]
-
+    @cached_property
     def assumptions(self) -> list[tuple[str, str]]:
-        """Return the assumptions as (text, name), with ``{}`` in the text for the name of the component or joint."""
+        """Assumptions as (text, name), with ``{}`` in the text for the name of the component or joint."""
         out: list[tuple[str, str]] = []
         starts, settled = self._starts().values(self.initial)
         highest = max((value for name, value in starts.items() if name.endswith(PRESSURE)), default=0.0)

@@ -244,7 +244,7 @@ class Drive(DescribedSystem):
     def model_copy(self, *, update: Any = None, deep: bool = False) -> Drive:  # noqa: ANN401 - pydantic's signature
         """Copy the drive without its cached values, because `update` may make them wrong."""
         copy = super().model_copy(update=update, deep=deep)
-        for cached in ("system", "circuit", "description_hash", "all_assumptions"):
+        for cached in ("system", "circuit", "description_hash", "assumptions"):
             vars(copy).pop(cached, None)
         return copy
 
@@ -315,20 +315,12 @@ class Drive(DescribedSystem):
         """Return the end stops in SI, and the impact for which they are designed."""
         return self.plain.system.compiled().end_stops(0.0)[PISTON]
 
-    def assumed(self) -> list[str]:
-        """Return the assumed values as ``key = value``: neither given nor backed by a source."""
-        return [line.format(name) for line, name in self.assumptions()]
-
-    def assumptions(self) -> list[tuple[str, str]]:
-        """Return the assumptions in the form of `Circuit.assumptions`; a drive with lines has names of components."""
-        return list(self.all_assumptions)
-
     @cached_property
-    def all_assumptions(self) -> list[tuple[str, str]]:
-        """Cached result of `assumptions`."""
+    def assumptions(self) -> list[tuple[str, str]]:
+        """Assumptions as (text, name); only those of a drive with lines have names of components."""
         out = [f"{v.key} = {inline(v.value)}, {v.assumed}" for v in self.origins if v.assumed is not None]
         if not self.is_plain:
-            return [(escaped(line), "") for line in out] + self.circuit.assumptions()
+            return [(escaped(line), "") for line in out] + self.circuit.assumptions
         for table, keys in _ASSUMED.items():
             part = getattr(self, table)
             given = part.to_dict()

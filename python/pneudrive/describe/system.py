@@ -169,6 +169,15 @@ class DescribedSystem(Described):
         """Origins of values by their keys in the file."""
         raise NotImplementedError
 
+    @cached_property
+    def assumptions(self) -> list[tuple[str, str]]:
+        """Assumptions as (text, name), with ``{}`` in the text for the name of the component or joint."""
+        raise NotImplementedError
+
+    def assumed(self) -> list[str]:
+        """Return the assumed values as ``key = value``: neither given nor backed by a source."""
+        return [line.format(name) for line, name in self.assumptions]
+
     def core_json(self) -> str:
         """Return the circuit in the core's form, in SI."""
         return self.system.json

@@ -343,7 +343,7 @@ class Friction(Described):
     def to_dict(self) -> Plain:
         """Write the table as users would."""
         given = (entry for entry in self.entries() if entry[0] not in self.parameters or entry[0] in self.given)
-        out = {key: as_tables(value) if mark is None else mark.show(value) for key, value, mark in given}
+        out = {key: as_tables(value, mark) for key, value, mark in given}
         return out if self.formula is None else out | {"law": self.formula.to_dict()}
 
     def entries(self) -> Iterator[tuple[str, Any, Quantity | StatedPressure | None]]:
