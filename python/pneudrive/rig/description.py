@@ -18,6 +18,7 @@ from pydantic import Field, create_model
 from pneudrive.arrays import Array, Pair, Plain
 from pneudrive.describe.base import Described
 from pneudrive.describe.files import toml
+from pneudrive.describe.formulas import written
 from pneudrive.describe.formulas.law import law_of
 from pneudrive.describe.kinds import component_kinds
 from pneudrive.describe.marks import Bounds, Choice, Mark, Quantity, StatedPressure, parameter_quantity
@@ -262,10 +263,10 @@ def read_tables(path: Path) -> tuple[str, Any, Friction, dict[str, Source]]:
 
 def _friction(given: Plain, path: Path) -> Friction:
     """Read the friction table, as in a drive file but with a required law."""
-    law = given.get("law")
-    if not isinstance(law, str):
+    if not isinstance(given.get("law"), str):
         raise wrong("friction.law", "friction.law is missing", rule='law = "stribeck", without source')
-    return Friction.model_validate(given | {"law": law_of(law, path.parent) or law})
+    written.read_file(given, "law", "friction", law_of, path)
+    return Friction.model_validate(given)
 
 
 def open_file(path: str | Path, above: tuple[Path, ...] = ()) -> Plain:

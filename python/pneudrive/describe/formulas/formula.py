@@ -10,8 +10,6 @@ from pneudrive.describe.formulas import written
 from pneudrive.errors import wrong
 
 if TYPE_CHECKING:
-    from pathlib import Path
-
     from pneudrive.arrays import Keyed, Plain
 
 GUIDE = "own-component.md"
@@ -85,7 +83,7 @@ class ComponentFormula(written.Written):
     __hash__ = written.Written.__hash__
 
 
-def formula_of(given: object, folder: Path | None = None, *, entry: Keyed) -> ComponentFormula:
+def formula_of(given: object, *, entry: Keyed) -> ComponentFormula:
     """Return the formula of a component, given as a formula, its tables, or ``file:NAME.toml``.
 
     Raises
@@ -95,7 +93,7 @@ def formula_of(given: object, folder: Path | None = None, *, entry: Keyed) -> Co
     """
     if isinstance(given, ComponentFormula) and given.kind == entry["kind"]:
         return given
-    found = written.written_as(given, "formula", partial(ComponentFormula.of, entry=entry), GUIDE, folder)
+    found = written.written_as(given, "formula", partial(ComponentFormula.of, entry=entry), GUIDE)
     if found is None:
         what = "formula is missing" if given is None else f"formula = {given!r} is not a formula of a {entry['kind']}"
         raise wrong("formula", what, remedy='Write formula = "file:NAME.toml", or a table [components.NAME.formula].')

@@ -161,16 +161,12 @@ class FrictionLaw(written.Written):
     __hash__ = written.Written.__hash__
 
 
-def law_of(given: object, folder: Path | None = None) -> FrictionLaw | None:
+def law_of(given: object) -> FrictionLaw | None:
     """Return the custom law that ``friction.law`` names, or None for a built-in law.
 
     Parameters
     ----------
     given : FrictionLaw, dict or str
         A law, its tables, or ``file:NAME.toml``.
-    folder : Path, optional
-        Folder to which the file's name is relative: the folder of the drive file. The default is the working folder.
     """
-    if isinstance(given, FrictionLaw):
-        return given
-    return written.written_as(given, "friction.law", FrictionLaw.of, GUIDE, folder)
+    return given if isinstance(given, FrictionLaw) else written.written_as(given, "friction.law", FrictionLaw.of, GUIDE)

@@ -170,7 +170,7 @@ def load(of: Callable[[Plain], Made], path: str | Path, guide: str) -> Made:
     return toml.load(of, path, start=f"docs/guide/{guide} shows an example.")
 
 
-def written_as(given: object, slot: str, of: Callable[[Plain], Made], guide: str, folder: Path | None) -> Made | None:
+def written_as(given: object, slot: str, of: Callable[[Plain], Made], guide: str) -> Made | None:
     """Return formulas given as tables or as ``file:NAME.toml``; None for other values.
 
     Raises
@@ -185,11 +185,11 @@ def written_as(given: object, slot: str, of: Callable[[Plain], Made], guide: str
             error.key = f"{slot}.{error.key}" if error.key else slot
             raise
     if isinstance(given, str) and given.startswith(FILE_PREFIX):
-        return load(of, (folder or Path()) / given.removeprefix(FILE_PREFIX).strip(), guide)
+        return load(of, given.removeprefix(FILE_PREFIX).strip(), guide)
     return None
 
 
-def read_file(table: object, slot: str, key: str, make: Callable[[str, Path], Written | None], path: Path) -> None:
+def read_file(table: object, slot: str, key: str, make: Callable[[str], Written | None], path: Path) -> None:
     """Replace the name of a formula file by its formulas. The name is relative to the folder of `path`.
 
     Parameters
@@ -201,7 +201,7 @@ def read_file(table: object, slot: str, key: str, make: Callable[[str, Path], Wr
     key : str
         Key of the table in its file.
     make : callable
-        Returns the formulas from the name and the folder.
+        Returns the formulas from the name of their file.
     path : Path
         File that contains the table.
 
@@ -216,7 +216,7 @@ def read_file(table: object, slot: str, key: str, make: Callable[[str, Path], Wr
     file = path.parent / name.removeprefix(FILE_PREFIX).strip()
     if not file.is_file():
         raise wrong(f"{key}.{slot}", f"{key}.{slot} names a file that does not exist: {file}", remedy=toml.beside(file))
-    table[slot] = make(name, path.parent)
+    table[slot] = make(f"{FILE_PREFIX}{file}")
 
 
 @lru_cache(maxsize=256)
