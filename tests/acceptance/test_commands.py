@@ -15,7 +15,7 @@ import typer
 import pneudrive as pn
 from pneudrive import _core
 from pneudrive.cli.commands import command_paths
-from pneudrive.cli.main import COMMANDS, HIDDEN, app, run
+from pneudrive.cli.main import app, run
 from pneudrive.describe.components import component_class
 from pneudrive.describe.files.load import circuit_schema
 from pneudrive.describe.kinds import component_kinds
@@ -79,7 +79,7 @@ def test_inline_commands_have_known_options():
     assert seen > 40
 
 
-@pytest.mark.parametrize("path", list(command_paths(COMMANDS, HIDDEN)), ids=" ".join)
+@pytest.mark.parametrize("path", list(command_paths(app)), ids=" ".join)
 def test_help_fits_one_screen_and_ends_with_examples(path, printed, monkeypatch):
     monkeypatch.setenv("COLUMNS", "80")
     text = printed([*path, "--help"]).rstrip()

@@ -14,8 +14,9 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import nullcontext
 from functools import wraps
 from importlib import import_module
+from itertools import chain
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, get_origin
+from typing import Annotated, Any, ClassVar, TypeAlias, get_origin
 
 import typer
 from typer.core import TyperGroup
@@ -25,6 +26,8 @@ from pneudrive.cli import options
 from pneudrive.documented import parts_of
 from pneudrive.errors import CommandError, nearest
 
+#: Title in a help -> commands.
+Sections: TypeAlias = Mapping[str, Sequence[str]]
 #: Parameters for a description file. Commands with one of them also accept catalogue folders.
 _DESCRIBED = {"drive", "circuit", "task"}
 _CATALOGUE = inspect.Parameter("catalogue", inspect.Parameter.KEYWORD_ONLY, default=None, annotation=list[Path] | None)
@@ -47,7 +50,7 @@ def _declared(parameter: inspect.Parameter) -> inspect.Parameter:
     return parameter.replace(default=typer.Option(default, *flag))
 
 
-def command_from(function: Callable[..., Any], name: str, *, hidden: bool) -> Any:  # noqa: ANN401 - of click
+def command_from(function: Callable[..., Any], name: str) -> Any:  # noqa: ANN401 - of click
     """Return the command of a function."""
 
     @wraps(function)
@@ -67,7 +70,6 @@ def command_from(function: Callable[..., Any], name: str, *, hidden: bool) -> An
     single = typer.Typer(add_completion=False, rich_markup_mode=None)
     single.command(
         name=name,
-        hidden=hidden,
         help=text.partition(_EXAMPLES)[0],
         epilog="\n  ".join(("\b\nExamples:", *lines)) if lines else None,  # \b: click keeps the lines
     )(called)
@@ -87,43 +89,36 @@ class LazyGroup(TyperGroup):
     table : mapping
         Command -> module with a function or a group of its name.
     sections : mapping
-        Title -> commands, for the help.
-    hidden_names : frozenset of str
-        Commands that the help leaves out.
+        Title -> commands that help and completion show.
     """
 
     table: ClassVar[Mapping[str, str]] = {}
-    sections: ClassVar[Mapping[str, Sequence[str]]] = {}
-    hidden_names: ClassVar[frozenset[str]] = frozenset()
+    sections: ClassVar[Sections] = {}
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:  # noqa: ANN401 - typer keeps its context type private
         """Parse the arguments of the group; without arguments, show its help."""
         return super().parse_args(ctx, args or ["--help"])
 
     def list_commands(self, ctx: Any) -> list[str]:  # noqa: ANN401
-        """Return the names in the order of the table."""
-        return list(self.table)
+        """Return the names of the shown commands."""
+        return list(chain(*self.sections.values()))
 
     def get_command(self, ctx: Any, cmd_name: str) -> Any:  # noqa: ANN401
         """Import one command; None for an unknown name."""
         if cmd_name not in self.table:
             return None
         content = getattr(import_module(self.table[cmd_name]), cmd_name)
-        hidden = cmd_name in self.hidden_names
         if not isinstance(content, typer.Typer):
-            return command_from(content, cmd_name, hidden=hidden)
+            return command_from(content, cmd_name)
         command = typer.main.get_command(content)
-        command.name, command.hidden = cmd_name, hidden
+        command.name = cmd_name
         return command
 
     def format_commands(self, ctx: Any, formatter: Any) -> None:  # noqa: ANN401
         """Write the commands with the first sentence of their help, by section."""
-        for section, names in (self.sections or {"Commands": list(self.table)}).items():
-            commands = [(name, self.get_command(ctx, name)) for name in names]
-            rows = [(name, command.get_short_help_str(200)) for name, command in commands if not command.hidden]
-            if rows:
-                with formatter.section(section):
-                    formatter.write_dl(rows)
+        for section, names in self.sections.items():
+            with formatter.section(section):
+                formatter.write_dl([(name, self.get_command(ctx, name).get_short_help_str(200)) for name in names])
 
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:  # noqa: ANN401
         """Find the command at the beginning of the arguments.
@@ -134,25 +129,22 @@ class LazyGroup(TyperGroup):
             The command does not exist; the message gives the nearest name.
         """
         if args and not args[0].startswith("-") and args[0] not in self.table:
-            shown = [name for name in self.table if name not in self.hidden_names]
             path = f"{ctx.command_path} {args[0]}".removeprefix("pneudrive ")
-            raise CommandError(f"there is no command '{path}'", remedy=nearest(args[0], shown))
+            raise CommandError(f"there is no command '{path}'", remedy=nearest(args[0], self.list_commands(ctx)))
         return super().resolve_command(ctx, args)
 
 
-def command_paths(table: Mapping[str, str], hidden: frozenset[str]) -> Iterator[tuple[str, ...]]:
-    """Yield every command of a table as a list of words; commands of a group follow the group."""
-    for name, module in table.items():
-        if name in hidden:
-            continue
+def command_paths(app: typer.Typer) -> Iterator[tuple[str, ...]]:
+    """Yield every shown command of a group as a list of words; commands of an inner group follow this group."""
+    kind: Any = app.info.cls
+    for name in chain(*kind.sections.values()):
         yield (name,)
-        content = getattr(import_module(module), name)
+        content = getattr(import_module(kind.table[name]), name)
         if isinstance(content, typer.Typer):
-            kind = content.info.cls
-            yield from ((name, *rest) for rest in command_paths(kind.table, kind.hidden_names))  # type: ignore[union-attr]
+            yield from ((name, *rest) for rest in command_paths(content))
 
 
-def group(table: Mapping[str, str], text: str = "", *, completion: bool = False, **fields: Any) -> typer.Typer:  # noqa: ANN401
+def group(table: Mapping[str, str], text: str = "", sections: Sections | None = None) -> typer.Typer:
     """Return a group of commands.
 
     Parameters
@@ -161,17 +153,16 @@ def group(table: Mapping[str, str], text: str = "", *, completion: bool = False,
         Command -> module, which has a function or a group with the command's name.
     text : str
         Help of the group.
-    completion : bool
-        Offer ``--install-completion`` and ``--show-completion``; only for the root.
-    **fields
-        Further attributes of `LazyGroup`.
+    sections : mapping, optional
+        Title -> commands that the help shows. Default: all of them under one title. Only the root has sections; it also
+        offers ``--install-completion`` and ``--show-completion``.
 
     Returns
     -------
     typer.Typer
     """
-    kind = type("Group", (LazyGroup,), {"table": table, **fields})
-    app = typer.Typer(cls=kind, pretty_exceptions_enable=False, add_completion=completion, rich_markup_mode=None)
+    kind = type("Group", (LazyGroup,), {"table": table, "sections": sections or {"Commands": list(table)}})
+    app = typer.Typer(cls=kind, pretty_exceptions_enable=False, add_completion=bool(sections), rich_markup_mode=None)
     if text:
         app.callback(help=text)(lambda: None)
     return app

@@ -25,7 +25,7 @@ SECTIONS = errors.package_table(__file__, "sections.toml")
 COMMANDS = {
     name: f"pneudrive.cli.{section.lower().replace(' ', '_')}" for section, names in SECTIONS.items() for name in names
 }
-HIDDEN = frozenset({"demo"})  # called by `make demo`
+COMMANDS["demo"] = "pneudrive.cli.hand_over"  # called by `make demo`, and not shown
 
 EXIT_OTHER, EXIT_INPUT, EXIT_INTERRUPTED = 1, 2, 130
 #: Largest number of printed warnings that differ only in numbers; the others are counted.
@@ -33,7 +33,7 @@ MOST_ALIKE = 3
 _NUMBER = re.compile(r"(?<![\w.])[-+]?\d[\d.]*(?:e[-+]?\d+)?(?!\w)")
 
 
-app = group(COMMANDS, completion=True, hidden_names=HIDDEN, sections=SECTIONS)
+app = group(COMMANDS, sections=SECTIONS)
 
 
 @app.callback(invoke_without_command=True)
@@ -95,11 +95,6 @@ def run(arguments: Sequence[str]) -> int:
     int
         Exit status: 0 success, 2 wrong input, 1 other error, 130 interrupted.
     """
-    first = next((word for word in arguments if not word.startswith("-")), None)
-    if first is not None and first not in COMMANDS:
-        shown = [name for name in COMMANDS if name not in HIDDEN]
-        sys.stderr.write(f"pneudrive: there is no command '{first}'. {errors.nearest(first, shown)}\n")
-        return EXIT_INPUT
     if Path("matplotlibrc").exists():  # while there is one thread: see `load_matplotlib`
         from pneudrive.report.render import load_matplotlib
 
