@@ -11,6 +11,7 @@ import typer
 
 import pneudrive as pn
 from pneudrive.cli import terminal
+from pneudrive.cli.measure import write_map_and_fits
 from pneudrive.cli.options import check_used
 from pneudrive.errors import CommandError, naming
 from pneudrive.lazy_names import used_later
@@ -18,7 +19,7 @@ from pneudrive.lazy_names import used_later
 with used_later(__name__):
     from pneudrive import units
     from pneudrive.describe.files import load
-    from pneudrive.friction import characterisation, friction_map
+    from pneudrive.friction import characterisation
     from pneudrive.identify import export as friction_export
     from pneudrive.identify import files
     from pneudrive.identify.static import fit as static_fits
@@ -148,12 +149,8 @@ def demo(*, out: Path = Path("out")) -> None:
     measurements = MEASUREMENTS if MEASUREMENTS.is_dir() else SHIPPED
     files_of = sorted([*measurements.glob("friction/*.csv*"), *measurements.glob("repeatability/*.csv*")])
     found = characterisation.characterise_recordings(files_of)
-    for name in ("map.parquet", "map.csv"):
-        friction_map.write_map(found.friction_map, folder / name)
     fits, _ = static_fits.fit_characterisation(found)
-    for group, by_law in fits.items():
-        if "stribeck" in by_law:
-            by_law["stribeck"].to_toml(folder / static_fits.fit_file(group))
+    write_map_and_fits(found, fits, folder)
     made = reproduction.reproduce(folder / reproduction.FOLDER)
     axis = pn.control.run(pn.Circuit.load(AXIS), "super-twisting", reference="sine 60 mm 1 Hz around 250 mm")
     controlled = page.view_section("controlled-axis", control.view_of_controlled_run(axis), synthetic=True)

@@ -115,7 +115,7 @@ def characterise(
             run = characteristics.campaign_friction(recordings[0], choice, progress=watch().tell)
             written = files.write_characteristics(run, folder)
             fits, problems = characteristics.fit_campaign(run)
-            written += _write_fits(fits, folder, characteristics.ALL if len(fits) != 1 else next(iter(fits)))
+            written += _write_fits(fits, folder, next(iter(fits)) if len(fits) == 1 else characteristics.ALL)
             written.append(campaign_page.write_campaign_report(run, folder))
         _show_problems(problems)
         show_view(run.view())
@@ -123,9 +123,8 @@ def characterise(
         return
     with _output(out) as folder:
         found = characterisation.characterise_recordings(recordings, layout, choice, progress=watch().tell)
-        written = [friction_map.write_map(found.friction_map, folder / f"map.{end}") for end in ("parquet", "csv")]
         fits, problems = static_fits.fit_characterisation(found)
-        written += _write_fits(fits, folder, whole=friction_map.ALL_RECORDINGS)
+        written = write_map_and_fits(found, fits, folder)
         curves = characteristics.recorded_characteristics(found)
         written += [] if curves is None else files.write_curves_and_effects(curves, folder)
         written.append(Path(report.write_report(found, fits, folder, None, curves)))
@@ -159,14 +158,21 @@ def _output(out: Path) -> Iterator[Path]:
             out.rmdir()
 
 
-def _write_fits(fits: dict[str, dict[str, fit_results.FrictionFit]], folder: Path, whole: str) -> list[Path]:
+def write_map_and_fits(
+    found: characterisation.Characterisation, fits: static_fits.GroupFits, folder: Path
+) -> list[Path]:
+    """Write the friction map of recordings in both formats, and their fits."""
+    written = [friction_map.write_map(found.friction_map, folder / f"map.{end}") for end in ("parquet", "csv")]
+    return written + _write_fits(fits, folder, whole=friction_map.ALL_RECORDINGS)
+
+
+def _write_fits(fits: static_fits.GroupFits, folder: Path, whole: str) -> list[Path]:
     """Write fit.toml for all data, and fit-GROUP.toml for each group."""
     written = []
     for group_name, by_law in fits.items():
         if "stribeck" in by_law:
-            name = "fit.toml" if group_name == whole else f"fit-{terminal.file_name(group_name)}.toml"
-            by_law["stribeck"].to_toml(folder / name)
-            written.append(folder / name)
+            written.append(folder / ("fit.toml" if group_name == whole else static_fits.fit_file(group_name)))
+            by_law["stribeck"].to_toml(written[-1])
     return written
 
 
