@@ -229,33 +229,30 @@ SHAPES = ((0.5, False), (1.0, False), (2.0, False), (2.0, True))
 NEIGHBOURS = np.geomspace(1.0, 40.0, 61)[1:]
 
 
-def shrunk_to_the_data(
-    model: FrictionModel, stated: Observations
-) -> tuple[RobustEstimate, float, Ends, list[Undetermined]]:
+def shrunk_to_the_data(model: FrictionModel, stated: Observations) -> tuple[RobustEstimate, Ends, list[Undetermined]]:
     """Fit a law without unsupported parts, which would only widen the intervals of the other parameters.
 
     Returns
     -------
-    RobustEstimate, float
-        Estimate of the supported part, whose standard errors include the scatter; and the scatter, N.
+    RobustEstimate
+        Estimate of the supported part, whose standard errors include the scatter.
     dict, list of Undetermined
         Intervals, and statements on the unsupported parts.
     """
     lost: list[Undetermined] = []
     while True:
-        found, scatter = estimated(model, stated)
+        found = estimated(model, stated)
         intervals = interval_over_knees(found, student(found.dof))
         smaller, statements = without_support(found, intervals)
         if smaller == model:
-            return found, scatter, intervals, lost
+            return found, intervals, lost
         model, lost = smaller, lost + statements
 
 
-def estimated(model: FrictionModel, data: Observations) -> tuple[RobustEstimate, float]:
-    """Return the estimate of a law, and the scatter of the values."""
+def estimated(model: FrictionModel, data: Observations) -> RobustEstimate:
+    """Return the estimate of a law, with the scatter of the values."""
     dof = len(data) - len(model.names) - model.chosen
-    found = estimate(model, data, HUBER if dof > 0 else LINEAR, fixed_scale=dof == 0)
-    return with_scatter(found)
+    return with_scatter(estimate(model, data, HUBER if dof > 0 else LINEAR, fixed_scale=dof == 0))
 
 
 def _largest_gauge(data: Observations) -> float:

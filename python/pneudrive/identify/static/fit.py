@@ -131,12 +131,12 @@ def fit_values(
         Added to the result and to its provenance.
     """
     model, lost = selection.choose_model(wanted, data, pressure=pressure)
-    found, scatter_n, intervals, unsupported = selection.shrunk_to_the_data(selection.with_knee(model, data), data)
+    found, intervals, unsupported = selection.shrunk_to_the_data(selection.with_knee(model, data), data)
     intervals = selection.interval_over_shapes(found, intervals)
     lost += unsupported + selection.diagnose(found, intervals)
-    said = [*notes, *_confounding(data, pressure is not None), *_remarks(found, scatter_n)]
+    said = [*notes, *_confounding(data, pressure is not None), *_remarks(found)]
     provenance = {"version": __version__, "map_sha256": sliding.fingerprint(data), **_ranges(data), **options}
-    fit = assembled(wanted.law, found, scatter_n, intervals, lost, said, provenance)
+    fit = assembled(wanted.law, found, intervals, lost, said, provenance)
     return replace(fit, notes=(*fit.notes, *fit.correlated()))
 
 
@@ -147,9 +147,9 @@ def _ranges(data: sliding.Observations) -> dict[str, list[float]]:
     return {n: [float(values.min()), float(values.max())] for n, values in columns.items() if values.size} | levels
 
 
-def _remarks(found: RobustEstimate, scatter_n: float) -> Iterator[str]:
-    if scatter_n > 0.0:
-        yield sentence("notes", "scatter", scatter=scatter_n)
+def _remarks(found: RobustEstimate) -> Iterator[str]:
+    if found.scatter_n > 0.0:
+        yield sentence("notes", "scatter", scatter=found.scatter_n)
     if len(found.data) == len(found.model.names):
         yield sentence("notes", "no_freedom")
     if np.isfinite(found.rival):
@@ -171,7 +171,6 @@ def _confounding(data: sliding.Observations, pressure_dependence: bool) -> Itera
 def assembled(
     law: str,
     found: RobustEstimate,
-    scatter_n: float,
     intervals: selection.Ends,
     lost: list[Undetermined],
     notes: list[str],
@@ -190,7 +189,7 @@ def assembled(
         systematic=found.systematic,
         undetermined=tuple(lost),
         notes=tuple(notes),
-        statistics=found.statistics(scatter_n),
+        statistics=found.statistics(),
         provenance=provenance,
         model=model,
         observations=found.data,

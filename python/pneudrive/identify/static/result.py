@@ -581,7 +581,7 @@ def profiles(fit: FrictionFit, friction_map: xr.Dataset) -> Columns:
     loss = fit.provenance.get("loss", "huber")
     if loss != "huber":  # older fits
         raise FitError(f"the fit has another loss, {loss}", rule="huber", remedy="Fit again.")
-    found, _ = estimated(fit.model, _values(fit, friction_map))
+    found = estimated(fit.model, _values(fit, friction_map))
     each = [interval_over_knees(found, student(found.dof, share)) for share in PROBABILITIES]
     return {name: np.array([one[name] for one in each]) for name in fit.free}
 

@@ -66,6 +66,8 @@ class RobustEstimate:
         Number of starts, and number of starts that ended at this estimate.
     rival : float
         Stribeck velocity, m/s, of another estimate that is not significantly worse (p > 0.05); NaN without one.
+    scatter_n : float
+        Standard deviation between levels, N, that the standard errors of `data` contain; 0 without one.
     """
 
     model: Any
@@ -82,6 +84,7 @@ class RobustEstimate:
     starts: int = 1
     agreeing: int = 1
     rival: float = np.nan
+    scatter_n: float = 0.0
 
     @property
     def dof(self) -> int:
@@ -126,7 +129,7 @@ class RobustEstimate:
         other = estimate(model, pseudo, LINEAR, starts=starts)
         return replace(other, data=self.data, pseudo=self.pseudo, variance=self.variance)
 
-    def statistics(self, scatter_n: float = 0.0) -> NamedNumbers:
+    def statistics(self) -> NamedNumbers:
         """Return the statistics of a fit; AICc and BIC come from the deviance."""
         residual, n, stderr = self.residual, len(self.data), self.data.stderr_n
         weighted_mean = np.average(self.data.friction_n, weights=stderr**-2)
@@ -139,7 +142,7 @@ class RobustEstimate:
             "degrees_of_freedom": float(self.dof),
             "scale": self.scale,
             "variance": self.variance,
-            "scatter_n": scatter_n,
+            "scatter_n": self.scatter_n,
             "rms_n": rms(residual * stderr),
             "outlying": float(np.sum(self.weight < 0.5)),
             "fit_percent": 100.0 * explained,
@@ -275,7 +278,7 @@ LEAST_DOF = 3
 CLEARLY = 6.6
 
 
-def with_scatter(found: RobustEstimate) -> tuple[RobustEstimate, float]:
+def with_scatter(found: RobustEstimate) -> RobustEstimate:
     """Add a scatter to the standard errors if the residuals are too large, and the scatter explains them better.
 
     The alternative is a common factor on the standard errors, without scatter. It is chosen only if it is clearly more
@@ -285,11 +288,6 @@ def with_scatter(found: RobustEstimate) -> tuple[RobustEstimate, float]:
     ----------
     found : RobustEstimate
         Estimate without scatter.
-
-    Returns
-    -------
-    RobustEstimate, float
-        Estimate, and standard deviation of the scatter in N (0 without one).
     """
     from scipy.optimize import brentq
     from scipy.special import chdtrc
@@ -297,7 +295,7 @@ def with_scatter(found: RobustEstimate) -> tuple[RobustEstimate, float]:
     data, dof = found.data, found.dof
     even = np.ptp(data.stderr_n) <= 1e-6 * data.stderr_n.max()
     if dof < LEAST_DOF or even or chdtrc(dof, dof * found.scale**2) > CHANCE:
-        return found, 0.0
+        return found
 
     def widened(scatter: float, starts: Sequence[Array] = ()) -> RobustEstimate:
         wider = replace(data, stderr_n=np.hypot(data.stderr_n, scatter))
@@ -309,10 +307,10 @@ def with_scatter(found: RobustEstimate) -> tuple[RobustEstimate, float]:
     most = 2.0 * found.scale * data.stderr_n.max() + 2.0 * np.ptp(data.friction_n)
     low, high = np.log(0.1 * data.stderr_n.min()), np.log(most)
     if excess(low) <= 0.0 or excess(high) >= 0.0:  # a scatter does not explain them
-        return found, 0.0
+        return found
     scatter = float(np.exp(brentq(excess, low, high, xtol=1e-2)))  # pyright: ignore[reportCallIssue, reportArgumentType]
     again = widened(scatter)
-    return (again, scatter) if again.deviance < found.deviance + CLEARLY else (found, 0.0)
+    return replace(again, scatter_n=scatter) if again.deviance < found.deviance + CLEARLY else found
 
 
 FINE_POINTS = 161
