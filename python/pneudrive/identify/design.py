@@ -249,8 +249,8 @@ def _compared(name: str, form: str | None, data: sliding.Observations, folds: In
         at, rest = data.take(left), data.take(~left)
         try:  # with the model that all values together determine
             chosen, lost = choose_model(plain, rest, pressure=form)
-            found, scatter = estimated(with_knee(chosen, rest), rest)
-            without = assembled(fit.model.law, found, scatter, {}, lost, [], {"direction": "both"})
+            found = estimated(with_knee(chosen, rest), rest)
+            without = assembled(fit.model.law, found, {}, lost, [], {"direction": "both"})
         except FitError as problem:
             raise FitError.of(
                 "identify.needs_condition", name=name, at=_condition(at), reason=problem.what
@@ -434,7 +434,6 @@ class Design(Viewed):
         Free parameter -> expected half-width of its 95 % interval before and after; infinite if unknown.
     seconds : float
         Time on the rig.
-    limits : Limits
     """
 
     points: tuple[Point, ...]
@@ -442,7 +441,6 @@ class Design(Viewed):
     half_widths_now: NamedNumbers
     half_widths_then: NamedNumbers
     seconds: float
-    limits: Limits
 
     def view(self) -> View:
         """Return the points and the expected intervals."""
@@ -562,7 +560,6 @@ def next_measurements(
         now,
         _half_widths(prior, information(candidates, counts), prior.values + chosen.size),
         float(cost @ counts),
-        limits,
     )
 
 

@@ -327,7 +327,7 @@ def _rounded(
 ) -> str | float:
     """Write a value in its common unit, with digits according to its interval."""
     if not math.isfinite(value) or value == 0.0:
-        return _written(value, mark)
+        return written_as(value, mark)
     quantity, behind = _way(mark)
     unit, si_unit = quantity.written, quantity.si_unit
     factor, offset = units.converter(unit, si_unit) if unit else (1.0, 0.0)
@@ -339,14 +339,15 @@ def _rounded(
     number = f"{round(shown, places):.{max(places, 0)}f}"
     again = float(number) * factor + offset
     if interval is not None and not interval[0] <= again <= interval[1]:
-        return _written(value, mark)
+        return written_as(value, mark)
     if not si_unit:
         return float(number)
     plain = number.rstrip("0").rstrip(".") if "." in number else number
     return f"{plain} {unit or si_unit.replace('^', '')}{behind}"
 
 
-def _written(value: float, mark: Written | None) -> str | float:
+def written_as(value: float, mark: Written | None) -> str | float:
+    """Write a value in its common unit, exactly; pressures are absolute."""
     if not math.isfinite(value):
         return "inf" if value > 0.0 else "-inf"
     quantity, behind = _way(mark)
@@ -355,7 +356,7 @@ def _written(value: float, mark: Written | None) -> str | float:
 
 def _ends(interval: Interval, mark: Written | None) -> list[str | float]:
     """Write both ends of an interval, rounded outwards."""
-    return [_written(_outward(*end), mark) for end in zip(interval, (math.floor, math.ceil), strict=True)]
+    return [written_as(_outward(*end), mark) for end in zip(interval, (math.floor, math.ceil), strict=True)]
 
 
 def _outward(value: float, way: Callable[[float], int]) -> float:

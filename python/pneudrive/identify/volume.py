@@ -18,11 +18,10 @@ from typing import TYPE_CHECKING, Annotated, Any
 import numpy as np
 from scipy.optimize import OptimizeResult, least_squares
 
-from pneudrive import units
 from pneudrive.arrays import Array, Columns, Interval, NamedNumbers, Plain, by_name
 from pneudrive.constants import STANDARD_ATMOSPHERE_PA
 from pneudrive.describe.base import Described
-from pneudrive.describe.files import toml
+from pneudrive.describe.files import provenance, toml
 from pneudrive.describe.marks import Bounds, Quantity, StatedPressure
 from pneudrive.describe.tank import Tank
 from pneudrive.errors import FitError, nearest
@@ -35,7 +34,7 @@ from pneudrive.identify.dynamic.problem import FitProblem, FittedRecording, Iter
 from pneudrive.identify.dynamic.result import CORRELATED, LARGEST_REACH, applied_note, named_value, warn_of_mixture
 from pneudrive.identify.dynamic.search import SearchOptions, Solved, Watcher, join_segments, profile, solution
 from pneudrive.identify.dynamic.sensors import Channel
-from pneudrive.identify.identified import FittedData, number_table, sentence, sentences
+from pneudrive.identify.identified import FittedData, number_table, sentence, sentences, written_as
 from pneudrive.numbers import plain
 from pneudrive.progress import UNWATCHED, Flag, Progress, Watch
 from pneudrive.signals.drive_recording import VolumeRecording, read_volume_recordings
@@ -49,9 +48,6 @@ if TYPE_CHECKING:
 
 
 # --- Identification of a fixed volume from pressures: conductance, critical ratio, heat transfer, leak, tube friction.
-
-#: SI unit -> unit in the file of a tank.
-_WRITTEN = {"m^3/(s Pa)": "dm3/(s bar)", "m^3": "dm3", "Pa": "bar", "W/K": "W/K"}
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
@@ -106,15 +102,11 @@ class VolumeFit(Fit, kind="volume"):
         start = self.start if tank is None else tank
         if start is None:
             raise FitError("the file of this fit has no tank", remedy="Fit again.")
-        changes = {}
         if self.determined:
             kept = set(self.free) - {*self.determined}
             warn_of_mixture(self.notes, kept, same_start=tank is None or tank == self.start)
-        for name in self.determined:
-            value, unit = self.values[name], self.units[name]
-            text = value if unit == "1" else units.write(value, unit, _WRITTEN.get(unit))
-            changes[name] = f"{text} abs" if unit == "Pa" else text
-        return start.replace(changes)
+        marks = provenance.marks(start)
+        return start.replace({name: written_as(self.values[name], marks.get(name)) for name in self.determined})
 
     def _last(self) -> Plain:
         return {} if self.start is None else {"tank": self.start.to_dict()}

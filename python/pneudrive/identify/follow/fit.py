@@ -230,7 +230,6 @@ class FollowFit(Fit, kind="motion"):
         Name -> ``model_interval``: 95 % interval for this model alone, from noise and correlated residuals. ``spread``:
         lowest and highest value over all models that fit equally well. ``parts``: values from each recording alone, or
         from each half of a single recording.
-    records : tuple of FollowRecord
     rivals : tuple of Rival
         Alternative models that were fitted.
     solution : FollowSolution or None
@@ -238,9 +237,13 @@ class FollowFit(Fit, kind="motion"):
     """
 
     circuit: Circuit
-    records: tuple[FollowRecord, ...]
     rivals: tuple[Rival, ...] = ()
     solution: FollowSolution | None = field(default=None, repr=False)
+
+    @property
+    def records(self) -> tuple[FollowRecord, ...]:
+        """Start, delay and residuals of each recording."""
+        return tuple(map(FollowRecord.of_table, self.provenance["recordings"]))
 
     def apply(self) -> Circuit:
         """Return the circuit with the identified values."""
@@ -270,7 +273,6 @@ class FollowFit(Fit, kind="motion"):
         content = file.content
         return super()._fields(file) | {
             "circuit": Circuit.load(str(content["circuit"])),
-            "records": tuple(map(FollowRecord.of_table, content["provenance"]["recordings"])),
             "rivals": tuple(Rival(**rival) for rival in content.get("rivals", {}).values()),
         }
 
@@ -367,7 +369,7 @@ def _result(
         if solution.deviation(place) > np.log1p(LARGEST_REACH):
             reason = f"anything from {plain(low)} to {plain(high)} {problem.numbers[place].unit} fits"
             lost.append(Undetermined(name, reason, remedy_for(name)))
-    records = tuple(follow_record(solution, at) for at in range(len(problem.records)))
+    records = [vars(follow_record(solution, at)) for at in range(len(problem.records))]
     problem.driven.values_form(problem.numbers, np.exp(solution.point.shared))
     heat = {side: problem.driven.heat_w_k(side) for side in SIDES}
     passed = [f"{plain(value)} W/K in chamber {side}" for side, value in heat.items() if value]
@@ -384,11 +386,8 @@ def _result(
         intervals=intervals,
         undetermined=tuple(lost),
         statistics={"recordings": float(len(records))},
-        provenance=origin(
-            described, [record.recording for record in problem.records], recordings=[vars(record) for record in records]
-        ),
+        provenance=origin(described, [record.recording for record in problem.records], recordings=records),
         fitted=fitted_pressures(solution),
-        records=records,
         rivals=beside,
         notes=tuple(notes),
         converged=solution.converged,
@@ -486,7 +485,7 @@ def _rivals(described: Circuit, solution: FollowSolution, free: list[str]) -> tu
             begin = FollowPoint(rival.begin().shared, solution.point.local.copy())
             begin.shared[: solution.point.shared.size] = solution.point.shared
             if name == "held":
-                rival = replace(rival, is_delayed=False, starts_free=False)
+                rival = replace(rival, is_held=True)
                 begin.local[:, 2:] = 0.0
             solved = solve_follow(rival, begin, passes=1)
             gain = _squares(solved) / base_fit

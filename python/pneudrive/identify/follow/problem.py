@@ -63,10 +63,8 @@ class FollowProblem:
         Shared parameters. Empty: only start and delay of each recording are fitted.
     parts : sequence of (float, float)
         Time span of each recording with residuals, s.
-    is_delayed : bool
-        Whether the delay of each recording is free.
-    starts_free : bool
-        Whether start temperatures may differ from wall temperatures.
+    is_held : bool
+        Whether each recording starts at wall temperature and has no delay; otherwise, both are free.
     model : str
         Name of the model in reports of progress.
     """
@@ -75,8 +73,7 @@ class FollowProblem:
     records: Sequence[DrivenRecording]
     numbers: Sequence[Number]
     parts: Sequence[Interval] = ()
-    is_delayed: bool = True
-    starts_free: bool = True
+    is_held: bool = False
     model: str = "requested model"
     watch: Watch = UNWATCHED
     weights: Sequence[Array] = ()
@@ -118,8 +115,7 @@ class FollowProblem:
     def priors(self, at: int) -> Array:
         """Return the prior standard uncertainties of a recording's parameters; 0 if held, inf without a prior."""
         kelvin = AT_REST_K if self.records[at].at_rest else IN_MOTION_K
-        kelvin = kelvin if self.starts_free else 0.0
-        return np.array([np.inf, np.inf, kelvin, kelvin, DELAY_S if self.is_delayed else 0.0])
+        return np.array([np.inf, np.inf, *([0.0, 0.0, 0.0] if self.is_held else [kelvin, kelvin, DELAY_S])])
 
 
 def _first_weights(record: DrivenRecording) -> Array:
@@ -243,7 +239,7 @@ def _jacobians(
             rows = slice(None) if len(columns) == 1 else SIDES.index(_side(problem, column))
             out[at][column][rows] = change[rows] / steps[column]
     for at, raw in enumerate(raws):
-        if problem.is_delayed:
+        if not problem.is_held:
             delay, step = point.local[at, 4], STEPS[4]
             ends = [problem.residual(at, raw, delay + sign * step) for sign in (1.0, -1.0)]
             out[at][-1] = (ends[0] - ends[1]) / (2.0 * step)

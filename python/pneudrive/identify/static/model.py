@@ -108,8 +108,8 @@ class StaticLaw:
     """Protocol of steady sliding friction as a function of the free parameters of a law."""
 
     names: Any  # tuple of str
-    stribeck: Any  # whether the law has a Stribeck part and is linear in its forces
-    chosen: Any  # numbers chosen by the data beside the parameters
+    stribeck: Any = False  # whether the law has a Stribeck part and is linear in its forces
+    chosen: Any = 0  # numbers chosen by the data in addition to the parameters
     transforms: Any  # `Transforms` of the parameters
     bounds: Any  # values -> lower and upper bounds of the internal coordinates
     starting_points: Any  # values -> start coordinates, best first
@@ -404,8 +404,6 @@ class AnyLaw(StaticLaw):
     names: tuple[str, ...]
     start: tuple[float, ...] = field(default=(), compare=False)
     held: NamedNumbers = field(default_factory=dict, compare=False)
-    stribeck: bool = field(default=False, init=False)  # not linear in its forces
-    chosen: int = field(default=0, init=False)
 
     @cached_property
     def _core(self) -> tuple[str, NamedNumbers, Plain]:
