@@ -395,15 +395,12 @@ def _result(
     RecordingError
         If no speed class has settled samples in the window.
     """
-    levels, used, counting = [], set(), set()
+    levels, usable = [], dict[int, bool]()
     for table in tables:
-        rows = {id(table.rows[row].stroke) for rows in table.directions.values() for row in rows}
-        counting |= rows
         level = level_of(motion, len(levels), table, window)
-        if level is not None:
-            levels.append(level)
-            used |= rows
-    use = stroke_use(strokes, used, counting, window)
+        levels += [level] if level is not None else []
+        usable |= {id(row.stroke): level is not None for row in table.rows if row.means}
+    use = stroke_use(strokes, usable, window)
     if not levels:
         low, high = (1e3 * end for end in window)
         raise RecordingError.of("friction.unsettled", where=motion.recording.name, low=low, high=high, use=use)

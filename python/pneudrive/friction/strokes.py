@@ -21,7 +21,7 @@ from pneudrive.signals.motion import Stroke, find_strokes, local_slope, speed_le
 from pneudrive.signals.recording import Recording, refuse_impossible
 
 if TYPE_CHECKING:
-    from collections.abc import Collection, Iterator, Mapping, Sequence
+    from collections.abc import Iterator, Mapping, Sequence
 
     from pneudrive.arrays import Array, Bools, Interval, NamedNumbers
     from pneudrive.signals.pressure_delay import PressureDelay
@@ -295,17 +295,15 @@ class StrokeUse:
         return ", ".join(sentence(f"strokes.{name}", count=count) for name, count in self.left_out.items())
 
 
-def stroke_use(
-    strokes: Sequence[Stroke], used: Collection[int], counting: Collection[int], window_m: Interval
-) -> StrokeUse:
+def stroke_use(strokes: Sequence[Stroke], usable: Mapping[int, bool], window_m: Interval) -> StrokeUse:
     """Count the strokes of a recording.
 
     Parameters
     ----------
     strokes : sequence of Stroke
         All strokes.
-    used, counting : collection of int
-        Identities (``id``) of strokes in a speed class with a result, and of usable strokes.
+    usable : mapping
+        Identity (``id``) of each stroke with settled samples -> whether its speed class has a result.
     window_m : tuple of float
         Positions between which friction is averaged.
     """
@@ -314,9 +312,9 @@ def stroke_use(
         low, high = sorted((stroke.from_m, stroke.to_m))
         crossed = min(high, window_m[1]) - max(low, window_m[0])
         narrow = crossed < COVERED_SHARE * (window_m[1] - window_m[0])
-        return "apart" if id(stroke) in counting else "window" if narrow else "unsettled"
+        return "apart" if id(stroke) in usable else "window" if narrow else "unsettled"
 
-    reasons = [reason(stroke) for stroke in strokes if id(stroke) not in used]
+    reasons = [reason(stroke) for stroke in strokes if not usable.get(id(stroke))]
     return StrokeUse(len(strokes), {n: reasons.count(n) for n in ("window", "unsettled", "apart") if n in reasons})
 
 

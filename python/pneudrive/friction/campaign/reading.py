@@ -191,22 +191,22 @@ def read_campaign(campaign: Campaign, choice: SampleChoice, processes: int | Non
     CampaignError
         If no cycle can be used.
     """
-    files, problems = campaign.scan()
+    found, problems = campaign.scan()
     skipped = [Skipped("", p.where, p.what) for p in problems if p.lost]
     notes = [str(p) for p in problems if not p.lost]
-    if not files:
+    if not found:
         lost = "; ".join(f"{s.file}: {s.reason}" for s in skipped[:3]) or "no file in cycles/"
         raise CampaignError.of("friction.no_cycle", where=str(campaign.path), value=lost)
     # The snapshot of the rig is not needed, and would be sent to every process.
-    light = [CycleFile(f.path, replace(f.head, memory={})) for f in files]
-    wanted = [f for f in light if f.head.cycle.kind in (*SLIDING, *STANDING) or not f.head.cycle.steps]
+    files = tuple(CycleFile(f.path, replace(f.head, memory={})) for f in found)
+    wanted = [f for f in files if f.head.cycle.kind in (*SLIDING, *STANDING) or not f.head.cycle.steps]
     edges = _edges([f for f in wanted if f.head.cycle.kind in SLIDING])
     read = share_out(read_part, wanted, campaign.identity, choice, edges, least=WORTH_WORKERS, processes=processes)
-    found = {file.head.cycle.key: one for file, one in zip(wanted, read, strict=True)}
-    plans = _plans(files, found)
-    whole = [plans[key] | row for key, (_, row) in found.items() if isinstance(row, dict)]
+    rows = {file.head.cycle.key: one for file, one in zip(wanted, read, strict=True)}
+    plans = _plans(files, rows)
+    whole = [plans[key] | row for key, (_, row) in rows.items() if isinstance(row, dict)]
     table = cycles.CycleTable.of(sorted(whole, key=lambda row: row["index"]), BINS)
-    skipped += [data for _, data in found.values() if isinstance(data, Skipped)]
+    skipped += [data for _, data in rows.values() if isinstance(data, Skipped)]
     kinds = table["kind"]
     tares = table.at(kinds == "tare")
     gain = cycles.sensor_gain(campaign.identity, table.at(kinds == "weight"), tares)
@@ -217,7 +217,7 @@ def read_campaign(campaign: Campaign, choice: SampleChoice, processes: int | Non
         source=campaign.path,
         identity=campaign.identity,
         about=campaign.about,
-        files=tuple(files),
+        files=files,
         sliding=cycles.without_zeros(cycles.corrected(sliding, gain), zeros, campaign.identity),
         tares=cycles.without_zeros(cycles.corrected(tares, gain), zeros, campaign.identity),
         gain=gain,

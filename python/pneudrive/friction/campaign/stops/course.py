@@ -21,6 +21,7 @@ All four forms are fitted to means over bins that are even in log time, and comp
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import TYPE_CHECKING
@@ -28,6 +29,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pneudrive.campaign.storage.folder import RESTS, CycleFile, recording_of, speed_of, steps_from_motion, steps_of
+from pneudrive.errors import RecordingError
 from pneudrive.estimate.autocorrelation import cells, means
 from pneudrive.estimate.estimates import NORMAL_95, rms, student
 from pneudrive.estimate.mixed import Scan, corrected_criterion, refined, scan
@@ -83,7 +85,7 @@ class Phases:
         return self.restart_s - self.rest_s
 
 
-def find_phases(cycle: Cycle, time_s: Array, position_m: Array, step: Ints) -> Phases | str:
+def find_phases(cycle: Cycle, time_s: Array, position_m: Array, step: Ints) -> Phases:
     """Find the stop of a cycle.
 
     Parameters
@@ -91,21 +93,24 @@ def find_phases(cycle: Cycle, time_s: Array, position_m: Array, step: Ints) -> P
     cycle : Cycle
     time_s, position_m, step : ndarray, shape (n,)
 
-    Returns
-    -------
-    Phases or str
-        A string gives the reason why no stop was found.
+    Raises
+    ------
+    RecordingError
+        If no stop was found.
     """
     numbered = np.unique(step).size > 1
     hold = stop_step(cycle) if cycle.steps and numbered else None
     if hold is not None:
-        return _phases(time_s, position_m, step, hold) or "no samples of the restart: the cycle ends with its stop"
+        found = _phases(time_s, position_m, step, hold)
+        if found is None:
+            raise RecordingError("no samples of the restart: the cycle ends with its stop")
+        return found
     planned = [move.speed_m_s for move in cycle.steps if isinstance(move, Move)]
     speed = cycle.speed_m_s or min(planned, default=None)
-    if numbered and isinstance(found := _rest(cycle, time_s, position_m, step), Phases):
-        return found
-    found = _rest(cycle, time_s, position_m, steps_from_motion(time_s, position_m, speed))
-    return replace(found, by_steps=False) if isinstance(found, Phases) else found
+    if numbered:
+        with suppress(RecordingError):
+            return _rest(cycle, time_s, position_m, step)
+    return replace(_rest(cycle, time_s, position_m, steps_from_motion(time_s, position_m, speed)), by_steps=False)
 
 
 def stop_step(cycle: Cycle) -> int | None:
@@ -124,15 +129,15 @@ def stop_step(cycle: Cycle) -> int | None:
     return min(held, key=lambda i: (abs(np.log(held[i] / wanted)), -i))
 
 
-def _rest(cycle: Cycle, time_s: Array, position_m: Array, step: Ints) -> Phases | str:
+def _rest(cycle: Cycle, time_s: Array, position_m: Array, step: Ints) -> Phases:
     """Find the rest with the planned duration, or the longest one between two moves in one direction."""
     if step.max() == 0:
-        return "nothing moves"
+        raise RecordingError("nothing moves")
     every = [_phases(time_s, position_m, step, number) for number in np.unique(step)[:-1]]
     found = [p for p in every if p and p.rest.stop > p.rest.start]
     found = [p for p in found if np.ptp(position_m[p.rest]) < RESTS * np.ptp(position_m[p.restart])]
     if not found:
-        return "no rest between two moves"
+        raise RecordingError("no rest between two moves")
     if wanted := cycle.stop_s:
         return min(found, key=lambda p: abs(np.log(max(p.dwell_s, 1e-9) / wanted)))
     return max(found, key=lambda p: (not p.reversed, p.dwell_s))

@@ -24,7 +24,7 @@ average over the grid, weighted by the quality of each fit. Its uncertainty ther
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -70,10 +70,8 @@ SPOILING = frozenset(
 TRACE = ("trace_time_s", "trace_position_m", "trace_friction_n")
 
 
-def _read(
-    file: CycleFile, samples: Samples, identity: Identity, others: Sequence[course.UninterruptedStroke]
-) -> Row | Skipped:
-    """Return the columns of a stop, or the reason why they are missing.
+def _read(file: CycleFile, samples: Samples, identity: Identity, others: Sequence[course.UninterruptedStroke]) -> Row:
+    """Return the columns of a stop.
 
     Uninterrupted strokes of `others`, which are other cycles, serve cycles without their own.
     """
@@ -81,8 +79,6 @@ def _read(
     step = steps_of(recording, samples)
     cycle, condition = file.head.cycle, condition_of(file.head)
     phases = course.find_phases(cycle, recording.time_s, recording.position_m, step)
-    if isinstance(phases, str):
-        return Skipped(cycle.key, file.path.name, phases)
     friction = phases.direction * recording.balance_n()
     own = course.strokes_of(file, recording, step, leave=course.stop_step(cycle)) if phases.by_steps else []
     running = course.running_level(recording, friction, phases, own, others, condition)
@@ -234,8 +230,7 @@ def find_stops(
     """
     import polars as pl
 
-    known = campaign.scan()[0] if files is None else files
-    files = [CycleFile(f.path, replace(f.head, memory={})) for f in known]
+    files = campaign.scan()[0] if files is None else files
     stops = [f for f in files if f.head.cycle.kind == "stop" and f.head.cycle.stop_s != 0.0]
     if not stops:
         return pl.DataFrame(), ()
