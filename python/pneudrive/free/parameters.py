@@ -24,7 +24,7 @@ from pneudrive.describe.system import compiled
 from pneudrive.describe.tables.derived import Derived, derived, derived_in_circuit
 from pneudrive.describe.tables.starts import start_mark
 from pneudrive.describe.tables.valve_flow import FLOW_KEYS
-from pneudrive.errors import CommandError, FitError, SimulationError, nearest
+from pneudrive.errors import CommandError, FitError, SimulationError, nearest, package_table
 from pneudrive.progress import UNWATCHED, Watch
 from pneudrive.simulation import command as commands
 from pneudrive.simulation.start import DriveOrCircuit, StartState, ready
@@ -43,20 +43,7 @@ if TYPE_CHECKING:
 
 # --- Numbers of a drive's circuit by their names in the drive file, and the gas of its tubes.
 
-#: Component of a drive's circuit -> its table in the drive file.
-_TABLES = {"spring": "load.spring"} | {
-    f"{part}_{chamber}": f"{table}.{chamber}"
-    for part, table in (("tube", "tubing"), ("flow_control", "flow_control"))
-    for chamber in "ab"
-}
-#: Keys of a cylinder in a separate table of the drive file.
-_KEYS = {
-    "dead_volume_a": "dead_volume.a",
-    "dead_volume_b": "dead_volume.b",
-    "end_stop_stiffness": "end_stop.stiffness",
-    "end_stop_damping": "end_stop.damping",
-    "end_stop_damping_depth": "end_stop.damping_depth",
-}
+_NUMBERS = package_table(__file__, "numbers.toml")
 CYLINDER_FRICTION = "cylinder.friction."
 
 
@@ -69,7 +56,8 @@ def component_numbers(form: Plain) -> Iterator[tuple[str, str, float, Plain]]:
         own, kind = component["name"], component_kinds()[component["kind"]]
         rows = {row["key"]: row | {"discrete": row["key"] in kind["discrete"]} for row in kind["parameters"]}
         for key, value in component["numbers"].items():
-            yield f"{_TABLES.get(own, own)}.{_KEYS.get(key, key)}", f"{own}.{key}", value, rows[key]
+            name = f"{_NUMBERS['tables'].get(own, own)}.{_NUMBERS['keys'].get(key, key)}"
+            yield name, f"{own}.{key}", value, rows[key]
 
 
 def table_of(form: Plain, path: str) -> tuple[Plain, str]:
@@ -115,21 +103,10 @@ def side_of(name: str) -> str:
 
 #: Units, recognised by the suffix of a name in the core's form.
 _UNITS = ("m^3/(s Pa)", "W/(m^2 K)", "J/(kg K)", "N s/m", "N/m", "m/s", "rad", "m^3", "kg", "Pa", "K", "m", "N", "s")
-# Numbers that may be negative, with the size of a usual change; all others are positive.
-_SIGNED = {
-    "load.force": 10.0,
-    "cylinder.incline": 0.1,
-    "load.spring.rest_position": 0.1,
-    "valve.overlap": 0.05,
-    "friction.position.slope": 1.0,
-}
-#: Parameters of a valve that act on the command schedule -> finite-difference step. The step exceeds the effect of
-#: solver errors; that of the delay, s, is below the response time of the flow.
-COMMAND_STEPS = {"hysteresis": 1e-4, "delay": 1e-4}
-_SIGNED_KEYS = {name.rpartition(".")[2]: size for name, size in _SIGNED.items()}  # in a circuit
-#: Start values of overlap and leakage for a drive without them (assumed). Leakage must be positive because its
-#: logarithm is fitted.
-VALVE_SHAPE = {"valve.overlap": 0.0, "valve.leakage": 1e-3}
+#: Numbers that may be negative, by the last key of their names, with the size of a usual change.
+_SIGNED: NamedNumbers = _NUMBERS["signed"]
+#: Parameters of a valve that act on the command schedule -> finite-difference step.
+COMMAND_STEPS: NamedNumbers = _NUMBERS["command_steps"]
 _SEAL_SLOPE = 1e-5  # N/Pa: 1 N/bar
 _AGEING_SLOPE = 1e-6  # 1/Pa: 0.1/bar
 
@@ -204,17 +181,19 @@ def numbers_of(described: DriveOrCircuit) -> dict[str, Parameter]:
     form, written = json.loads(drive.core_json()), marks(drive)
     own = {"ambient": form["ambient"], "friction": drive.friction.core()}
     found = [_parameter(key, float(n), laws) for key, n in leaves(own) if type(n) in (int, float)]
-    found += [_of_component(*number) for number in component_numbers(form)]
+    for name, path, value, entry in component_numbers(form):
+        mark = StatedPressure() if entry["unit"] == STATED else parameter_quantity(entry)
+        about = (mark_unit(mark), value, entry, _SIGNED.get(path.rpartition(".")[2]))
+        found.append(_bounded(name, path, *about, discrete=entry["discrete"], mark=mark))
     found.sort(key=lambda p: p.core.replace(CYLINDER_FRICTION, "friction."))
     return {p.name: replace(p, mark=written.get(p.name) or p.mark) for p in found}
 
 
 def with_shape(drive: Drive, names: Iterable[str]) -> Drive:
     """Return a drive whose valve has overlap or leakage if `names` contain them, with assumed start values."""
-    lacking = {
-        name for name in names if name in VALVE_SHAPE and getattr(drive.valve, name.removeprefix("valve.")) is None
-    }
-    return drive.replace({name: VALVE_SHAPE[name] for name in lacking}) if lacking else drive
+    shape = _NUMBERS["valve_shape"]
+    lacking = [n for n in names if n in shape and getattr(drive.valve, n.removeprefix("valve.")) is None]
+    return drive.replace({name: shape[name] for name in lacking}) if lacking else drive
 
 
 def find(described: DriveOrCircuit, names: Sequence[str], *, shifts: bool = False) -> list[Parameter]:
@@ -291,14 +270,7 @@ def _parameter(path: str, value: float, laws: dict[str, Plain]) -> Parameter:
         return _bounded(name, path, "N/Pa", value, None, _SEAL_SLOPE)
     if name.startswith("friction.dwell.pressure"):
         return _bounded(name, path, "1/Pa", value, None, _AGEING_SLOPE)
-    return _bounded(name, path, unit, value, {"lower": 0.0, "upper": None}, _SIGNED.get(name))
-
-
-def _of_component(name: str, path: str, value: float, entry: Plain) -> Parameter:
-    """Return a number of a component with the unit and the bounds of its table."""
-    mark = StatedPressure() if entry["unit"] == STATED else parameter_quantity(entry)
-    about = (mark_unit(mark), value, entry, _SIGNED.get(name))
-    return _bounded(name, path, *about, discrete=entry["discrete"], mark=mark)
+    return _bounded(name, path, unit, value, {"lower": 0.0, "upper": None}, _SIGNED.get(stem))
 
 
 def _bounded(
@@ -394,13 +366,15 @@ class DriveFamily:
         table, key = self._place(path)
         return float(table[key])
 
+    def _put(self, path: str, value: float) -> None:
+        table, key = self._place(path)
+        table[key] = float(value)
+
     def _set(self, values: Array) -> None:
         for path, value in zip(self.paths, values, strict=False):
-            table, key = self._place(path)
-            table[key] = float(value)
+            self._put(path, value)
         for one in self.moving:
-            table, key = self._place(one.path)
-            table[key] = one.value(*(self.get(path) for path in one.sources))
+            self._put(one.path, one.value(*map(self.get, one.sources)))
 
     def json(self, values: Array) -> str:
         """Return the core's form with these values."""
@@ -412,8 +386,7 @@ class DriveFamily:
         self._set(values)
         rounded = [one for one in self.moving if one.digits is not None]
         for one in rounded:
-            table, key = self._place(one.path)
-            table[key] = float(f"{table[key]:.{one.digits}g}")
+            self._put(one.path, float(f"{self.get(one.path):.{one.digits}g}"))
         self.settled += rounded
         self.moving = [one for one in self.moving if one not in rounded]
         self.paths = [*self.paths[: self.size], *(one.path for one in self.moving)]
@@ -496,7 +469,7 @@ def circuit_numbers(circuit: Circuit) -> dict[str, Parameter]:
         for key, mark in written.items():
             table, last = table_of(form, path + key)
             value = table.get(last, np.nan)
-            about = (mark_unit(mark), value if math.isfinite(value) else np.nan, rows.get(key), _SIGNED_KEYS.get(key))
+            about = (mark_unit(mark), value if math.isfinite(value) else np.nan, rows.get(key), _SIGNED.get(key))
             found[name + key] = _bounded(name + key, path + key, *about, discrete=key in discrete, mark=mark)
     ambient = circuit.ambient.marks()
     for name, path in AMBIENT.items():
