@@ -9,8 +9,8 @@ with an increasing number of samples.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any, Literal, NamedTuple
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -22,6 +22,9 @@ if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from pneudrive.sizing.task import SizingTask
+
+#: Key of the ranking: see `SizedDrive.rank`.
+Rank = tuple[Any, ...]
 
 #: Lower bound of the air of a cycle before a pair is probed, as a fraction of the air that fills both sides (assumed).
 LEAST_AIR = 0.7
@@ -118,11 +121,12 @@ class TubedCylinder:
             if time > limit:
                 least = f"{time:.4g} s" if time < math.inf else "no arrival"
                 reason = f"time {way}: {least} with the widest valve in the fast case, {limit:.4g} s allowed"
-                self.late = Shortage("time", limit / time, reason)
+                parts = {"cylinder": self.cylinder.name, "valve": "*", "tube": self.tube.name, "flow_control": "*"}
+                self.late = Shortage("time", limit / time, reason, parts, self.count)
 
     def candidates(self, task: SizingTask) -> list[SizingCandidate]:
         """Return the choices of parts with the pair."""
-        valves = sorted(self.valves, key=lambda one: (-_exhaust(one), -one.numbers["conductance"], one.name))
+        valves = sorted(self.valves, key=lambda one: (-one.exhaust_conductance, -one.numbers["conductance"], one.name))
         wide = self._opened(DriveChoice(self.cylinder, valves[0], self.tube, NO_FLOW_CONTROL))
         limits = task.outward_s, task.back_s
         made, widest = [], None
@@ -143,12 +147,7 @@ class TubedCylinder:
 
     def _opened(self, choice: DriveChoice) -> float:
         """Return the conductance of the exhaust path with open needles, from its parts in series."""
-        needle = choice.flow_control.numbers["needle_conductance"] if choice.is_throttled else math.inf
-        return sum(size**-2.0 for size in (_exhaust(choice.valve), self.tube_flow, needle)) ** -0.5
-
-
-def _exhaust(valve: PartChoice) -> float:
-    return valve.numbers.get("exhaust_conductance", valve.numbers["conductance"])
+        return sum(size**-2.0 for size in choice.exhaust_sizes(self.tube_flow)) ** -0.5
 
 
 @dataclass(eq=False)
@@ -164,28 +163,30 @@ class SizingCandidate:
     lead : SizingCandidate or None
         The same choice with the widest valve and flow control. It is run first, because the needle limits the flow
         anyway. A choice without flow controls has a lead if its valve is narrower than the lead with open needles.
-    rough, tuned : Tuned or None
-        Rough settings, and refined ones.
-    drives : dict
-        Number of samples -> results.
+    settings : Tuned or None
+        Rough settings, or refined ones.
+    is_tuned : bool
+        Whether the settings are refined.
+    drive : SizedDrive or None
+        Results of the spreads with the most samples.
     spread : DrawResults or None
         Results of the samples that were simulated last in this process.
     hardest : Hardest or None
         Results of the samples with the smallest margins.
-    lost : str
-        Reason why the choice cannot do the task; empty while it may.
+    lost : Shortage or None
+        Reason why the choice cannot do the task; None while it may.
     """
 
     strokes: DriveStrokes
     pair: TubedCylinder
     guess: float
     lead: SizingCandidate | None = None
-    rough: Tuned | None = None
-    tuned: Tuned | None = None
-    drives: dict[int, SizedDrive] = field(default_factory=dict)
+    settings: Tuned | None = None
+    is_tuned: bool = False
+    drive: SizedDrive | None = None
     spread: DrawResults | None = None
     hardest: Hardest | None = None
-    lost: str = ""
+    lost: Shortage | None = None
 
     @property
     def choice(self) -> DriveChoice:
@@ -203,28 +204,18 @@ class SizingCandidate:
         return self.pair.open_checks if self.drive is None else self.drive.open_checks
 
     @property
-    def drive(self) -> SizedDrive | None:
-        """Simulated drive with the most samples."""
-        return self.drives[max(self.drives)] if self.drives else None
-
-    @property
     def draws(self) -> int:
         """Number of samples that are simulated."""
-        return max(self.drives, default=0)
+        return 0 if self.drive is None else self.drive.draws
 
     def provisional(self) -> Provisional:
         """Return the results of nominal runs."""
-        known = self.tuned or self.rough
-        assert known is not None
-        return Provisional(self.choice.parts, known.air, known.times, known.least)
+        assert self.settings is not None
+        return Provisional(self.choice.parts, self.settings.air, self.settings.times, self.settings.least)
 
     def bound(self, final: int) -> Rank:
         """Return the best possible ranking key after `final` samples."""
         return rank_of(self.open_checks, *self.outlook(final), self.choice.sizes, self.choice.name)
-
-    def reach(self, final: int) -> float:
-        """Return the largest possible margin after `final` samples."""
-        return self.outlook(final)[1]
 
     def outlook(self, final: int) -> tuple[float, float]:
         """Return the least air, kg, and the largest margin that are possible after `final` samples."""
@@ -234,34 +225,37 @@ class SizingCandidate:
             spread = drive.draws**-0.5 - final**-0.5
             return drive.air * (1.0 - SPREAD_AIR * spread), drive.margin + SPREAD_SLACK * spread
         if self.is_slow:
-            return self.pair.least_air, self.rough.least if self.rough else NEVER
-        for stage, result in (("tuned", self.tuned), ("rough", self.rough)):
-            if result is not None:
-                return result.air * (1.0 - AIR_SLACK[stage]), result.least + MARGIN_SLACK[stage]
+            return self.pair.least_air, self.settings.least if self.settings else NEVER
+        if self.settings is not None:
+            stage = "tuned" if self.is_tuned else "rough"
+            return self.settings.air * (1.0 - AIR_SLACK[stage]), self.settings.least + MARGIN_SLACK[stage]
         if self.lead is None:
             return self.pair.least_air, 1.0
-        return self.pair.least_air, self.lead.reach(final) + (0.0 if self.lead.is_slow else VALVE_SLACK)
+        return self.pair.least_air, self.lead.outlook(final)[1] + (0.0 if self.lead.is_slow else VALVE_SLACK)
 
     @property
     def is_slow(self) -> bool:
         """Whether a stroke with fully open needles is too slow even in the fast case, also with narrower parts."""
-        if self.rough is None and self.tuned is None:
+        if self.settings is None:
             return self.lead is not None and self.lead.is_slow
-        return self.rough is not None and not self.rough.times
+        return not self.settings.times
+
+    def _lose(self, limit: str, reason: str) -> None:
+        self.lost = Shortage(limit, 0.0, reason, self.choice.parts)
 
     def look_at_reach(self, final: int) -> None:
         """Reject the candidate if its runs, or runs with the widest valve, show that it cannot do the task."""
-        if self.reach(final) < 0.0:
-            of = "" if self.rough or self.tuned or self.lead is None else f" with {self.lead.choice.valve.name}"
-            self.lost = f"spreads: margin of {100.0 * self.reach(final):.0f} % at most{of}"
+        _, most = self.outlook(final)
+        if most < 0.0:
+            of = "" if self.settings or self.lead is None else f" with {self.lead.choice.valve.name}"
+            self._lose("spreads", f"margin of {100.0 * most:.0f} % at most{of}")
 
     @property
     def known(self) -> float | None:
         """Expected margin over the spreads, from the last runs; None before the first run."""
         if self.drive is not None:
             return self.drive.margin if self.hardest is None else self.hardest.margin
-        found = self.tuned or self.rough
-        return None if found is None else min(found.least, found.nominal)
+        return None if self.settings is None else min(self.settings.least, self.settings.nominal)
 
     def promise(self, of_cylinder: Mapping[str, float]) -> tuple[bool, Rank]:
         """Return the key that sorts the choices for simulation.
@@ -271,7 +265,7 @@ class SizingCandidate:
         of_cylinder : dict
             Cylinder -> best margin of the choices that were run with it.
         """
-        one = self.hardest or self.drive or self.tuned or self.rough
+        one = self.hardest or self.drive or self.settings
         air = (one.air if one else 0.0) or self.pair.air or self.pair.fill
         margin = self.known
         if margin is None:
@@ -280,51 +274,29 @@ class SizingCandidate:
             margin -= RESERVE + (not self.choice.is_throttled)
         return margin < 0.0, rank_of(self.open_checks, air, margin, self.choice.sizes, self.choice.name)
 
-    def take_settings(self, stage: Literal["rough", "tuned"], found: Tuned) -> None:
+    def take_settings(self, found: Tuned, *, is_tuned: bool) -> None:
         """Store rough or tuned settings."""
-        setattr(self, stage, found)
+        self.settings, self.is_tuned = found, is_tuned
         name, limit, value = found.short
         if found.nominal < 0.0:
-            self.lost = f"{name}: {value:.3g} in the nominal case, limit {limit:.3g} (SI)"
-        elif stage == "rough" and not is_worth_more(found):
-            self.lost = f"spreads: margin of {100.0 * found.least:.0f} % in the worst case"
+            self._lose(name, f"{value:.3g} in the nominal case, limit {limit:.3g} (SI)")
+        elif not is_tuned and not is_worth_more(found):
+            self._lose("spreads", f"margin of {100.0 * found.least:.0f} % in the worst case")
 
     def take_hardest(self, found: Hardest, final: int) -> None:
         """Store the results of the samples with the smallest margins."""
         self.hardest = found
         if found.failed > (1.0 - PROBABILITY) * final:
-            self.lost = f"spreads: {found.failed} of {final} samples miss a limit"
+            self._lose("spreads", f"{found.failed} of {final} samples miss a limit")
 
     def take_drive(self, found: SizedDrive, final: int) -> None:
         """Store simulated spreads.
 
         The candidate is rejected if more samples fail than allowed, or than is likely for a passing choice.
         """
-        self.drives[found.draws] = found
+        self.drive = found
         allowed, failed = 1.0 - PROBABILITY, found.draws - found.met
         likely = allowed + DOUBT * math.sqrt(allowed / found.draws)
         is_final = found.draws >= final
         if failed > allowed * final or (not found.is_feasible if is_final else failed > likely * found.draws + 1.0):
-            self.lost = f"{found.binding}: {failed} of {found.draws} samples miss it"
-
-
-#: Key of the ranking: see `SizedDrive.rank`.
-Rank = tuple[Any, ...]
-
-
-class Dropped(NamedTuple):
-    """Choices that were left out for the same reason.
-
-    Attributes
-    ----------
-    parts : dict
-        Slot -> part, or "*" for any.
-    choices : int
-        Number of choices.
-    shortage : Shortage
-        Reason.
-    """
-
-    parts: Mapping[str, str]
-    choices: int
-    shortage: Shortage
+            self._lose(found.binding, f"{failed} of {found.draws} samples miss it")

@@ -7,11 +7,13 @@ reports this.
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from pneudrive.arrays import Interval
 from pneudrive.constants import ANR_LITRES_PER_KG, STANDARD_GRAVITY_M_S2, USUAL_PEAK_PA
 from pneudrive.describe.components import USUAL, unusual_sizes
 from pneudrive.errors import OPEN_CHECK
@@ -21,9 +23,7 @@ from pneudrive.sizing.task import WITHOUT, DriveChoice, PartChoice, energy_limit
 from pneudrive.views import Finding
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping, Sequence
-
-    from pneudrive.arrays import Array, Bools, Interval, NamedNumbers
+    from pneudrive.arrays import Array, Bools, NamedNumbers
     from pneudrive.sizing.task import SizingTask
 
 
@@ -154,21 +154,27 @@ def explained(draws: Array, margins: Array) -> NamedNumbers:
 
 
 class Shortage(NamedTuple):
-    """Limit that a choice misses.
+    """Limit that choices of parts miss, so that they are left out.
 
     Attributes
     ----------
     limit : str
         Missed limit.
     share : float
-        Largest possible value divided by the required value, below 1. 0: no change of the task helps.
+        Largest possible value divided by the required value, below 1. 0: no change of the task helps, or it is unknown.
     said : str
         The shortage in words.
+    parts : dict
+        Slot -> part, or "*" for any.
+    choices : int
+        Number of choices.
     """
 
     limit: str
     share: float
     said: str
+    parts: Mapping[str, str] = {}
+    choices: int = 1
 
 
 # --- Checks of the machine builder: side load, buckling of the rod, absorbers, holding force without supply.
@@ -425,7 +431,7 @@ class SizedDrive:
     worst: Mapping[str, tuple[float, float, str]]
     measure: str
     explains: float
-    sizes: Sequence[float]
+    sizes: tuple[float, ...]
     intervals: Mapping[str, Interval] = field(default_factory=dict)
     open_checks: int = 0
 
@@ -489,7 +495,7 @@ class SizedDrive:
     @property
     def rank(self) -> tuple[Any, ...]:
         """Key of the ranking: open checks, air in steps of 2 %, then margin in steps of 1 %, then sizes."""
-        return rank_of(self.open_checks, self.air, self.margin, tuple(self.sizes), self.name)
+        return rank_of(self.open_checks, self.air, self.margin, self.sizes, self.name)
 
 
 @dataclass(frozen=True)

@@ -15,7 +15,7 @@ from pneudrive import units
 from pneudrive.constants import AIR_GAS_CONSTANT_J_KG_K, ANR_DENSITY_KG_M3, ANR_TEMPERATURE_K
 from pneudrive.describe.tables.parts import Gas
 from pneudrive.simulation.bench_circuit import VACUUM, steady_flow
-from pneudrive.sizing.candidate import Dropped, TubedCylinder
+from pneudrive.sizing.candidate import TubedCylinder
 from pneudrive.sizing.checks import Shortage, count_open, mechanical_checks
 from pneudrive.sizing.task import NO_FLOW_CONTROL, SAME_STROKE, SLOTS, DriveChoice, PartChoice, choices, grouped
 
@@ -59,10 +59,8 @@ class SafeBounds:
 
     def lacks(self, choice: DriveChoice) -> Shortage | None:
         """Return the reason why a choice cannot do the task, or None."""
-        for part in (choice.valve, choice.tube, choice.flow_control):
-            if (found := self.part(part)) is not None:
-                return found
-        return self.cylinder(choice.cylinder) or self.fits(choice)
+        found = self.part(choice.valve) or self.part(choice.tube) or self.part(choice.flow_control)
+        return found or self.cylinder(choice.cylinder) or self.fits(choice)
 
     def part(self, part: PartChoice) -> Shortage | None:
         """Compare the task with the limits on the data sheet of a part."""
@@ -77,10 +75,8 @@ class SafeBounds:
     def cylinder(self, part: PartChoice) -> Shortage | None:
         """Return the reason why a cylinder cannot do the task with any valve, tube and flow control."""
         choice = DriveChoice(part, NO_FLOW_CONTROL, NO_FLOW_CONTROL, NO_FLOW_CONTROL)
-        for find in (self._stroke, self._force, self._sheet, self._thrust):
-            if (found := find(choice)) is not None:
-                return found
-        return None
+        found = self._stroke(choice) or self._force(choice) or self.part(part) or self._sheet(choice)
+        return found or self._late(choice, self._thrust_s)
 
     def _stroke(self, choice: DriveChoice) -> Shortage | None:
         stroke = choice.cylinder.numbers["stroke"]
@@ -89,9 +85,7 @@ class SafeBounds:
         return Shortage("stroke", 0.0, f"the stroke of the part is {1e3 * stroke:g} mm")
 
     def _sheet(self, choice: DriveChoice) -> Shortage | None:
-        """Compare the task with the data sheet of the cylinder."""
-        if (found := self.part(choice.cylinder)) is not None:
-            return found
+        """Compare the task with the mechanical limits on the data sheet of the cylinder."""
         for check in mechanical_checks(choice.cylinder, self.task):
             if check.is_kept is False:
                 return Shortage(check.name, (check.limit or 0.0) / check.value, check.numbers)
@@ -120,40 +114,34 @@ class SafeBounds:
 
         A missing part counts as ideal.
         """
-        return misfit(choice) or self._time(choice)
+        return misfit(choice) or self.vents(choice)
 
-    def _thrust(self, choice: DriveChoice) -> Shortage | None:
-        return self._late(self._thrust_s, choice, choice.areas_m2)
+    def vents(self, choice: DriveChoice) -> Shortage | None:
+        """Return the reason why the gas cannot leave the cylinder in time."""
+        return self._late(choice, self._flow_s)
 
-    def _time(self, choice: DriveChoice) -> Shortage | None:
-        return self._late(self._flow_s, choice, choice.areas_m2[::-1])
-
-    def _late(
-        self, least_s: Callable[[DriveChoice, float, bool], float], choice: DriveChoice, areas: Sequence[float]
-    ) -> Shortage | None:
-        for outward, area, limit in zip((True, False), areas, (self.task.outward_s, self.task.back_s), strict=True):
-            least = least_s(choice, area, outward)
+    def _late(self, choice: DriveChoice, least_s: Callable[[DriveChoice, bool], float]) -> Shortage | None:
+        for outward, limit in ((True, self.task.outward_s), (False, self.task.back_s)):
+            least = least_s(choice, outward)
             if least > limit:
                 way = "outwards" if outward else "back"
                 return Shortage("time", limit / least, f"{way}: {least:.3g} s at least, {limit:.3g} s allowed")
         return None
 
-    def _thrust_s(self, choice: DriveChoice, area: float, outward: bool) -> float:
+    def _thrust_s(self, choice: DriveChoice, outward: bool) -> float:
         """Return the time of a stroke under constant full force, without friction."""
         spread = self.task.spread
         own = choice.cylinder.numbers["moving_mass"]
         own *= 1.0 - spread.assumed * ("moving_mass" in choice.cylinder.assumed)
         mass = own + self.task.mass_kg * (1.0 - spread.mass)
-        force = self.gauge * area - self.against[outward]
+        force = self.gauge * choice.areas_m2[0 if outward else 1] - self.against[outward]
         return math.sqrt(2.0 * self.task.stroke_m * mass / force) if force > 0.0 else math.inf
 
-    def _flow_s(self, choice: DriveChoice, area: float, outward: bool) -> float:
+    def _flow_s(self, choice: DriveChoice, outward: bool) -> float:
         """Return the least time in which the gas ahead of the piston can leave, assuming choked flow."""
+        area = choice.areas_m2[1 if outward else 0]
         wide = 1.0 + 2.0 * self.task.spread.conductance
-        valve = choice.valve.numbers
-        sizes = [self.tubes[choice.tube.name]]
-        sizes += [valve.get("exhaust_conductance", valve["conductance"])] if valve else []
-        sizes += [choice.flow_control.numbers["needle_conductance"]] if choice.is_throttled else []
+        sizes = choice.exhaust_sizes(self.tubes[choice.tube.name])
         hot = self.task.temperatures_k[1]
         speed = min(sizes) * wide * ANR_DENSITY_KG_M3 * AIR_GAS_CONSTANT_J_KG_K * math.sqrt(ANR_TEMPERATURE_K * hot)
         driven = max(-self.against[outward], 0.0)  # a load that pulls compresses the gas as well
@@ -177,17 +165,17 @@ def nearest_possible(task: SizingTask, found: Mapping[str, Sequence[PartChoice]]
     def later(f: float) -> dict[str, Any]:
         return {"time_s": task.outward_s * f, "speed_m_s": None, "return_time_s": None if back is None else back * f}
 
-    quantities: list[tuple[str, str, Callable[[float], dict[str, Any]], float, float]] = [
-        ("time", "s", later, task.outward_s, FARTHEST),
-        ("mass", "kg", lambda f: {"mass_kg": task.mass_kg * f}, task.mass_kg, 1.0 / FARTHEST),
-        ("supply pressure", "bar gauge", lambda f: {"supply": _supply(task, gauge * f)}, 1e-5 * gauge, FARTHEST),
-    ]
+    quantities: dict[str, tuple[str, float, float, Callable[[float], dict[str, Any]]]] = {
+        "time": ("s", task.outward_s, FARTHEST, later),
+        "mass": ("kg", task.mass_kg, 1.0 / FARTHEST, lambda f: {"mass_kg": task.mass_kg * f}),
+        "supply pressure": ("bar gauge", 1e-5 * gauge, FARTHEST, lambda f: {"supply": _supply(task, gauge * f)}),
+    }
     for name, key in (("external force", "external_force_n"), ("holding force", "holding_force_n")):
         force: float = getattr(task, key)
         if force > 0.0:
-            quantities.append((name, "N", lambda f, key=key, force=force: {key: force * f}, force, 1.0 / FARTHEST))
+            quantities[name] = "N", force, 1.0 / FARTHEST, lambda f, key=key, force=force: {key: force * f}
     said = []
-    for name, unit, changed, value, farthest in quantities:
+    for name, (unit, value, farthest, changed) in quantities.items():
         factor = _nearest_factor(lambda f, changed=changed: _is_possible(task, changed(f), found, bounds), farthest)
         bound = "no value alone makes the task possible"
         if factor is not None:
@@ -218,7 +206,7 @@ def _is_possible(
     if valve is None or tube is None or control is None:
         return False
     return any(
-        own.cylinder(one) is None and own._time(DriveChoice(one, valve, tube, control)) is None
+        own.cylinder(one) is None and own.vents(DriveChoice(one, valve, tube, control)) is None
         for one in found["cylinder"]
     )
 
@@ -280,7 +268,7 @@ class Pruning:
     def __init__(self, task: SizingTask) -> None:
         self.task = task
         self.pairs: list[TubedCylinder] = []
-        self.dropped: list[Dropped] = []
+        self.dropped: list[Shortage] = []
         self.found = found = choices(task)
         self.bounds = bounds = SafeBounds(task, found["tube"])
         self.enumerated = int(np.prod([len(found[slot]) for slot in SLOTS]))
@@ -309,4 +297,4 @@ class Pruning:
         self.pairs.sort(key=lambda one: (one.open_checks, one.fill, one.cylinder.name, one.tube.name))
 
     def _drop(self, parts: dict[str, str], count: int, shortage: Shortage) -> None:
-        self.dropped.append(Dropped({slot: parts.get(slot, "*") for slot in SLOTS}, count, shortage))
+        self.dropped.append(shortage._replace(parts={slot: parts.get(slot, "*") for slot in SLOTS}, choices=count))

@@ -6,12 +6,14 @@ import hashlib
 import json
 import math
 import os
+from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from dataclasses import asdict, dataclass, field, replace
+from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from pydantic import ValidationError
+from pydantic import TypeAdapter, ValidationError
 
 from pneudrive import __version__
 from pneudrive.constants import ANR_LITRES_PER_KG
@@ -22,19 +24,16 @@ from pneudrive.files.writing import NO_FOLLOW, make_result_folder, open_to_appen
 from pneudrive.lazy_names import upper
 from pneudrive.numbers import plain as three
 from pneudrive.simulation.trajectory import write_whole
-from pneudrive.sizing.checks import READ, MachineCheck, Provisional, SizedDrive, simulated
+from pneudrive.sizing.checks import READ, MachineCheck, Provisional, Shortage, SizedDrive, simulated
 from pneudrive.sizing.strokes import DriveStrokes, Setting, Tuned, circuit_of, cycle_s, tune
 from pneudrive.sizing.task import SLOTS, WITHOUT, SizingTask, choices
 from pneudrive.views import Finding, ShownValue, View, Viewed
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
-
     from matplotlib.figure import Figure
 
     from pneudrive.arrays import Array, Plain
     from pneudrive.describe.circuit import Circuit
-    from pneudrive.sizing.candidate import Dropped
 
 
 #: Electricity per cubic metre of air (ANR) at 6 to 8 bar gauge, kWh: lowest, usual, highest (assumed: screw compressors
@@ -143,7 +142,7 @@ class SizingResult(Viewed):
         Whether it is certain that no other choice ranks before the best one.
     provisional : tuple of Provisional
         Ranking by nominal runs, before the spreads were simulated.
-    dropped : tuple of Dropped
+    dropped : tuple of Shortage
         Choices that were left out, with the reason.
     savings : tuple of Saving
         Tried changes of the best choice to save air.
@@ -166,7 +165,7 @@ class SizingResult(Viewed):
     miss: NearestMiss | None = None
     complete: bool = True
     provisional: tuple[Provisional, ...] = ()
-    dropped: tuple[Dropped, ...] = ()
+    dropped: tuple[Shortage, ...] = ()
     savings: tuple[Saving, ...] = ()
     checks: tuple[MachineCheck, ...] = ()
     interrupted: bool = False
@@ -301,7 +300,7 @@ class SizingResult(Viewed):
         folder = Path(folder)
         folder.mkdir(parents=True, exist_ok=True)
         ranking = [(*drive.parts.values(), *(value.text for value in values_of(drive, 1))) for drive in self.ranked]
-        reasons = [(*parts.values(), str(n), why.limit, f'"{why.said}"') for parts, n, why in self.dropped]
+        reasons = [(*one.parts.values(), str(one.choices), one.limit, f'"{one.said}"') for one in self.dropped]
         tables = {TABLE: [(*(slot.replace("_", " ") for slot in SLOTS), *RANKING), *ranking]}
         tables[REASONS] = [(*SLOTS, "choices", "limit", "reason"), *reasons]
         files = {name: "".join(",".join(row) + "\n" for row in rows) for name, rows in tables.items()}
@@ -322,25 +321,15 @@ class SizingResult(Viewed):
         folder = Path(folder)
         stored = read_json(folder / SUMMARY, CommandError)
         try:
-            ranked = tuple(read_drive(drive) for drive in stored["ranked"])
+            task = SizingTask.model_validate(stored["task"])
+            found: SizingResult = _reader(cls).validate_python(stored | {"task": task, "simulated": ()})
             simulated, _ = read_choices(folder / LINES)
-            miss, asked = stored.get("miss"), {**stored.get("asked", {})}
-            asked.pop("least", None)  # an option of earlier versions
-            return cls(
-                SizingTask.model_validate(stored["task"]),
-                **{name: stored[name] for name in ("enumerated", "left", "pruned", "tuned", "complete")},
-                simulated=tuple(simulated) or ranked,
-                ranked=ranked,
-                miss=None if miss is None else NearestMiss(**miss),
-                provisional=tuple(Provisional(**drive) for drive in stored.get("provisional", ())),
-                savings=tuple(Saving(**saving) for saving in stored.get("savings", ())),
-                checks=tuple(MachineCheck(**check) for check in stored.get("checks", ())),
-                interrupted=stored.get("interrupted", False),
-                notes=tuple(stored.get("notes", ())),
-                asked=asked,
-            )
-        except (KeyError, TypeError, ValueError, ValidationError) as error:
-            raise CommandError(f"{folder / SUMMARY} is damaged: {error}", remedy="Size the task again.") from None
+            asked = {name: count for name, count in found.asked.items() if name != "least"}  # of earlier versions
+            return replace(found, simulated=tuple(simulated) or found.ranked, asked=asked)
+        except (KeyError, TypeError, ValueError) as error:
+            fault = error.errors()[0] if isinstance(error, ValidationError) else None
+            why = str(error) if fault is None else f"{'.'.join(map(str, fault['loc']))}: {fault['msg']}"
+            raise CommandError(f"{folder / SUMMARY} is damaged: {why}", remedy="Size the task again.") from None
 
     def plot(self, path: str | Path | None = None) -> Figure:
         """Draw time against air with the limits; see `pneudrive.report.sizing.plot_sizing`."""
@@ -378,7 +367,7 @@ def nearest_miss(
     task: SizingTask,
     simulated: list[SizedDrive],
     short: list[tuple[Any, Any]],
-    pruned: list[Dropped],
+    pruned: list[Shortage],
 ) -> NearestMiss:
     """Return the choice nearest to meeting the task: simulated if possible, otherwise tuned, otherwise pruned.
 
@@ -388,7 +377,7 @@ def nearest_miss(
     simulated : list of SizedDrive
     short : list of (DriveChoice, Tuned)
         Tuned choices that miss the task even in the nominal case.
-    pruned : list of Dropped
+    pruned : list of Shortage
         Choices that the safe bounds exclude.
     """
     if simulated:
@@ -409,11 +398,11 @@ def nearest_miss(
             gives += " Narrower [spread] and supply.spread help as well."
             return NearestMiss(choice.parts, f"{name}, over the spreads", gives)
         return NearestMiss(choice.parts, name, _gives(name, limit, value, unit, "the nominal case gives"))
-    parts, _, bound = max(pruned, key=lambda dropped: dropped.shortage.share)
+    bound = max(pruned, key=lambda shortage: shortage.share)
     gives = f"{bound.said[0].upper()}{bound.said[1:]}."
     if bound.share > 0.0:
         gives += f" This is {100.0 * bound.share:.0f} % of what the task needs."
-    return NearestMiss(parts, bound.limit, gives)
+    return NearestMiss(bound.parts, bound.limit, gives)
 
 
 def _gives(name: str, limit: float, value: float, unit: str, source: str) -> str:
@@ -430,6 +419,8 @@ def _gives(name: str, limit: float, value: float, unit: str, source: str) -> str
 
 # --- Files of the result.
 
+#: Kind of a record -> its reader from plain data. Fields that earlier versions did not have get their defaults.
+_reader: Any = cache(TypeAdapter)
 #: Fields of a result that its file stores unchanged.
 _STORED = ("feasible", "ready", "complete", "enumerated", "left", "pruned", "tuned", "interrupted", "notes", "asked")
 
@@ -597,13 +588,11 @@ def read_stages(path: Path) -> dict[tuple[str, int], tuple[str, Any]]:
         with suppress(ValueError, KeyError, TypeError):
             content: Plain = json.loads(line)
             if "short" not in content:
-                drive = read_drive(content)
+                drive: SizedDrive = _reader(SizedDrive).validate_python(content)
                 stages[drive.name, drive.draws] = line, drive
                 continue
-            known = {key: content[key] for key in ("nominal", "least", "air") if key in content}
-            setting, times = Setting(*content["setting"]), tuple(content.get("times", ()))
-            name, limit, value = content["short"]
-            stages[content["name"], 0] = line, Tuned(setting, short=(name, limit, value), times=times, **known)
+            known = {key: content[key] for key in Tuned._fields if key in content}
+            stages[content["name"], 0] = line, _reader(Tuned).validate_python(known)
     return stages
 
 
@@ -615,14 +604,6 @@ def read_choices(path: Path) -> tuple[list[SizedDrive], int]:
         if draws and (name not in drives or draws >= drives[name].draws):
             drives[name] = drive
     return list(drives.values()), sum(not draws and stage.nominal < 0.0 for (_, draws), (_, stage) in stages.items())
-
-
-def read_drive(content: Plain) -> SizedDrive:
-    """Return a simulated drive from plain data. Data of earlier versions have no intervals."""
-    read: Plain = content | {"sizes": tuple(content["sizes"])}
-    for name in ("worst", "intervals"):
-        read[name] = {key: tuple(values) for key, values in content.get(name, {}).items()}
-    return SizedDrive(**read)
 
 
 def _catalogue() -> str:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections import Counter
 from contextlib import closing, nullcontext
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
 from itertools import islice
 from pathlib import Path
@@ -17,8 +17,8 @@ from typing import TYPE_CHECKING, Any
 
 from pneudrive.errors import Cancelled, CommandError
 from pneudrive.progress import Flag, Progress, Watch
-from pneudrive.sizing.candidate import Dropped, SizingCandidate, TubedCylinder
-from pneudrive.sizing.checks import Provisional, Shortage, SizedDrive, hardest, machine_checks, simulated
+from pneudrive.sizing.candidate import SizingCandidate, TubedCylinder
+from pneudrive.sizing.checks import Provisional, SizedDrive, hardest, machine_checks, simulated
 from pneudrive.sizing.prune import Pruning, nearest_possible
 from pneudrive.sizing.result import Saving, SizingFolder, SizingResult, nearest_miss, savings
 from pneudrive.sizing.strokes import COARSE, RTOL, points, run_all, tune_all
@@ -113,23 +113,17 @@ def size(
     for name, value in (("draws", draws), ("draws_best", draws_best), ("most", most)):
         if value < 1:
             raise CommandError(f"{name} = {value} is out of bounds", rule="at least 1")
-    read = _read(task)
+    if not isinstance(task, SizingTask):
+        task = SizingTask.load(task) if isinstance(task, str | Path) else SizingTask.model_validate(task)
     asked = draws, draws_best
-    with nullcontext() if out is None else closing(SizingFolder(Path(out), read, asked)) as folder:
-        return Search(read, most, asked, Watch(progress, cancel), folder).result(provisional)
+    with nullcontext() if out is None else closing(SizingFolder(Path(out), task, asked)) as folder:
+        return Search(task, most, asked, Watch(progress, cancel), folder).result(provisional)
 
 
-def _read(task: SizingTask | Keyed | str | Path) -> SizingTask:
-    if isinstance(task, SizingTask):
-        return task
-    return SizingTask.load(task) if isinstance(task, str | Path) else SizingTask.model_validate(task)
-
-
-@dataclass(eq=False)
 class Search:
     """One search.
 
-    Attributes
+    Parameters
     ----------
     task : SizingTask
     most : int
@@ -139,18 +133,15 @@ class Search:
     folder : SizingFolder or None
     """
 
-    task: SizingTask
-    most: int
-    asked: tuple[int, int]
-    watch: Watch
-    folder: SizingFolder | None
-
-    def __post_init__(self) -> None:
+    def __init__(
+        self, task: SizingTask, most: int, asked: tuple[int, int], watch: Watch, folder: SizingFolder | None
+    ) -> None:
         """Prune the catalogue, without simulation."""
-        first = self.asked[0] // FIRST_OF
-        self.draws = [count for count in (first, *self.asked) if count >= FIRST_LEAST or count != first]
+        self.task, self.most, self.watch, self.folder = task, most, watch, folder
+        first = asked[0] // FIRST_OF
+        self.draws = [count for count in (first, *asked) if count >= FIRST_LEAST or count != first]
         self.final = self.draws[-1]
-        self.pruning = Pruning(self.task)
+        self.pruning = Pruning(task)
         self.unseen = list(self.pruning.pairs)
         self.candidates: list[SizingCandidate] = []
         self.of_cylinder: NamedNumbers = {}
@@ -195,9 +186,9 @@ class Search:
         ranked = sorted((one for one in last if one is not None and one.is_feasible), key=lambda drive: drive.rank)
         counts = Counter[str]()
         for one in self.dropped:
-            counts[one.shortage.limit] += one.choices
+            counts[one.limit] += one.choices
         left = self.pruning.enumerated - sum(counts.values())
-        short = [(one.choice, known) for one in self.candidates if (known := one.tuned or one.rough) and one.lost]
+        short = [(one.choice, known) for one in self.candidates if (known := one.settings) and one.lost]
         miss = None
         if not ranked and (self.dropped or short or simulated) and (complete or not self.provisional):
             probed = self.dropped[len(self.pruning.dropped) :]  # these keep the safe bounds
@@ -211,14 +202,12 @@ class Search:
         notes = () if complete else (note,)
         if interrupted:
             notes = ("The search was interrupted: the ranking is that of the results so far.",)
-        reasons = [(one.choice.parts, *one.lost.partition(": ")) for one in self.candidates if one.lost]
-        lost = [Dropped(parts, 1, Shortage(limit, 0.0, reason)) for parts, limit, _, reason in reasons]
         return SizingResult(
             *(self.task, self.pruning.enumerated, left, counts, self.tuned, tuple(simulated), tuple(ranked)),
             miss=miss,
             complete=complete,
             provisional=self.provisional,
-            dropped=(*self.dropped, *lost),
+            dropped=(*self.dropped, *(one.lost for one in self.candidates if one.lost)),
             savings=tuple(self.savings),
             checks=tuple(machine_checks(self._candidate(ranked[0]).choice, self.task, ranked[0])) if ranked else (),
             interrupted=interrupted,
@@ -236,8 +225,7 @@ class Search:
         for pair, runs in zip(pairs, asked, strict=True):
             pair.take(self.task, list(islice(found, len(runs))))
             if pair.late:
-                parts = {"cylinder": pair.cylinder.name, "valve": "*", "tube": pair.tube.name, "flow_control": "*"}
-                self.dropped.append(Dropped(parts, pair.count, pair.late))
+                self.dropped.append(pair.late)
             else:
                 self.candidates += pair.candidates(self.task)
         gone = set(map(id, pairs))
@@ -255,9 +243,9 @@ class Search:
             self._probe([pair for name in names for pair in waiting.pop(name)])
             own = {name: [one for one in self.candidates if one.cylinder == name] for name in names}
             for _ in range(TUBES):
-                self._advance_rough([one for every in own.values() for one in self._next_of(every)])
+                self._tune([one for every in own.values() for one in self._next_of(every)])
                 for name, every in own.items():
-                    if left := [one for one in every if one.rough and not one.lost]:
+                    if left := [one for one in every if one.settings and not one.lost]:
                         best[name] = min(left, key=self._promise)
                 before = self.provisional[:1]
                 self.provisional = tuple(one.provisional() for one in sorted(best.values(), key=self._promise))
@@ -270,7 +258,7 @@ class Search:
 
     def _next_of(self, every: Sequence[SizingCandidate]) -> list[SizingCandidate]:
         """Return the most promising choice of a cylinder with a tube that was not yet run with it, if there is one."""
-        run = {one.choice.tube.name for one in every if one.rough}
+        run = {one.choice.tube.name for one in every if one.settings}
         left = [one for one in every if not one.lost and one.choice.tube.name not in run]
         return sorted(left, key=self._promise)[:1]
 
@@ -299,7 +287,7 @@ class Search:
             one.look_at_reach(self.final)
         left = [one for one in self.left if one.draws < self.final]
         left = [one for one in left if best is None or one.bound(self.final) < best.rank]
-        leading = {one for one in left if one.tuned is None}
+        leading = {one for one in left if not one.is_tuned}
         return pairs, [one for one in left if one.known is not None or one.lead not in leading]
 
     def _converge(self) -> bool:
@@ -310,12 +298,12 @@ class Search:
             state = "no final best yet" if best is None else f"best so far {best.parts['cylinder']}"
             self.watch.tell(self.tuned, self.most, f"choices tuned ({state}, {len(left)} may be better)")
             if self.tuned >= self.most:
-                left = [one for one in left if one.tuned is not None]
+                left = [one for one in left if one.is_tuned]
             if pairs and (not left or best is not None):
                 self._probe(pairs[:PROBED])
             elif left:
                 left.sort(key=lambda one: (self._promise(one), one.bound(self.final)))
-                together = TOGETHER if best is not None or left[0].tuned is None else 2
+                together = TOGETHER if best is not None or not left[0].is_tuned else 2
                 self._advance(left[:together])
             elif not self._others():
                 return self.tuned < self.most or not self._open()[1]
@@ -338,18 +326,18 @@ class Search:
             return True
         first: dict[str, SizingCandidate] = {}
         for one in others:
-            if one.tuned is not None or self.tuned < self.most:
+            if one.is_tuned or self.tuned < self.most:
                 first.setdefault(one.cylinder, one)
         chosen = list(first.values())[:TOGETHER]
         self._advance(chosen, is_leading=False)
         return bool(chosen)
 
     def _look_at_hardest(self, one: SizingCandidate) -> None:
-        assert one.tuned is not None
-        assert one.drive is not None
+        assert one.settings is not None
         if one.spread is None:  # the folder stores only the drive
-            one.spread = simulated(one.strokes, one.tuned.setting, self.points[: one.draws])
-        one.take_hardest(hardest(one.strokes, one.tuned.setting, one.spread, self.points[: self.final]), self.final)
+            one.spread = simulated(one.strokes, one.settings.setting, self.points[: one.draws])
+        found = hardest(one.strokes, one.settings.setting, one.spread, self.points[: self.final])
+        one.take_hardest(found, self.final)
 
     def _advance(self, every: Sequence[SizingCandidate], is_leading: bool = True) -> None:
         """Bring each choice to its next stage.
@@ -361,12 +349,11 @@ class Search:
             Whether the choices may be the best. Such choices run the samples with the smallest margins next, then all
             samples.
         """
-        stages: list[list[SizingCandidate]] = [[], [], []]
-        for one in every:
-            stages[0 if one.rough is None and one.tuned is None else 1 if one.tuned is None else 2].append(one)
-        self._advance_rough(stages[0])
-        self._advance_tuned(stages[1])
-        for one in stages[2]:
+        tuned = [one for one in every if one.is_tuned]
+        rough = [one for one in every if one.settings is not None and not one.is_tuned]
+        self._tune([one for one in every if one.settings is None])
+        self._refine(rough)
+        for one in tuned:
             self.watch.look()
             if is_leading and one.draws and one.hardest is None and self.final >= WORTH * one.draws:
                 self._look_at_hardest(one)
@@ -375,37 +362,33 @@ class Search:
                 self._simulate(one, self.final if is_leading and one.draws else following)
         self._learn(every)
 
-    def _advance_rough(self, every: Sequence[SizingCandidate]) -> None:
-        for one, found in zip(every, tune_all([one.strokes for one in every]), strict=True):
-            one.take_settings("rough", found)
+    def _tune(self, every: Sequence[SizingCandidate], *, is_tuned: bool = False) -> None:
+        """Search rough settings, or refine them."""
+        found = tune_all([(one.strokes, one.settings) for one in every])
+        for one, settings in zip(every, found, strict=True):
+            one.take_settings(settings, is_tuned=is_tuned)
+            if is_tuned and self.folder is not None:
+                self.folder.store(one.choice.name, settings)
         self._learn(every)
 
-    def _advance_tuned(self, every: Sequence[SizingCandidate]) -> None:
-        every = [one for one in every if not self._resume(one)][: max(self.most - self.tuned, 0)]
-        self.tuned += len(every)
-        rough = [one.rough for one in every if one.rough]
-        for one, found in zip(every, tune_all([one.strokes for one in every], rough), strict=True):
-            one.take_settings("tuned", found)
-            if self.folder is not None:
-                self.folder.store(one.choice.name, found)
-        self._learn(every)
-
-    def _resume(self, one: SizingCandidate) -> bool:
-        """Use the tuned settings of a choice from the folder."""
-        kept = None if self.folder is None else self.folder.stored(one.choice.name)
-        if kept is None:
-            return False
-        self.tuned += 1
-        one.take_settings("tuned", kept)
-        return True
+    def _refine(self, every: Sequence[SizingCandidate]) -> None:
+        """Use the tuned settings in the folder, and refine the others, up to the largest number of tuned choices."""
+        stored = {one: None if self.folder is None else self.folder.stored(one.choice.name) for one in every}
+        known = {one: settings for one, settings in stored.items() if settings is not None}
+        for one, settings in known.items():
+            one.take_settings(settings, is_tuned=True)
+        self.tuned += len(known)
+        left = [one for one in every if one not in known][: max(self.most - self.tuned, 0)]
+        self.tuned += len(left)
+        self._tune(left, is_tuned=True)
 
     def _simulate(self, one: SizingCandidate, draws: int) -> None:
         """Simulate a choice over the first points of the sequence."""
         kept = None if self.folder is None else self.folder.stored(one.choice.name, draws)
         if kept is None:
-            assert one.tuned is not None
+            assert one.settings is not None
             rtol = RTOL if draws == self.final else COARSE
-            one.spread = simulated(one.strokes, one.tuned.setting, self.points[:draws], rtol)
+            one.spread = simulated(one.strokes, one.settings.setting, self.points[:draws], rtol)
             kept = one.spread.drive
             if self.folder is not None:
                 self.folder.store(one.choice.name, kept)

@@ -540,8 +540,8 @@ def cases(task: SizingTask, outward: bool) -> Array:
 
 def tune(strokes: DriveStrokes) -> Tuned:
     """Find the settings of both strokes of one choice."""
-    rough = tune_all([strokes])
-    return tune_all([strokes], rough)[0] if is_worth_more(rough[0]) else rough[0]
+    (rough,) = tune_all([(strokes, None)])
+    return tune_all([(strokes, rough)])[0] if is_worth_more(rough) else rough
 
 
 def is_worth_more(rough: Tuned) -> bool:
@@ -549,18 +549,15 @@ def is_worth_more(rough: Tuned) -> bool:
     return rough.nominal >= 0.0 and rough.least >= FAR
 
 
-def tune_all(every: Sequence[DriveStrokes], rough: Sequence[Tuned] | None = None) -> list[Tuned]:
+def tune_all(every: Sequence[tuple[DriveStrokes, Tuned | None]]) -> list[Tuned]:
     """Find the settings of choices of one task. Their next runs are simulated together.
 
     Parameters
     ----------
-    every : sequence of DriveStrokes
-    rough : sequence of Tuned, optional
-        Rough settings to refine. By default, rough settings are searched.
+    every : sequence of pairs
+        Strokes of each choice, and its rough settings, which are refined. None: rough settings are searched.
     """
-    searches = [_rough(one) for one in every]
-    if rough is not None:
-        searches = [_fine(one, begun) for one, begun in zip(every, rough, strict=True)]
+    searches = [_rough(strokes) if rough is None else _fine(strokes, rough) for strokes, rough in every]
     asked = {place: next(one) for place, one in enumerate(searches)}
     found: dict[int, Tuned] = {}
     while asked:

@@ -295,15 +295,12 @@ def _meanings(part: Any, before: str = "") -> Iterator[tuple[str, str]]:  # noqa
 
 # --- Parts of the catalogue for a task: cylinders, valves, tubes, flow controls, with assumed values for gaps.
 
-CYLINDERS = ("cylinder/rodless", "cylinder/single-rod", "cylinder/through-rod")
-PROPORTIONAL = "valve/proportional-5/3"
-VALVES = ("valve/switching-5/2", "valve/switching-5/3", PROPORTIONAL)
-TUBE, FLOW_CONTROL = "tube", "flow-control"
+PROPORTIONAL, FLOW_CONTROL = "valve/proportional-5/3", "flow-control"
 #: Slots of a drive -> kinds of components for it.
 SLOTS: dict[str, tuple[str, ...]] = {
-    "cylinder": CYLINDERS,
-    "valve": VALVES,
-    "tube": (TUBE,),
+    "cylinder": ("cylinder/rodless", "cylinder/single-rod", "cylinder/through-rod"),
+    "valve": ("valve/switching-5/2", "valve/switching-5/3", PROPORTIONAL),
+    "tube": ("tube",),
     "flow_control": (FLOW_CONTROL,),
 }
 #: Name in the slot of flow controls for a drive without flow controls.
@@ -368,6 +365,11 @@ class PartChoice:
         return units.parse(given, unit) if unit else float(given)
 
     @property
+    def exhaust_conductance(self) -> float:
+        """Conductance of a valve from the cylinder to its exhaust, m3/(s Pa)."""
+        return self.numbers.get("exhaust_conductance", self.numbers["conductance"])
+
+    @property
     def tube_diameter_m(self) -> float | None:
         """Outer diameter of a tube, or of the tubes that fit into the connectors of another part, m."""
         return self.printed_si("outer_diameter", "m") or self.printed_si("tube_outer_diameter", "m")
@@ -423,6 +425,15 @@ class DriveChoice:
             name: alike | {own: valve.get(key, valve[own]) for own, key in zip(ends["feed"], keys, strict=True)}
             for name, keys in ends.items()
         }
+
+    def exhaust_sizes(self, tube_m3_s_pa: float) -> list[float]:
+        """Return the conductances on the way out of the cylinder, needle fully open, m3/(s Pa).
+
+        A missing valve or flow control is left out. `tube_m3_s_pa` is the conductance of the tube.
+        """
+        valve = [self.valve.exhaust_conductance] if self.valve.numbers else []
+        needle = [self.flow_control.numbers["needle_conductance"]] if self.is_throttled else []
+        return [*valve, tube_m3_s_pa, *needle]
 
     @property
     def is_cushioned(self) -> bool:
