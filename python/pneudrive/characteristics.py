@@ -3,15 +3,9 @@
 from __future__ import annotations
 
 from pneudrive.estimate.estimates import Estimate as Estimate
-from pneudrive.estimate.estimates import FTest as FTest
 from pneudrive.friction.campaign.characteristics import campaign_friction as campaign_friction
 from pneudrive.friction.campaign.characteristics import characterise as characterise
 from pneudrive.friction.campaign.characteristics import fit_campaign as fit_campaign
 from pneudrive.friction.campaign.characteristics import recorded_characteristics as recorded_characteristics
 from pneudrive.friction.campaign.files import write_characteristics as write_characteristics
 from pneudrive.friction.campaign.result import CampaignCharacteristics as CampaignCharacteristics
-from pneudrive.friction.campaign.result import Curve as Curve
-from pneudrive.friction.friction_map import BOTH as BOTH
-from pneudrive.friction.friction_map import Condition as Condition
-from pneudrive.friction.friction_map import Skipped as Skipped
-from pneudrive.friction.sentences import Statement as Statement

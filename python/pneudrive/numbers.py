@@ -19,7 +19,7 @@ def with_interval(e: Any, factor: float = 1.0, unit: str | None = None) -> str: 
         return "not determined"
     value, low, high = (factor * float(v) for v in (e.value, e.low, e.high))
     reach = max(abs(high - value) if math.isfinite(high) else 0.0, abs(value - low), 1e-12)
-    digits = min(max(1 - math.floor(math.log10(reach)), 0), 6) if math.isfinite(reach) else 0
+    digits = min(places(reach), 6) if math.isfinite(reach) else 0
     top = fixed(high, digits) if math.isfinite(high) else "…"
     return f"{fixed(value, digits)} ({fixed(low, digits)} … {top}) {e.unit if unit is None else unit}".strip()
 
@@ -39,7 +39,7 @@ def with_u(value: float, expanded: float, unit: str = "N") -> str:
     if not (math.isfinite(value) and math.isfinite(expanded)):
         return f"{value:.3g} {unit}".strip() if math.isfinite(value) else "not determined"
     digits = places(expanded)
-    return f"{round(value, digits) + 0.0:.{digits}f} ± {expanded:.{digits}f} {unit}".strip()
+    return f"{fixed(value, digits)} ± {expanded:.{digits}f} {unit}".strip()
 
 
 def places(uncertainty: float) -> int:

@@ -8,7 +8,8 @@ import numpy as np
 
 from pneudrive.campaign.storage.folder import recording_of
 from pneudrive.characterise import SourcePaper, characterise_recordings
-from pneudrive.characteristics import BOTH, campaign_friction
+from pneudrive.characteristics import campaign_friction
+from pneudrive.friction.friction_map import BOTH
 from pneudrive.friction.strokes import moving_average
 from pneudrive.studies.bracha.figure import PaperFigure, judge, true_strokes
 
