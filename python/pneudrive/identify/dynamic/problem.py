@@ -444,8 +444,6 @@ PARABOLA_NOISE = 1.5
 _LEAST_SAMPLES = 4
 #: Samples of windows in memory at a time.
 _AT_ONCE = 1_000_000
-#: Error of a parabola for a changing velocity, m/s (assumed).
-SLOPE_ERROR_M_S = 2e-3
 #: Number of runs until unmeasured states have settled. Each run starts from the end states of the previous one.
 ROUNDS = 3
 #: Prior standard deviations of a start state: position, velocity, pressure, temperature, pressure, temperature. Gas
@@ -465,8 +463,10 @@ DISTINCT_PA = (110001.0, 130003.0)
 SIZE = np.array([1e-3, 1e-2, 1e4, 10.0, 1e4, 10.0])
 
 
-def measured_starts(experiment: FittedRecording, drive: Drive | Circuit, inner: list[str]) -> ArrayPair:
-    """Return starts from smoothed signals. Unmeasured states have the values of a drive at rest.
+def measured_starts(experiment: FittedRecording, drive: Drive | Circuit, inner: list[str]) -> Array:
+    """Return starts from smoothed signals, and set the mask of unmeasured states.
+
+    Unmeasured states have the values of a drive at rest.
 
     Parameters
     ----------
@@ -478,24 +478,22 @@ def measured_starts(experiment: FittedRecording, drive: Drive | Circuit, inner: 
 
     Returns
     -------
-    ndarray, shape (k, 6 + inner), ndarray, shape (6 + inner,)
-        Starts, and standard deviations of measured columns; NaN for others.
+    ndarray, shape (k, 6 + inner)
     """
     ambient, piston = drive.ambient, experiment.family.piston
     recording, starts = experiment.recording, experiment.starts
     middle, gas = 0.5 * experiment.family.get(f"{piston}.stroke"), (ambient.pressure_pa, ambient.temperature_k)
     state = np.tile(np.r_[middle, 0.0, gas, gas, np.zeros(len(inner))], (starts.size, 1))
-    spread = np.full(state.shape[1], np.nan)
+    hidden = experiment.hidden = np.ones(state.shape[1], dtype=bool)
     for channel, white in zip(experiment.channels, experiment.noise, strict=True):
         column = _MEASURED.get(channel.name)
         if column is None:
             continue
         values = (recording[channel.column] - channel.offset) / channel.gain
-        state[:, column], slope, sloping = _smoothed(recording.time_s, values, starts, float(white), experiment.watch)
-        spread[column] = np.hypot(white, channel.offset_spread)
+        state[:, column], slope = _smoothed(recording.time_s, values, starts, float(white), experiment.watch)
+        hidden[column] = False
         if channel.name == "position" and "velocity_m_s" not in recording:
-            state[:, VELOCITY] = slope
-            spread[VELOCITY] = np.hypot(white * sloping, SLOPE_ERROR_M_S)
+            state[:, VELOCITY], hidden[VELOCITY] = slope, False
     for column in (PRESSURE_A, PRESSURE_B):
         state[:, column] = np.maximum(state[:, column], 0.1 * ambient.pressure_pa)
     chambers = (state[:, PRESSURE_A], state[:, PRESSURE_B])
@@ -512,7 +510,7 @@ def measured_starts(experiment: FittedRecording, drive: Drive | Circuit, inner: 
             state[:, column] = chambers[DISTINCT_PA.index(value)]
         else:
             state[:, column] = value
-    return state, spread
+    return state
 
 
 def start_states(experiment: FittedRecording, drive: Drive | Circuit, values: Array) -> Array:
@@ -522,8 +520,7 @@ def start_states(experiment: FittedRecording, drive: Drive | Circuit, values: Ar
     and each takes unmeasured states from the end of the previous segment. A wrong guess decays after a few rounds.
     """
     names = experiment.family.core(values).segment_names[6:]  # states of friction, gas of tubes
-    state, spread = measured_starts(experiment, drive, names)
-    experiment.hidden = np.isnan(spread)
+    state = measured_starts(experiment, drive, names)
     hidden = np.flatnonzero(experiment.hidden)
     inner = state.shape[1] - BELIEF.size
     most = np.zeros(inner)
@@ -556,18 +553,17 @@ def start_states(experiment: FittedRecording, drive: Drive | Circuit, values: Ar
     return state
 
 
-def _smoothed(time_s: Array, values: Array, at: Ints, noise: float, watch: Watch) -> tuple[Array, Array, float]:
+def _smoothed(time_s: Array, values: Array, at: Ints, noise: float, watch: Watch) -> ArrayPair:
     """Return value and slope of a local parabola at the samples `at`.
 
-    The window is the widest over which the signal is a parabola within its noise. The third result times the noise is
-    the standard error of a slope over the narrowest used window.
+    The window is the widest over which the signal is a parabola within its noise.
     """
     good = np.isfinite(values)
     step = np.median(np.diff(time_s))
     widest = max(LEAST_HALF_WIDTH, round(WINDOW_S / step))
     widths = sorted({max(LEAST_HALF_WIDTH, widest >> k) for k in range(6)}, reverse=True)
     level, slope = np.empty(at.size), np.zeros(at.size)
-    left, narrowest = np.arange(at.size), widest
+    left = np.arange(at.size)
     for half in widths:
         fits = []
         for some in np.array_split(left, max(1, left.size * (2 * half + 1) // _AT_ONCE)):
@@ -577,8 +573,7 @@ def _smoothed(time_s: Array, values: Array, at: Ints, noise: float, watch: Watch
         left = left[~np.concatenate(fits)]
         if not left.size:
             break
-        narrowest = LEAST_HALF_WIDTH
-    return level, slope, 1.0 / (step * np.sqrt(2.0 * np.sum(np.arange(narrowest + 1.0) ** 2)))
+    return level, slope
 
 
 def _parabolas(

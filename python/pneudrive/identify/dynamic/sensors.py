@@ -120,8 +120,6 @@ class Channel:
     @property
     def offset_spread(self) -> float:
         """Prior standard deviation of a free offset, in the unit of the channel; the default is assumed by its unit."""
-        if "offset" not in self.free:
-            return 0.0
         return self.offset_uncertainty if np.isfinite(self.offset_uncertainty) else 5.0 * OFFSET_SIZE[self.unit]
 
 
