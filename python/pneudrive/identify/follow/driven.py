@@ -203,7 +203,6 @@ class DrivenCircuit:
     """
 
     def __init__(self, circuit: Circuit) -> None:
-        self.circuit = circuit
         self.form: Plain = json.loads(circuit.core_json())
         self.parts = {part["name"]: part for part in self.form["components"]}
         pistons = [n for n, p in self.parts.items() if p["kind"] == "piston" or p["kind"].startswith("cylinder/")]
@@ -215,7 +214,6 @@ class DrivenCircuit:
         self.areas_m2 = _areas(self.parts[self.piston]["kind"], numbers)
         self.tanks = {side: self._neighbour(side, "tank") for side in SIDES}
         self.machine = self._machine(float(numbers["moving_mass"]))
-        self.ambient_k = float(self.form["ambient"]["temperature_k"])
         self.wall_k = {side: self._wall_k(side) for side in SIDES}
         names = _core.Circuit(json.dumps(self.form)).start_names
         self.starts = {side: self._start(side, names) for side in SIDES}
@@ -252,7 +250,7 @@ class DrivenCircuit:
     def _wall_k(self, side: str) -> float:
         tank = self.tanks[side]
         given = None if tank is None else self.parts[tank]["numbers"].get("wall_temperature")
-        return self.ambient_k if given is None else float(given)
+        return float(self.form["ambient"]["temperature_k"] if given is None else given)
 
     def _start(self, side: str, names: Sequence[str]) -> str:
         for name in (self.tanks[side], f"{self.piston}.{side}"):
