@@ -292,7 +292,7 @@ def characterise_recordings(
     Raises
     ------
     RecordingError, LayoutError
-        If a file or recording cannot be used.
+        If a file or recording cannot be used. Of more recordings than fit into memory, unusable ones are skipped.
     """
     import polars as pl
 
@@ -305,9 +305,22 @@ def characterise_recordings(
     seen, long = dict[str, str](), list[str]()
     for place, (name, read) in enumerate(readers):
         watch.tell(place, number, "recordings characterised")
-        result = _extracted(name, read, choice, watch, seen, long, large=is_large)
-        if isinstance(result, str):
-            skipped.append((name, result))
+        try:
+            recording = read()
+            if isinstance(recording, LongFile):
+                long.append(name)
+                result = reduction.extract_long(recording, choice, watch)
+            else:
+                digest = digest_of(getattr(recording, channel) for channel in ("time_s", *CHANNELS))
+                if digest in seen:  # recordings with equal samples count once
+                    skipped.append((name, f"identical to {seen[digest]}"))
+                    continue
+                result = reduction.extract(recording, choice)
+                seen[digest] = name
+        except RecordingError as error:
+            if not is_large:
+                raise
+            skipped.append((name, error.what))
             continue
         rows += [row for level in result.levels for row in level.rows]
         points += map(pressure.point_of, result.levels)
@@ -371,36 +384,6 @@ def _readers(recordings: Input, layout: AnyLayout) -> tuple[int, Iterator[tuple[
                 yield from ((cycle.name, lambda cycle=cycle: cycle) for cycle in campaign[1])
 
     return len(loaded) + sum(1 if campaign is None else campaign[0].size for campaign in campaigns), readers()
-
-
-def _extracted(
-    name: str, read: Reader, choice: SampleChoice, watch: Watch, seen: dict[str, str], long: list[str], *, large: bool
-) -> RecordingResult | str:
-    """Read and reduce a recording, or return the reason why it is left out.
-
-    Recordings with equal samples count once: `seen` has the names by hash. `long` receives the names of recordings that
-    are read part by part. An unusable recording is skipped if there are more than fit into memory (`large`).
-
-    Raises
-    ------
-    RecordingError
-        If a recording cannot be used.
-    """
-    try:
-        recording = read()
-        if isinstance(recording, LongFile):
-            long.append(name)
-            return reduction.extract_long(recording, choice, watch)
-        digest = digest_of(getattr(recording, channel) for channel in ("time_s", *CHANNELS))
-        if digest in seen:
-            return f"identical to {seen[digest]}"
-        result = reduction.extract(recording, choice)
-    except RecordingError as error:
-        if not large:
-            raise
-        return error.what
-    seen[digest] = name
-    return result
 
 
 def _reading_notes(found: Characterisation, long: list[str], *, large: bool) -> Iterator[str]:

@@ -125,8 +125,11 @@ def write_characteristics(found: CampaignCharacteristics, folder: str | Path) ->
 
 
 def write_curves_and_effects(found: CampaignCharacteristics, folder: Path) -> list[Path]:
-    """Write curves.parquet and effects.toml. Without curves, write only effects.toml."""
-    effects = write_effects(found, folder / EFFECTS_FILE)
+    """Write curves.parquet, and effects, intervals, budget and statements as effects.toml; without curves only this."""
+    tables: Row = {key: attrgetter(name)(found) for key, name in TABLES["effects"].items()}
+    tables["cycles"], tables["dwell"] = len(found.cycles), [_series(series) for series in found.dwell]
+    tables["pressure"] = [by_chamber(effects) for effects in found.pressure]
+    effects = _write(tables, folder / EFFECTS_FILE)
     return [write_curves(found, folder / CURVES_FILE), effects] if found.curves else [effects]
 
 
@@ -149,18 +152,8 @@ def write_curves(found: CampaignCharacteristics, path: str | Path) -> Path:
     return path
 
 
-def write_effects(found: CampaignCharacteristics, path: str | Path) -> Path:
-    """Write effects with their intervals, the budget and the statements as TOML."""
-    path = check_target(path, (".toml",))
-    tables: Row = {key: attrgetter(name)(found) for key, name in TABLES["effects"].items()}
-    tables["cycles"], tables["dwell"] = len(found.cycles), [_series(series) for series in found.dwell]
-    tables["pressure"] = [by_chamber(effects) for effects in found.pressure]
-    return _write(tables, path)
-
-
 def write_comparison(compared: Comparison, path: str | Path) -> Path:
     """Write the tests of a comparison, its cautions, and the differences at common points as TOML."""
-    path = check_target(path, (".toml",))
     tables: Row = {
         "first": compared.first.name,
         "second": compared.second.name,
@@ -179,8 +172,8 @@ def write_comparison(compared: Comparison, path: str | Path) -> Path:
     return _write(tables, path)
 
 
-def _write(tables: Row, path: Path) -> Path:
-    return write_whole(path, "\n".join(sections(_plain(tables))) + "\n")
+def _write(tables: Row, path: str | Path) -> Path:
+    return write_whole(check_target(path, (".toml",)), "\n".join(sections(_plain(tables))) + "\n")
 
 
 def _plain(value: Any) -> Any:  # noqa: ANN401 - any of the results' dataclasses
