@@ -44,7 +44,7 @@ def load(source: str, kind: ErrorKind, expected: str | None = None) -> Callable[
     kind : type
         Class of the errors.
     expected : str, optional
-        SHA-256 of the file, from `check_allowed`.
+        SHA-256 of the file, if it was checked.
 
     Raises
     ------
@@ -83,14 +83,6 @@ def load_allowed(source: str, allowed: str | None, found_in: str, option: str, k
         As for `load`, or if the code is not allowed, has changed, or is not a file. Modules next to the file are not
         imported, because their hash is not checked.
     """
-    return load(source, kind, check_allowed(source, allowed, found_in, option, kind))
-
-
-def check_allowed(source: str, allowed: str | None, found_in: str, option: str, kind: ErrorKind) -> str:
-    """Reject code that a file has named, unless the user of this run has allowed it. Return the hash of its file.
-
-    Parameters and errors are those of `load_allowed`.
-    """
     module, _ = split(source) or (source, "")
     there = sha256(source)
     remedy = f"Check the code, then name it: {option} {source}"
@@ -110,7 +102,7 @@ def check_allowed(source: str, allowed: str | None, found_in: str, option: str, 
             rule=f"--allow-code {allowed}",
             remedy=f"The file has changed. {remedy}",
         )
-    return there
+    return load(source, kind, there)
 
 
 def guarded(source: str, kind: ErrorKind, work: Callable[[], Any]) -> Any:  # noqa: ANN401 - result of `work`
