@@ -27,7 +27,6 @@ from pneudrive.errors import CommandError, DescriptionError
 from pneudrive.estimate.estimates import whole_interval
 from pneudrive.figures import Axis, Band, Figure, Line, Look, Panel, Rule
 from pneudrive.files.content import kind_of_folder, kind_of_toml
-from pneudrive.files.csv_tables import csv_names
 from pneudrive.files.inputs import located
 from pneudrive.files.tables import open_table
 from pneudrive.friction.campaign.characteristics import campaign_friction
@@ -44,7 +43,7 @@ from pneudrive.repr_tables import Card, Shown
 from pneudrive.signals.layout import Layout
 from pneudrive.signals.load import NO_RECORDING, find_layout, load_recording
 from pneudrive.simulation.simulate import Run
-from pneudrive.simulation.trajectory import SUFFIXES, TABLES, attributes, meaning, read_columns
+from pneudrive.simulation.trajectory import SUFFIXES, attributes, column_names, meaning, read_columns
 from pneudrive.sizing.result import SUMMARY, WRITTEN, SizingResult, in_words
 from pneudrive.sizing.task import SizingTask
 from pneudrive.units import in_unit, readable
@@ -171,7 +170,7 @@ def _load_toml(path: Path) -> Any:  # noqa: ANN401
 
 
 def _load_table(path: Path) -> Any:  # noqa: ANN401
-    names = csv_names(path, CommandError) if path.suffix == ".csv" else open_table(path, TABLES[path.suffix]).names
+    names = column_names(path, CommandError)
     kind = next((kind for column, kind in _MARKS.items() if {column, column.removesuffix("_s")} & {*names}), "")
     if kind == "comparison of controllers":
         return read_comparison(path.parent)
@@ -189,7 +188,7 @@ def _load_table(path: Path) -> Any:  # noqa: ANN401
 def _frame(path: Path) -> tuple[pl.DataFrame, Plain]:
     """Return the columns of numbers of a table that pneudrive wrote, and its provenance."""
     if path.suffix == ".csv":
-        names = [name for name in csv_names(path, CommandError) if name != "reason"]
+        names = [name for name in column_names(path, CommandError) if name != "reason"]
         return pl.DataFrame(read_columns(path, names)), {}
     table = open_table(path, "parquet")
     frame = {name: values for name, values in table.get(table.names).items() if values.dtype.kind in "iuf"}

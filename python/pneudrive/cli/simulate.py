@@ -15,14 +15,13 @@ import typer
 import pneudrive as pn
 from pneudrive.cli.options import Port, changed, command_of, names_in, pairs_in
 from pneudrive.cli.terminal import check_outputs, show_paths, show_view, watch, write_outputs
-from pneudrive.errors import CommandError, RecordingError, nearest
+from pneudrive.errors import CommandError, nearest
 from pneudrive.lazy_names import upper, used_later
 
 with used_later(__name__):
     from pneudrive import platforms, report, units
     from pneudrive.describe.files import load
     from pneudrive.ensemble import design, many, variation
-    from pneudrive.files import csv_tables, tables
     from pneudrive.identify import files as fits
     from pneudrive.identify.follow import fit as motion_fits
     from pneudrive.platforms import kinematics
@@ -223,8 +222,7 @@ def _table(drive: pn.Drive | pn.Circuit, path: Path) -> dict[str, Any]:
     if path.suffix not in (".csv", ".parquet"):
         raise CommandError.of("cli.no-table", path=path)
     known = {number.file_name: name for name, number in variation.all_numbers(drive).items()}
-    is_csv = path.suffix == ".csv"
-    columns = csv_tables.csv_names(path, RecordingError) if is_csv else tables.open_table(path, "parquet").names
+    columns = trajectory.column_names(path)
     for column in columns:
         if column not in known and column not in known.values():
             kind, remedy = drive.file_kind, nearest(column, known)

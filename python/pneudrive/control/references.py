@@ -17,8 +17,8 @@ from pneudrive.control import motion
 from pneudrive.describe.base import Described
 from pneudrive.describe.files import toml
 from pneudrive.describe.marks import Bounds, Position, Quantity
-from pneudrive.errors import CommandError, DescriptionError, RecordingError, invalid, wrong
-from pneudrive.simulation.trajectory import read_columns
+from pneudrive.errors import CommandError, DescriptionError, invalid, wrong
+from pneudrive.simulation.trajectory import column_names, read_columns
 
 LONGEST_S = 1e6  # of a reference
 LONGEST_REMEDY = 200  # characters of a slower reference in a message
@@ -209,11 +209,7 @@ def _missing(made: motion.Reference, times: Any, points: Any) -> motion.Referenc
 
 
 def _of_record(path: Path) -> motion.Reference:
-    from pneudrive.files.csv_tables import csv_names
-    from pneudrive.files.tables import open_table
-
-    names, is_csv = ["time_s", "position_m"], path.suffix.lower() == ".csv"
-    there = csv_names(path, RecordingError) if is_csv else open_table(path, "parquet").names
+    names, there = ["time_s", "position_m"], column_names(path)
     if not set(names) <= set(there):
         raise CommandError.of("control.record_columns", path=path, columns=", ".join(there))
     time, position = read_columns(path, names).values()

@@ -13,7 +13,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from pneudrive.errors import CommandError, RecordingError, nearest, package_table, warn
+from pneudrive.errors import CommandError, ErrorKind, RecordingError, nearest, package_table, warn
 from pneudrive.files.csv_tables import spreadsheet_text
 from pneudrive.files.inputs import INPUTS, stored_beside
 from pneudrive.files.seal import sealed_parquet
@@ -208,6 +208,21 @@ def write_frame(frame: pl.DataFrame, target: Path, metadata: dict[str, str] | No
             raise OSError(str(error)) from None
 
 
+def column_names(path: Path, kind: ErrorKind = RecordingError) -> list[str]:
+    """Return the names of the columns in a file of one of the `SUFFIXES`.
+
+    Raises
+    ------
+    PneudriveError
+        The file does not exist, or is damaged; for a CSV file an error of `kind`.
+    """
+    from pneudrive.files.csv_tables import csv_names
+    from pneudrive.files.tables import open_table
+
+    suffix = path.suffix.lower()
+    return csv_names(path, kind) if suffix == ".csv" else open_table(path, TABLES[suffix]).names
+
+
 def columns_in(path: str | Path, asked: Iterable[str]) -> list[str]:
     """Return the columns in `asked` that a file written by `save` contains; empty for another kind of file.
 
@@ -216,13 +231,8 @@ def columns_in(path: str | Path, asked: Iterable[str]) -> list[str]:
     RecordingError
         The file does not exist, or a Parquet or netCDF file is damaged.
     """
-    from pneudrive.files.csv_tables import csv_names
-    from pneudrive.files.tables import open_table
-
     path = Path(path)
-    if path.suffix not in SUFFIXES:
-        return []
-    names = csv_names(path, RecordingError) if path.suffix == ".csv" else open_table(path, TABLES[path.suffix]).names
+    names = column_names(path) if path.suffix in SUFFIXES else ()
     return [column for column in asked if _name_in(path, column) in names]
 
 
