@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import defaultdict
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from inspect import signature
@@ -14,8 +13,6 @@ from pneudrive.documented import parts_of
 from pneudrive.lazy_names import upper
 
 if TYPE_CHECKING:
-    from types import ModuleType
-
     import xarray as xr
 
     from pneudrive.datasheet.plant import HeldDrive
@@ -64,8 +61,6 @@ class Characteristic:
         Name of a setting -> its default and meaning.
     results : dict
         Name of a result or axis -> unit and axes (``"m/s over command"``), and meaning.
-    slow : bool
-        Whether it takes more than about a second.
     held : bool
         Whether it evaluates the drive at fixed states: valves without lag, cylinder without cushions.
     needs_shares : bool
@@ -83,8 +78,7 @@ class Characteristic:
     y: str = ""
     settings: Mapping[str, tuple[Any, str]] = field(default_factory=dict)
     results: Mapping[str, tuple[str, str]] = field(default_factory=dict)
-    slow: bool = False
-    held: bool = True
+    held: bool = False
     needs_shares: bool = False
 
     def of(self, plant: HeldDrive, **settings: Any) -> xr.Dataset:  # noqa: ANN401 - of each characteristic its own
@@ -100,11 +94,22 @@ class Characteristic:
         axes = {dim for value in values.values() for dim in value.dims}
         if "direction" in axes:
             values["direction"] = DIRECTIONS
-        labelled: dict[str, dict[str, Any]] = {"axis": {}, "result": {}}
-        for name, (dims, array, unit, meaning) in values.items():
-            kind, content = ("axis", np.asarray(array)) if name in axes else ("result", np.asarray(array, dtype=float))
-            labelled[kind][name] = (dims, content, {"units": unit, "long_name": meaning})
-        return xr.Dataset(labelled["result"], labelled["axis"], self.about(plant))
+        labelled = {
+            name: (dims, np.asarray(array, None if name in axes else float), {"units": unit, "long_name": meaning})
+            for name, (dims, array, unit, meaning) in values.items()
+        }
+        about = {
+            "title": f"{self.title}: {plant.name}",
+            "characteristic": self.name,
+            "definition": self.definition,
+            "algorithm": self.algorithm,
+            "standard": self.standard or "none",
+            "citations": list(self.cites),
+            "description_hash": plant.described.description_hash,
+            "assumed": plant.described.assumed(),
+        }
+        results = {name: one for name, one in labelled.items() if name not in axes}
+        return xr.Dataset(results, {name: one for name, one in labelled.items() if name in axes}, about)
 
     def _value(self, name: str, value: Any, settings: Mapping[str, Any]) -> ResultValue:  # noqa: ANN401
         """Return a result with unit and meaning, from the function if it states them, otherwise from its docstring."""
@@ -115,55 +120,27 @@ class Characteristic:
         dims = tuple(over.split(", ")) if over else (name,) if np.ndim(value) else ()
         return ResultValue(dims, value, unit, meaning.format(**settings))
 
-    def about(self, plant: HeldDrive) -> dict[str, Any]:
-        """Return the notes for all results."""
-        return {
-            "title": f"{self.title}: {plant.name}",
-            "characteristic": self.name,
-            "definition": self.definition,
-            "algorithm": self.algorithm,
-            "standard": self.standard or "none",
-            "citations": list(self.cites),
-            "description_hash": plant.described.description_hash,
-            "assumed": plant.described.assumed(),
-        }
 
-
-_of_module: dict[str, list[Characteristic]] = defaultdict(list)
-
-
-def characteristic(name: str, *, algorithm: str, definition: str = "", **more: Any) -> Callable[[Find], Find]:  # noqa: ANN401
-    """Register a function as a characteristic. Its docstring gives title, definition, settings and results.
+def characteristic(name: str, **more: Any) -> Callable[[Find], Characteristic]:  # noqa: ANN401
+    """Make a characteristic of a function. Its docstring gives title, definition, settings and results.
 
     Parameters
     ----------
-    name, algorithm
-        See `Characteristic`.
-    definition : str
-        Definition, if it is not in the docstring.
+    name : str
     **more
-        Other fields of `Characteristic`.
+        Other fields of `Characteristic`: the algorithm, and the definition if it is not in the docstring.
     """
 
-    def add(find: Find) -> Find:
+    def made(find: Find) -> Characteristic:
         (text, described), (rest, results) = (parts_of(find, heading) for heading in ("Settings", "Results"))
         text = min(text, rest, key=len)
         title, _, meaning = text.partition("\n\n")
         defaults = {key: one.default for key, one in list(signature(find).parameters.items())[1:]}
         settings = {key: (default, described[key][1]) for key, default in defaults.items()}
-        words = definition or " ".join(meaning.split())
-        made = Characteristic(
-            name, title.rstrip("."), words, algorithm, find, settings=settings, results=results, **more
-        )
-        _of_module[find.__module__].append(made)
-        return find
+        about: dict[str, Any] = {"title": title.rstrip("."), "definition": " ".join(meaning.split())} | more
+        return Characteristic(name, find=find, settings=settings, results=results, **about)
 
-    return add
-
-
-def characteristics_in(module: ModuleType) -> list[Characteristic]:
-    """Return the characteristics of a module in their order."""
-    return _of_module[module.__name__]
+    return made
 
 
 def results_of(found: xr.Dataset) -> list[str]:

@@ -119,16 +119,12 @@ def equilibrium(
     whole = HeldDrive(drive)
     whole.actuation.commands(command)  # a switching valve has no commands between its positions
     plant = whole.static
-    return pinned(plant, command) if load is None else under_load(plant, command, number_of(load, "N", "load"))
+    return steady_state(plant, command, None if load is None else number_of(load, "N", "load"))
 
 
-def pinned(plant: HeldDrive, command: float) -> Equilibrium:
-    """Return the steady state of a piston that is pinned at mid stroke; see `equilibrium`."""
-    return state_at(plant, command, *_SteadySearch(plant, command).settle(0.0))
-
-
-def state_at(plant: HeldDrive, command: float, gas: Array, velocity: float) -> Equilibrium:
-    """Return an equilibrium at mid stroke from pressures and temperatures of all nodes, shape (nodes, 2)."""
+def steady_state(plant: HeldDrive, command: float, load: float | None = None) -> Equilibrium:
+    """Return a steady state at mid stroke; see `equilibrium`."""
+    gas, velocity = steady_gas(plant, command, load)
     position = plant.middle_m
     force = plant.force(plant.session(command, position, velocity, gas).linearise([]))
     friction = plant.sliding(velocity, plant.pressures(gas), position) if velocity else 0.0
@@ -136,17 +132,15 @@ def state_at(plant: HeldDrive, command: float, gas: Array, velocity: float) -> E
     return Equilibrium(command, position, velocity, p_a, p_b, t_a, t_b, force, friction, friction - force)
 
 
-def under_load(plant: HeldDrive, command: float, load: float) -> Equilibrium:
-    """Return the steady motion at mid stroke that a drive at rest reaches under a load in +x.
+def steady_gas(plant: HeldDrive, command: float, load: float | None) -> tuple[Array, float]:
+    """Return pressures and temperatures of all nodes, shape (nodes, 2), and the velocity in a steady state.
 
-    The velocity is 0 if the drive does not move.
+    A drive at rest reaches this state under a load in +x. Its velocity is 0 if it does not move. None: the piston is
+    pinned.
     """
-    return state_at(plant, command, *gas_under_load(plant, command, load))
-
-
-def gas_under_load(plant: HeldDrive, command: float, load: float = 0.0) -> tuple[Array, float]:
-    """Return pressures and temperatures of all nodes, shape (nodes, 2), and the velocity; see `under_load`."""
-    search = _SteadySearch(plant, command, load, free=True)
+    search = _SteadySearch(plant, command, load)
+    if load is None:
+        return search.settle(0.0)
     try:
         return search.settle(search.toward * SLOWEST)
     except SimulationError:  # near rest, friction that falls with speed leads away from the steady motion
@@ -168,7 +162,7 @@ def full_speeds(drive: DriveOrCircuit, otherwise: float) -> Pair:
         return _SPEEDS[key]
     try:
         plant = HeldDrive(drive).static
-        searches = [_SteadySearch(plant, way, free=True) for way in (1.0, -1.0)]
+        searches = [_SteadySearch(plant, way, 0.0) for way in (1.0, -1.0)]
         out, back = (abs(search.settle(search.toward * START_M_S)[1]) for search in searches)
     except (CommandError, SimulationError):
         out = back = otherwise
@@ -181,13 +175,13 @@ def full_speeds(drive: DriveOrCircuit, otherwise: float) -> Pair:
 class _SteadySearch:
     """Search for a steady state: implicit integration at mid stroke with growing steps.
 
-    Unknowns are ln p and ln T of all nodes and, under a load, the velocity. A step is an implicit Euler step. As it
-    grows, it becomes a Newton step. The search therefore follows the motion of the drive and ends at the drive's final
-    state.
+    Unknowns are ln p and ln T of all nodes and, under a load in N, the velocity. Without a load, the piston is pinned.
+    A step is an implicit Euler step. As it grows, it becomes a Newton step. The search therefore follows the motion of
+    the drive and ends at the drive's final state.
     """
 
-    def __init__(self, plant: HeldDrive, command: float, load: float = 0.0, *, free: bool = False) -> None:
-        self.plant, self.command, self.load, self.free = plant, command, load, free
+    def __init__(self, plant: HeldDrive, command: float, load: float | None) -> None:
+        self.plant, self.command, self.load, self.free = plant, command, load or 0.0, load is not None
         self.toward = math.copysign(1.0, command)
 
     def _rates(self, z: Array) -> Array:
@@ -393,7 +387,7 @@ def moving_gas(plant: HeldDrive) -> Array:
     Warn if the drive does not move.
     """
     command = plant.sizes((plant.edge(1.0)[0] + SMALL,))[0]
-    gas, velocity = gas_under_load(plant, command)
+    gas, velocity = steady_gas(plant, command, 0.0)
     if velocity == 0.0:
         warn(f"{plant.name} does not move in +x: instead of slow motion, the operating point is rest")
     gas[:, 1] = plant.ambient[1]

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from pneudrive import units
-from pneudrive.datasheet.characteristic import Characteristic, characteristics_in
+from pneudrive.datasheet.characteristic import Characteristic
 from pneudrive.datasheet.plant import HeldDrive
 from pneudrive.describe.files.provenance import values
 from pneudrive.describe.system import PISTON
@@ -203,9 +203,10 @@ def characteristics() -> dict[str, Characteristic]:
     from pneudrive.datasheet import stands
     from pneudrive.datasheet.characteristics import air, frequency, response, steady
 
-    # in the order of the datasheet
+    # in the order of the datasheet, and of each module
     families = (steady, response, air, stands, frequency)
-    return {one.name: one for family in families for one in characteristics_in(family)}
+    found = [one for family in families for one in vars(family).values()]
+    return {one.name: one for one in found if isinstance(one, Characteristic)}
 
 
 def drive_characteristic(

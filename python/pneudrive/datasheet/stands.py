@@ -74,8 +74,6 @@ def reduce_flow(
     cites=("iso6358-2013",),
     x="ratio",
     y="flow",
-    slow=True,
-    held=False,
 )
 def _flows(plant: HeldDrive) -> Found:
     """Flow of the paths (C and b).
@@ -130,7 +128,6 @@ def _flows(plant: HeldDrive) -> Found:
     standard="form of ISO 10099",
     x="time",
     y="pressure",
-    held=False,
 )
 def _leakage(plant: HeldDrive) -> Found:
     """Leakage of shut chambers.
@@ -247,8 +244,6 @@ def _key(table: str, key: str) -> str:
     + "; ".join(f"{key.replace('_', ' ')}: {one.meaning}" for key, one in FIGURES.items())
     + ".",
     algorithm="the characteristics of this list, under the conditions of the print",
-    slow=True,
-    held=False,
 )
 def _published(plant: HeldDrive) -> Found:
     """Printed figures of the parts.

@@ -119,8 +119,8 @@ def stroke_of(
     >>> round(stroke_of(run, drive).stroke_time, 4)
     0.2084
     """
-    impacts = [one for one in run.attrs["impacts"] if begin_s <= one["time_s"] < end_s]
-    found = stroke_numbers(columns_of(run), drive.cylinder.stroke_m, moving_mass(drive), begin_s, end_s, impacts)
+    stroke, impacts = drive.cylinder.stroke_m, run.attrs["impacts"]
+    found = stroke_numbers(columns_of(run), stroke, moving_mass(drive), begin_s, end_s, impacts)
     return replace(found, begin_within=within_s)
 
 
@@ -153,7 +153,8 @@ def stroke_numbers(
     begin_s, end_s : float
         Time of the command that starts the stroke, and of the next one. Between two samples, the start is interpolated.
     impacts : sequence of mappings
-        Contacts with the ends from a simulation. Otherwise a contact is the arrival of the position at the end.
+        Contacts with the ends from a simulation; those of other strokes are left out. Otherwise a contact is the
+        arrival of the position at the end.
     direction : int
         Direction of the command: 1 towards the end of chamber b, -1 towards the end of chamber a. 0: direction of the
         piston.
@@ -172,7 +173,8 @@ def stroke_numbers(
     direction = direction or (1 if x[-1] >= x[0] else -1)
     s = direction * (x - x[0])  # way done
     room = stroke_m - x[0] if direction > 0 else x[0]
-    hits = [one for one in impacts if one["end"] == ("b" if direction > 0 else "a")]
+    end = "b" if direction > 0 else "a"
+    hits = [one for one in impacts if begin_s <= one["time_s"] < end_s and one["end"] == end]
     contact = hits[0]["time_s"] if hits else math.nan
     speed = max((one["speed_m_s"] for one in hits), default=math.nan)  # a piston that rebounds may come faster
     arrived = not math.isnan(contact) or float(s.max()) >= room - ARRIVED * stroke_m

@@ -10,7 +10,7 @@ import pytest
 import pneudrive as pn
 from pneudrive.datasheet.characteristics.air import FULL_S, NORMAL_DENSITY_KG_M3, drawn_mass
 from pneudrive.datasheet.characteristics.steady import velocity_gain
-from pneudrive.datasheet.equilibrium import pinned
+from pneudrive.datasheet.equilibrium import steady_state
 from pneudrive.datasheet.plant import HeldDrive
 from pneudrive.datasheet.registry import characteristics
 from pneudrive.datasheet.strokes import litres_anr
@@ -71,7 +71,7 @@ def test_equilibrium_is_where_a_long_run_ends():
     session = circuit.start({"cylinder.position": "250 mm"}, rtol=1e-10)
     session.set("valve.command", 0.002)
     session.advance(60.0)
-    found = pinned(HeldDrive(circuit), 0.002)
+    found = steady_state(HeldDrive(circuit), 0.002)
     assert abs(session.read("cylinder.velocity_m_s")) < 1e-9
     assert found.pressure_a_pa == pytest.approx(session.read("cylinder.a.pressure_pa"), rel=1e-6)
     assert found.pressure_b_pa == pytest.approx(session.read("cylinder.b.pressure_pa"), rel=1e-6)

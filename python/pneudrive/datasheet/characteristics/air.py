@@ -131,8 +131,6 @@ def losses(accounts: NamedNumbers, ambient_k: float) -> NamedNumbers:
     algorithm="flow out of the supply integrated along the solver's steps, one cycle of several",
     standard="volumes by ISO 8778",
     cites=("iso8778-2003",),
-    slow=True,
-    held=False,
 )
 def _air(plant: HeldDrive, half_period: float | None = None) -> Found:
     """Air per cycle.
@@ -177,8 +175,6 @@ def _air(plant: HeldDrive, half_period: float | None = None) -> Found:
     cites=("bejan2016",),
     x="loss",
     y="lost",
-    slow=True,
-    held=False,
 )
 def _exergy(plant: HeldDrive) -> Found:
     """Exergy and its losses.

@@ -11,9 +11,9 @@ import numpy as np
 from pneudrive import units
 from pneudrive.constants import ANR_DENSITY_KG_M3, ANR_TEMPERATURE_K
 from pneudrive.datasheet.characteristic import Found, ResultValue, characteristic
-from pneudrive.datasheet.characteristics.response import one_stroke, short_columns, simulate_plant, start_of
+from pneudrive.datasheet.characteristics.response import run_strokes, short_columns, simulate_plant, start_of
 from pneudrive.datasheet.characteristics.steady import adiabatic_stiffness, full_force
-from pneudrive.datasheet.equilibrium import gas_at, linear_model, moving_gas, open_command, under_load
+from pneudrive.datasheet.equilibrium import gas_at, linear_model, moving_gas, open_command, steady_state
 from pneudrive.datasheet.plant import Actuation, HeldDrive
 from pneudrive.datasheet.stands import flow_through
 from pneudrive.describe.files.provenance import values
@@ -60,6 +60,7 @@ def response(linear: Linear, output: str, frequencies: Array) -> Array:
     x="frequency",
     y="velocity_magnitude velocity_phase",
     needs_shares=True,
+    held=True,
 )
 def _bode(plant: HeldDrive) -> Found:
     """Frequency response.
@@ -110,8 +111,6 @@ def _bode(plant: HeldDrive) -> Found:
     algorithm="simulated, command in 200 steps a period; two periods by Fourier transform after four of settling",
     x="frequency",
     y="gain",
-    slow=True,
-    held=False,
     needs_shares=True,
 )
 def _describing(plant: HeldDrive, amplitudes: Any = AMPLITUDES, frequencies: Any = SINE_HZ) -> Found:  # noqa: ANN401
@@ -185,7 +184,7 @@ def _over_sine(values: Array, amplitude: float) -> tuple[float, float, float]:
     algorithm="simulated, load in 200 steps a period; two periods by Fourier transform after four of settling",
     x="frequency",
     y="compliance",
-    slow=True,
+    held=True,
 )
 def _load_describing(
     plant: HeldDrive,
@@ -274,9 +273,9 @@ def _of(plant: HeldDrive) -> NamedNumbers:
     """Return the results of one drive."""
     x = plant.middle_m
     spring = adiabatic_stiffness(plant.static, x, "3 bar abs")
-    stroke = one_stroke(plant, 1.0, 0.0, plant.before(1.0)).strokes[0]
+    stroke = run_strokes(plant, [1.0], 0.0, plant.before(1.0)).strokes[0]
     return {
-        "steady_speed": under_load(plant.static, 1.0, 0.0).velocity_m_s,
+        "steady_speed": steady_state(plant.static, 1.0, 0.0).velocity_m_s,
         "stall_force": full_force(plant.static, 1.0)[1],
         "natural_frequency": math.sqrt(spring / plant.mass) / (2.0 * math.pi),
         "stroke_time": stroke.stroke_time,
@@ -289,8 +288,6 @@ def _of(plant: HeldDrive) -> NamedNumbers:
     algorithm="central differences of 0.1 % of the number",
     x="parameter",
     y="stroke_time_sensitivity",
-    slow=True,
-    held=False,
 )
 def _tornado(plant: HeldDrive, numbers: Any = None) -> Found:  # noqa: ANN401 - a sequence of names
     """Sensitivity to each number of the drive.
@@ -425,7 +422,7 @@ def _row(drive: Drive) -> NamedNumbers:
     flow = ANR_DENSITY_KG_M3 * drive.gas.gas_constant_j_kg_k * mean_k  # times C/A: speed at choked flow
     speed = conductance * flow / drive.cylinder.area_b_m2
     out, back = (
-        one_stroke(plant, u, start_m, plant.before(u), expected_s=2.0 * plant.stroke_m / speed).strokes[0]
+        run_strokes(plant, [u], start_m, plant.before(u), 2.0 * plant.stroke_m / speed).strokes[0]
         for u, start_m in ((1.0, 0.0), (-1.0, plant.stroke_m))
     )
     numbers = (conductance, speed, out.stroke_time, back.stroke_time, plant.stroke_m / out.stroke_time, out.end_speed)
@@ -437,8 +434,6 @@ def _row(drive: Drive) -> NamedNumbers:
     algorithm="`pneudrive lines`: steady flow through the exhaust path, and simulated strokes",
     x="length",
     y="mean_speed",
-    slow=True,
-    held=False,
 )
 def _lines(plant: HeldDrive, lengths: Any = LENGTHS, diameters: Any = DIAMETERS) -> Found:  # noqa: ANN401 - sequences
     """Speed against the tubes.

@@ -12,7 +12,7 @@ import numpy as np
 
 from pneudrive.arrays import rows_of
 from pneudrive.datasheet.characteristic import Found, ResultValue, characteristic
-from pneudrive.datasheet.equilibrium import gas_at, moving_gas, under_load
+from pneudrive.datasheet.equilibrium import gas_at, moving_gas, steady_state
 from pneudrive.datasheet.strokes import STROKE_MEANING, StrokeNumbers, first_passage, stroke_numbers
 from pneudrive.describe.system import short_name
 from pneudrive.errors import CommandError, PneudriveWarning, SimulationError
@@ -20,6 +20,8 @@ from pneudrive.simulation.simulate import simulate
 from pneudrive.simulation.trajectory import columns as columns_of
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     import xarray as xr
 
     from pneudrive.arrays import Array, ArrayPair, Columns, Pair, Plain
@@ -41,7 +43,7 @@ class StrokeRun(NamedTuple):
     """Columns of a run under the names of a drive file, and the numbers of its strokes."""
 
     columns: dict[str, Array]
-    strokes: tuple[StrokeNumbers, ...]
+    strokes: list[StrokeNumbers]
     half_s: float
     attrs: Plain
 
@@ -66,28 +68,41 @@ def short_columns(plant: HeldDrive, run: xr.Dataset) -> Columns:
 def expected_time(plant: HeldDrive, command: float) -> float:
     """Return a sufficient time for one stroke, s."""
     try:
-        speed = min(abs(under_load(plant.static, side * command, 0.0).velocity_m_s) for side in (1, -1))
+        speed = min(abs(steady_state(plant.static, side * command, 0.0).velocity_m_s) for side in (1, -1))
     except (CommandError, SimulationError):
         speed = USUAL_SPEED
     return max(EXPECTED * plant.stroke_m / speed, LEAST_S) if speed > 0.0 else LONGEST * LEAST_S
 
 
-def one_stroke(
+def run_strokes(
     plant: HeldDrive,
-    command: float,
+    signals: Sequence[float],
     position: float,
     pressures: Pair,
     expected_s: float | None = None,
-    **more: Any,  # noqa: ANN401
+    **more: Any,  # noqa: ANN401 - of `simulate`
 ) -> StrokeRun:
-    """Run one stroke from rest until the piston arrives or comes to rest before the end."""
-    expected, start = expected_s or expected_time(plant, abs(command)), start_of(plant, position, pressures)
+    """Run a stroke for each signal from rest, and return the last one; of several, the last one out and back.
+
+    All strokes get the same time. If the piston neither arrives nor comes to rest before the end, they get more.
+    """
+    expected = expected_s or expected_time(plant, abs(signals[0]))
+    start, count = start_of(plant, position, pressures), min(len(signals), 2)
     times = 1.0
     while True:
         half = times * expected
-        run = simulate_plant(plant, plant.plans([(0.0, command)]), half, SAMPLES / expected, initial=start, **more)
-        found = _motion(plant, run, half, (0.0, half), command)
-        if found.arrived() or times >= LONGEST or times * expected > LONGEST:
+        edges = [k * half for k in range(len(signals) + 1)]
+        plans = plant.plans(list(zip(edges, signals, strict=False)))
+        run = simulate_plant(plant, plans, edges[-1], SAMPLES / expected, initial=start, **more)
+        columns = short_columns(plant, run)
+        strokes = [
+            stroke_numbers(columns, plant.stroke_m, plant.mass, *ends, run.attrs["impacts"], 1 if u > 0.0 else -1)
+            for ends, u in list(zip(pairwise(edges), signals, strict=True))[-count:]
+        ]
+        begin = edges[-1 - count]
+        last = rows_of(columns, columns["time_s"] >= begin)
+        found = StrokeRun(last | {"time_s": last["time_s"] - begin}, strokes, half, run.attrs)
+        if found.arrived() or times >= LONGEST or half > LONGEST / SLOWER ** (count - 1):
             return found
         times *= SLOWER
 
@@ -108,34 +123,7 @@ def square(half_s: float, repeats: int) -> list[Pair]:
 @lru_cache(maxsize=16)  # characteristics of one drive share runs
 def cycle(plant: HeldDrive) -> StrokeRun:
     """Run out and back until the cycle is periodic; columns and strokes are those of the last cycle."""
-    expected, start = expected_time(plant, 1.0), start_of(plant, 0.0, plant.before(1.0))
-    times, half = 1.0, expected
-    while True:
-        plans = plant.plans(square(half, REPEATS))
-        run = simulate_plant(plant, plans, 2 * REPEATS * half, SAMPLES / expected, initial=start)
-        begin = 2 * (REPEATS - 1) * half
-        found = _motion(plant, run, half, (begin, begin + half, begin + 2 * half), 1.0)
-        if found.arrived() or times >= LONGEST or half * SLOWER > LONGEST:
-            return found
-        times, half = times * SLOWER, half * SLOWER
-
-
-def _motion(plant: HeldDrive, run: xr.Dataset, half: float, edges: tuple[float, ...], command: float) -> StrokeRun:
-    """Return the strokes between the changes of the command.
-
-    The first stroke has the direction of the command, and the next stroke the opposite direction.
-    """
-    columns = short_columns(plant, run)
-    impacts = run.attrs["impacts"]
-    strokes = []
-    for k, (begin, end) in enumerate(pairwise(edges)):
-        own = [impact for impact in impacts if begin <= impact["time_s"] < end]
-        towards = 1 if (command > 0.0) == (k % 2 == 0) else -1
-        strokes.append(stroke_numbers(columns, plant.stroke_m, plant.mass, begin, end, own, towards))
-    keep = columns["time_s"] >= edges[0]
-    last = rows_of(columns, keep)
-    last["time_s"] = last["time_s"] - edges[0]
-    return StrokeRun(last, tuple(strokes), half, run.attrs)
+    return run_strokes(plant, [1.0, -1.0] * REPEATS, 0.0, plant.before(1.0))
 
 
 COMMANDS = (0.2, 0.4, 0.6, 0.8, 1.0)
@@ -169,7 +157,6 @@ def _numbers(motion: StrokeRun, dims: tuple[str, ...]) -> dict[str, ResultValue]
     cites=("iso6358-2013", "steinebach2023"),
     x="time",
     y="position",
-    held=False,
 )
 def _step(plant: HeldDrive, command: float = 1.0, position: float | None = None, pressures: Any = None) -> Found:  # noqa: ANN401
     """Response to a step.
@@ -189,7 +176,7 @@ def _step(plant: HeldDrive, command: float = 1.0, position: float | None = None,
     """
     x = (0.0 if command > 0.0 else plant.stroke_m) if position is None else position
     at_rest = plant.before(command) if pressures is None else plant.pressures(gas_at(plant, pressures))
-    motion = one_stroke(plant, command, x, at_rest)
+    motion = run_strokes(plant, [command], x, at_rest)
     return trace(motion) | _numbers(motion, ())
 
 
@@ -199,7 +186,6 @@ def _step(plant: HeldDrive, command: float = 1.0, position: float | None = None,
     cites=("iso6358-2013", "steinebach2023"),
     x="time",
     y="position",
-    held=False,
 )
 def _square(plant: HeldDrive) -> Found:
     """Response to a square command.
@@ -224,8 +210,6 @@ def _square(plant: HeldDrive) -> Found:
     algorithm="one simulated stroke for each command and direction, with ledger",
     x="command",
     y="end_energy",
-    slow=True,
-    held=False,
 )
 def _impact(plant: HeldDrive) -> Found:
     """Impact at the ends.
@@ -258,7 +242,7 @@ def _impact(plant: HeldDrive) -> Found:
     rows = []
     for command in commands:
         motions = [
-            one_stroke(plant, way * command, start, plant.before(way), ledger=True)
+            run_strokes(plant, [way * command], start, plant.before(way), ledger=True)
             for way, start in ((1.0, 0.0), (-1.0, plant.stroke_m))
         ]
         rows.append(
@@ -298,8 +282,6 @@ ENTRY_S, ENTRY_RATE_HZ = 1.0, 5e3
     algorithm="one simulated stroke into the cushion for each point",
     x="speed",
     y="end_speed",
-    slow=True,
-    held=False,
 )
 def _cushion(plant: HeldDrive, end_speed: float = END_SPEED) -> Found:
     """Capacity of the cushion.
@@ -400,7 +382,6 @@ REST_S, SWITCHING_RATE_HZ = 0.5, 1e5  # between the commands; samples
     standard="form of ISO 12238",
     x="time",
     y="outlet_pressure",
-    held=False,
 )
 def _times(plant: HeldDrive) -> Found:
     """Times of the valve.
@@ -413,6 +394,10 @@ def _times(plant: HeldDrive) -> Found:
         time from the command on
     outlet_pressure : Pa over time
         absolute pressure at the outlet
+    time_on : s
+        from the command on to 10 % of the rise at the outlet
+    time_off : s
+        from the command off to 10 % of the fall
     """  # noqa: D401 - a title
     table = plant.table(plant.valve)
     if "time_on" not in table:
@@ -423,12 +408,7 @@ def _times(plant: HeldDrive) -> Found:
     up = first_passage(time[on], rise, rise[0] + SHARE * (rise[-1] - rise[0]))
     down = first_passage(time[off], -fall, -fall[0] + SHARE * (fall[0] - fall[-1])) - REST_S
     shown = np.unique(np.r_[np.linspace(0, time.size - 1, 800).astype(int)])
-    return {
-        "time": time[shown],
-        "outlet_pressure": pressure[shown],
-        "time_on": ResultValue((), up, "s", "from the command on to 10 % of the rise at the outlet"),
-        "time_off": ResultValue((), down, "s", "from the command off to 10 % of the fall"),
-    }
+    return time[shown], pressure[shown], up, down
 
 
 def _run(plant: HeldDrive, table: Plain) -> ArrayPair:

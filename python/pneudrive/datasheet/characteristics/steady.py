@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pneudrive.datasheet.characteristic import Found, ResultValue, characteristic
-from pneudrive.datasheet.equilibrium import SIDE, gas_at, linear_model, pinned, under_load
+from pneudrive.datasheet.equilibrium import SIDE, gas_at, linear_model, steady_state
 from pneudrive.datasheet.plant import LEAST_VELOCITY, HeldDrive
 from pneudrive.errors import CommandError, SimulationError
 from pneudrive.numbers import plain
@@ -33,7 +33,7 @@ def full_force(plant: HeldDrive, direction: float, velocity: float = LEAST_VELOC
     Blocked force: force of gas, weight and described load on a pinned piston. Stall force: blocked force minus
     the friction at a velocity, by default breakaway: the largest load that a piston at rest can move.
     """
-    rest = pinned(plant, direction)
+    rest = steady_state(plant, direction)
     pressures = (rest.pressure_a_pa, rest.pressure_b_pa)
     blocked = direction * rest.gas_force_n
     return blocked, blocked - abs(plant.sliding(direction * velocity, pressures, plant.middle_m))
@@ -45,6 +45,7 @@ def full_force(plant: HeldDrive, direction: float, velocity: float = LEAST_VELOC
     cites=("iso6358-2013",),
     x="command",
     y="velocity",
+    held=True,
 )
 def _velocity(plant: HeldDrive) -> Found:
     """Steady velocity against command and load.
@@ -78,7 +79,7 @@ def _velocity(plant: HeldDrive) -> Found:
     except SimulationError:  # a blocked piston has no steady state, as behind a quick exhaust valve
         stall = math.nan
     against = np.array([share * stall for share in LOAD_SHARES] if stall == stall else [0.0])
-    found = np.array([[_moving(plant, u, -math.copysign(1.0, u) * load) for load in against] for u in commands])
+    found = np.array([[_steady(plant, u, -math.copysign(1.0, u) * load) for load in against] for u in commands])
     values = {
         "command": commands,
         "load_force": against,
@@ -92,9 +93,10 @@ def _velocity(plant: HeldDrive) -> Found:
     return values | {"velocity_gain": gains, "dead_zone": zones}
 
 
-def _moving(plant: HeldDrive, command: float, load: float) -> tuple[float, float, float]:
+def _steady(plant: HeldDrive, command: float, load: float | None = None) -> tuple[float, float, float]:
+    """Return velocity and both pressures under a load, or of a blocked piston; NaN if no steady state exists."""
     try:
-        found = under_load(plant, command, load)
+        found = steady_state(plant, command, load)
     except SimulationError:
         return math.nan, math.nan, math.nan
     return found.velocity_m_s, found.pressure_a_pa, found.pressure_b_pa
@@ -103,7 +105,7 @@ def _moving(plant: HeldDrive, command: float, load: float) -> tuple[float, float
 def velocity_gain(plant: HeldDrive, direction: float) -> tuple[float, float]:
     """Return slope and dead zone of the line through two small commands at which the piston moves."""
     commands = [plant.edge(direction)[0] + small for small in SMALL]
-    (low, slow), (high, fast) = ((u, abs(_moving(plant, direction * u, 0.0)[0])) for u in commands)
+    (low, slow), (high, fast) = ((u, abs(_steady(plant, direction * u, 0.0)[0])) for u in commands)
     if not slow > 0.0:
         return math.nan, math.nan
     slope = (fast - slow) / (high - low)
@@ -116,6 +118,7 @@ def velocity_gain(plant: HeldDrive, direction: float) -> tuple[float, float]:
     cites=("iso6358-2013",),
     x="load_force",
     y="speed",
+    held=True,
 )
 def _force(plant: HeldDrive, points: int = 12) -> Found:
     """Force against speed at full command.
@@ -147,20 +150,11 @@ def _force(plant: HeldDrive, points: int = 12) -> Found:
     loads = np.array([[share * max(most, 0.0) for share in shares] for most in stall])
     speeds = np.array(
         [
-            [abs(_moving(plant, direction, -direction * load)[0]) for load in row]
+            [abs(_steady(plant, direction, -direction * load)[0]) for load in row]
             for direction, row in zip(directions, loads, strict=True)
         ]
     )
     return shares, loads, speeds, blocked, stall
-
-
-def _blocked(plant: HeldDrive, command: float) -> float:
-    """Return the pressure difference with a blocked piston, Pa; NaN if no steady state exists."""
-    try:
-        found = pinned(plant, command)
-    except SimulationError:
-        return math.nan
-    return found.pressure_a_pa - found.pressure_b_pa
 
 
 @characteristic(
@@ -171,6 +165,7 @@ def _blocked(plant: HeldDrive, command: float) -> float:
     x="command",
     y="pressure_difference",
     needs_shares=True,
+    held=True,
 )
 def _pressure_gain(plant: HeldDrive) -> Found:
     """Pressure gain.
@@ -192,14 +187,15 @@ def _pressure_gain(plant: HeldDrive) -> Found:
         absolute pressure in chamber b at the centre
     """
     commands = np.array([*(-u for u in reversed(BLOCKED)), *BLOCKED])
-    difference = np.array([_blocked(plant, u) for u in commands])
-    try:
-        rest = pinned(plant, 0.0)
-        centre = (rest.pressure_a_pa, rest.pressure_b_pa)
-        slope = (_blocked(plant, TINY) - _blocked(plant, -TINY)) / (2.0 * TINY)
-    except SimulationError:  # no leak: any pressure holds at a shut valve
-        centre, slope = (math.nan, math.nan), math.inf
-    return commands, difference, slope, *centre
+
+    def difference(command: float) -> float:
+        _, a, b = _steady(plant, command)
+        return a - b
+
+    _, *centre = _steady(plant, 0.0)
+    is_held = not math.isnan(centre[0])  # without a leak, any pressure holds at a shut valve
+    slope = (difference(TINY) - difference(-TINY)) / (2.0 * TINY) if is_held else math.inf
+    return commands, list(map(difference, commands)), slope, *centre
 
 
 # --- Stiffness of the air spring, natural frequency and damping, from exact linearisations with the valve shut.
@@ -275,6 +271,7 @@ def levels_of(plant: HeldDrive, pressures: Any) -> list[float]:  # noqa: ANN401 
     cites=("bejan2016",),
     x="position",
     y="adiabatic_stiffness",
+    held=True,
 )
 def _stiffness(plant: HeldDrive, pressures: Any = None) -> Found:  # noqa: ANN401
     """Stiffness of the air spring.
@@ -339,6 +336,7 @@ def _stiffness(plant: HeldDrive, pressures: Any = None) -> Found:  # noqa: ANN40
     algorithm="square root of adiabatic stiffness over mass; eigenvalues of the exact linearisation",
     x="position",
     y="natural_frequency",
+    held=True,
 )
 def _frequency(plant: HeldDrive, pressures: Any = None) -> Found:  # noqa: ANN401
     """Natural frequency and damping.
@@ -440,8 +438,6 @@ def least_pressure(plant: HeldDrive, direction: float) -> float:
     "minimum-pressure",
     algorithm="bisection on simulated runs to 0.002 % of the span from ambient to supply",
     standard="form of ISO 10099",
-    slow=True,
-    held=False,
 )
 def _minimum(plant: HeldDrive) -> Found:
     """Minimum pressure and breakaway.
