@@ -166,7 +166,9 @@ SIGNALS, SAMPLES = _TABLES["signals"], _TABLES["samples"]
 #: without a unit, as pairs of largest span of a position (or largest value of a pressure) and unit. ``scaled``: unit in
 #: a layout for volts and counts, which need a scale.
 ROLES = _TABLES["roles"]
-SECONDARY, INDEX, NUMBERING = (re.compile(_TABLES["words"][name]) for name in ("secondary", "index", "numbering"))
+_WORDS = {name: re.compile(text) for name, text in _TABLES["words"].items()}
+SECONDARY, INDEX, NUMBERING = _WORDS["secondary"], _WORDS["index"], _WORDS["numbering"]
+RATE, STEP = _WORDS["rate"], _WORDS["step"]
 #: Smallest number of columns whose names differ only in a number, to form a family.
 FAMILY = 3
 

@@ -15,7 +15,7 @@ from pneudrive.files.content import parse_json
 from pneudrive.files.tables import open_table
 from pneudrive.repr_tables import Shown
 from pneudrive.signals.importer import import_file
-from pneudrive.signals.layout import AnyLayout, FileLayout, Layout, stem
+from pneudrive.signals.layout import AnyLayout, Layout, stem
 from pneudrive.signals.load import digest_of, find_layout, is_run, layout_beside
 from pneudrive.signals.motion import NOISE_FACTOR, noise_level
 from pneudrive.signals.recording import QUANTILES, refuse_pressure
@@ -350,8 +350,7 @@ def read_volume_recordings(
             out.append(volume_recording(item, f"recording {number}"))
         else:
             path = Path(item)
-            said = (layout or layout_beside(path)).for_file(path, "fixed-volume")
-            out.append(volume_recording(_imported_columns(path, said), stem(path), said.labels, path))
+            out.append(volume_recording(*_imported(path, layout or layout_beside(path), "fixed-volume")))
     return out
 
 
@@ -387,8 +386,7 @@ def _drive_columns(
             line = file.readline(200)  # of a text file: mostly the names of its columns
         begins = f"it begins with: {line.decode(errors='replace').strip()}" if b"\0" not in line else None
         raise RecordingError.of("signals.not-of-drive", where=str(path), value=begins, needed=", ".join(NEEDED))
-    said = layout.for_file(path, "drive")
-    return _imported_columns(path, said), stem(path), said.labels, path
+    return _imported(path, layout, "drive")
 
 
 def _labels(about: object) -> dict[str, str]:
@@ -397,12 +395,13 @@ def _labels(about: object) -> dict[str, str]:
     return {str(key): str(text) for key, text in labels.items()} if isinstance(labels, dict) else {}
 
 
-def _imported_columns(path: Path, said: FileLayout) -> dict[str, Array | float]:
-    """Return the columns of a file in SI, and warn of flags."""
+def _imported(path: Path, layout: Layout, kind: str) -> tuple[Plain, str, dict[str, str], Path]:
+    """Return columns in SI, name, labels and path of a file by its layout, and warn of flags."""
+    said = layout.for_file(path, kind)
     columns, flags, _ = import_file(path, said)
     for flag, count in flags.items():
         warn(f"{path.name} has the flag {flag} ({count}): see the flags in the guide, Your own recordings")
-    return columns
+    return columns, stem(path), said.labels, path
 
 
 def check_plausible(recording: DriveRecording, stroke: float, ambient: float, supply: float) -> None:

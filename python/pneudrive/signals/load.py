@@ -303,7 +303,7 @@ def _recordings(file: RecordingFile, bounds: Ints, numbers: Ints) -> Iterator[Re
 
 # Columns that identify a trajectory file; other files lack some.
 COLUMNS = ("time_s", "position_m", "velocity_m_s", "friction_force_n", "pressure_a_pa", "pressure_b_pa", "command")
-#: Columns of a trajectory that form a recording.
+#: Columns of a trajectory that form a recording: time, and `CHANNELS`.
 MEASURED = ("time_s", "position_m", "friction_force_n", "pressure_a_pa", "pressure_b_pa")
 VARIABLES = tuple(meaning(column)[0] for column in COLUMNS)
 
@@ -316,13 +316,10 @@ def from_trajectory(
     The force is the friction force, as from an ideal sensor between rig and piston in steady sliding. The areas are
     zero, because this force does not contain pressure forces.
     """
+    measured = dict(zip(("time_s", *CHANNELS), (columns[c] for c in MEASURED), strict=True))
     return Recording(
         name=name,
-        time_s=columns["time_s"],
-        position_m=columns["position_m"],
-        force_n=columns["friction_force_n"],
-        pressure_a_pa=columns["pressure_a_pa"],
-        pressure_b_pa=columns["pressure_b_pa"],
+        **measured,
         area_a_m2=0.0,
         area_b_m2=0.0,
         accuracy=dict.fromkeys((*CHANNELS, "area", "alignment_rad"), 0.0),

@@ -14,7 +14,7 @@ import numpy as np
 from pneudrive.errors import RecordingError
 from pneudrive.files.bounds import bound, within
 from pneudrive.files.content import COMPRESSIONS, check_file, pieces
-from pneudrive.signals.columns import SAMPLES, header_unit, role_of
+from pneudrive.signals.columns import RATE, SAMPLES, STEP, header_unit, role_of
 from pneudrive.signals.times import guess_form, looks_like_date_time, seconds
 
 if TYPE_CHECKING:
@@ -365,20 +365,6 @@ _CELL = re.compile(r"[-+]?\d[\d.,]*+ ([^\W\d_][\w/()]*)")  # a number and its un
 _BARE = re.compile(r"[-+]?\d{1,3}$")
 
 
-_RATE = re.compile(
-    r"(?:(?:sampl\w{0,12}|scan|abtast\w{0,12}|acquisition)[ _-]*(?:rate|freq\w{0,12})?|\bfs\b|\brate\b|frequenz)"
-    r"[^\d\n]{0,24}?"
-    r"(\d+(?:[.,]\d+)?) *(k?Hz|1/s|S/s)\b",
-    re.IGNORECASE,
-)
-_STEP = re.compile(
-    r"(?:(?:sampl\w{0,12}|scan|abtast\w{0,12})[ _-]*(?:interval|period|time|zeit)?|\bdt\b|time step|increment)"
-    r"[^\d\n]{0,24}?"
-    r"(\d+(?:[.,]\d+)?) *(s|ms|us|µs)\b",
-    re.IGNORECASE,
-)
-
-
 @dataclass(frozen=True)
 class FileForm:
     """Format of a file: ``form`` of a text, names of the columns (if any), and number of columns.
@@ -440,7 +426,7 @@ def sniff_text(path: Path) -> FileForm:
     lines = decode(read_bytes(path), path).splitlines()
     tail = [line for line in lines if line.strip() and not line.startswith("#")]
     sample = _sample(tail)
-    readings = [_read(sample, form) for form in _candidates(sample)]
+    readings = [_read(sample, form) for form in _candidates(sample) if sample]
     readings = [reading for reading in readings if reading.width - len(reading.words) >= 2]
     for least in (MOSTLY, SEGMENTED):
         fit = [reading for reading in readings if reading.share >= least]
@@ -635,9 +621,9 @@ def read_preamble(lines: Lines, form: TextForm, width: int) -> tuple[Fields, tup
             clocks = _clocks(cells)
         elif word == "y_unit_label" and any(header_unit(cell) for cell in cells):
             units = ["", *cells]
-        elif match := _RATE.search(line) or _STEP.search(line):
+        elif match := RATE.search(line) or STEP.search(line):
             value = float(match.group(1).replace(",", ".")) * SAMPLES.get(match.group(2).lower(), 1e-6)
-            steps, source = (value if match.re is _STEP else 1.0 / (value or 1.0),), line.strip()
+            steps, source = (value if match.re is STEP else 1.0 / (value or 1.0),), line.strip()
     if set(clocks) == set(starts):
         starts = {at: starts[at] + clocks[at] for at in starts}
     first = min(starts.values(), default=0.0)
