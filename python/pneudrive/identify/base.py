@@ -15,7 +15,7 @@ from pneudrive.errors import FitError, nearest, package_table
 from pneudrive.estimate.estimates import student, whole_interval
 from pneudrive.files.inputs import INPUTS, located, stored_beside
 from pneudrive.identify.export import Exported, SlidingCurve, export, middle_of
-from pneudrive.identify.identified import FittedData, Identified, comparison_figure, joined
+from pneudrive.identify.identified import FittedData, Identified, comparison_figure
 from pneudrive.lazy_names import upper
 from pneudrive.numbers import plain
 from pneudrive.simulation.trajectory import write_whole
@@ -106,7 +106,6 @@ class FitEntry(_Table):
     u_systematic: Number | None = None
     interval: tuple[Number, Number] | None = None
     model_error: Number | None = None
-    sources: tuple[StrictStr, ...] | None = None
 
 
 class _Covariance(_Table):
@@ -222,8 +221,6 @@ class Fit(Viewed):
         Free value -> standard uncertainty from errors shared by all rows (sensor gain, pressure, area).
     model_errors : dict
         Name -> lower limit of the model error, if known.
-    sources : dict
-        Name -> names of its recordings.
     undetermined : tuple of Undetermined
         Undetermined values, each with reason and remedy.
     notes : tuple of str
@@ -255,7 +252,6 @@ class Fit(Viewed):
     intervals: dict[str, Interval]
     systematic: NamedNumbers = field(default_factory=dict)
     model_errors: NamedNumbers = field(default_factory=dict)
-    sources: dict[str, tuple[str, ...]] = field(default_factory=dict)
     undetermined: tuple[Any, ...] = ()
     notes: tuple[str, ...] = ()
     statistics: NamedNumbers
@@ -494,7 +490,7 @@ class Fit(Viewed):
         return Identified(
             values=values,
             intervals={key: whole_interval(values[key], ends[key], wide.get(key, 0.0)) for key in ends},
-            sources={key: self.sources.get(name, self.recordings) for name, key in keys.items()},
+            recordings=self.recordings,
             fit=str(self.provenance.get("fit_hash", ""))
             or hashlib.sha256(self.toml().encode()).hexdigest()[:HASH_DIGITS],
             file=self.file,
@@ -529,8 +525,7 @@ class Fit(Viewed):
         if name in self.intervals:
             entry["standard_error"] = self.standard_errors[name] if self.covariance.size else None
             entry |= {"u_systematic": self.systematic.get(name), "interval": list(self.intervals[name])}
-        entry |= {"model_error": self.model_errors.get(name), "sources": self.sources.get(name)}
-        return entry | self.details.get(name, {})
+        return entry | {"model_error": self.model_errors.get(name)} | self.details.get(name, {})
 
     def toml(self, folder: Path | None = None) -> str:
         """Return the text of fit.toml. It lists the inputs of the fit only if `folder` is given."""
@@ -633,7 +628,6 @@ class Fit(Viewed):
             "intervals": stated("interval"),
             "systematic": stated("u_systematic"),
             "model_errors": stated("model_error"),
-            "sources": stated("sources"),
             "undetermined": tuple(file.undetermined),
             "notes": file.notes,
             "statistics": file.statistics,
@@ -678,7 +672,7 @@ class Fit(Viewed):
         return self.free_values()
 
     def _cells(self, name: str, value: float) -> Iterator[ShownValue]:
-        """Yield the cells of a value: value, state, U (k = 2), model error and recordings."""
+        """Yield the cells of a value: value, state, U (k = 2), model error and details."""
         size, ends = readable(self.units[name])[0], self.intervals.get(name)
         cells = {}
         if name in names_of(self.undetermined) or not np.isfinite(value):
@@ -689,8 +683,6 @@ class Fit(Viewed):
             cells["U (k = 2)"] = plain(self.expanded_uncertainty(name) / size, 2)
         if ends is not None and name in self.model_errors:
             cells["model ±"] = plain(self.model_errors[name] / size, 2)
-        if len(set(self.sources.values())) > 1 and name in self.free:
-            cells["recordings"] = joined(self.sources.get(name, self.recordings))
         for key, words in self.WORDS["details"].items():
             if (found := self.details.get(name, {}).get(key)) is not None:
                 is_fraction = isinstance(found, float)

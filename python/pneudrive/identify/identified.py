@@ -137,8 +137,8 @@ class Identified:
     intervals : dict
         Name -> (lower, upper), SI; infinite for open ends. A value without an interval (half of a sum, if only the sum
         is determined) gets no provenance.
-    sources : dict
-        Name -> names of its recordings.
+    recordings : tuple of str
+        Names of the recordings.
     fit : str
         Hash that identifies the fit.
     file : str
@@ -151,7 +151,7 @@ class Identified:
 
     values: Mapping[str, float]
     intervals: Mapping[str, Interval]
-    sources: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    recordings: tuple[str, ...] = ()
     fit: str = ""
     file: str = ""
     model_errors: Mapping[str, float] = field(default_factory=dict)
@@ -169,11 +169,7 @@ class Identified:
         out = {}
         for name, interval in self.intervals.items():
             mark = marks.get(name)
-            origin = {
-                "interval": _ends(interval, mark),
-                "confidence": CONFIDENCE,
-                "source": joined(self.sources.get(name, ())),
-            }
+            origin = {"interval": _ends(interval, mark), "confidence": CONFIDENCE, "source": joined(self.recordings)}
             if name in self.model_errors:
                 origin["model_error"] = _rounded(self.model_errors[name], None, _size(mark), MODEL_DIGITS)
             every = self.correlations.get(name, {}).items()
@@ -245,8 +241,8 @@ def apply_identified(
     if beside is not None:
         values = {name: value for name, (value, *_) in beside.intervals.items()}
         inside = {name: (low, high) for name, (_, low, high) in beside.intervals.items() if name in marks}
-        sources = dict.fromkeys(inside, (beside.source,))
-        origins |= replace(found, values=values, intervals=inside, sources=sources).origins(marks)
+        measured = replace(found, values=values, intervals=inside, recordings=(beside.source,))
+        origins |= measured.origins(marks)
     origins = {name: origin for name, origin in origins.items() if name not in own}
     return after.replace({"provenance": origins}).read_from(found.file)
 
@@ -271,7 +267,7 @@ def _off_bounds(found: Identified, known: Mapping[str, Written | None]) -> Ident
 
 def _said(found: Identified, name: str, mark: Written | None) -> dict[str, str]:
     """Return the origin of a value of a line or a circuit in the form stored with the value."""
-    source = {"source": joined(found.sources.get(name, ())) or "a recording"}
+    source = {"source": joined(found.recordings)}
     if name not in found.intervals:
         return source
     low, high = _ends(found.intervals[name], mark)

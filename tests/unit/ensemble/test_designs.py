@@ -110,7 +110,6 @@ def test_the_posterior_of_a_fit_has_its_values_and_its_covariance():
         intervals={},
         systematic={},
         model_errors={},
-        sources={},
         undetermined=(),
         notes=(),
         statistics={},

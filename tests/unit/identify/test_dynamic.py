@@ -143,7 +143,7 @@ def test_two_recordings_with_offsets_of_their_own_share_the_drive() -> None:
     for i, (ox, oa) in enumerate(offsets):
         assert fit.sensors[f"position.offset [recording {i + 1}]"] == pytest.approx(ox, abs=3e-4)
         assert fit.sensors[f"pressure_a.offset [recording {i + 1}]"] == pytest.approx(oa, abs=100.0)
-    assert fit.sources["friction.coulomb"] == ("recording 1", "recording 2")
+    assert fit.recordings == ("recording 1", "recording 2")
 
 
 def test_lag_and_gain_of_a_sensor_are_found() -> None:

@@ -67,8 +67,6 @@ class DriveFit(Fit, kind="drive"):
     model_errors : dict
         Value or sensor -> lower limit of the model error: change for errors of 1 % in each held number, added in
         quadrature (`pneudrive.identify.dynamic.result`).
-    sources : dict
-        Name -> names of its recordings.
     undetermined : tuple of Undetermined
         Undetermined values, each with reason and remedy.
     notes : tuple of str
@@ -461,7 +459,7 @@ def assembled(drive: Drive | Circuit, solved: Solved, options: SearchOptions, st
         free=tuple(names),
         covariance=covariance,
         intervals=intervals,
-        sources={n: tuple(r.name for r in records) for n in names[: problem.drive_size]},
+        details={n: {"sources": [r.name for r in records]} for n in names[: problem.drive_size]},
         undetermined=(),
         notes=tuple(_notes(drive, options, solved, statistics)),
         statistics=statistics,

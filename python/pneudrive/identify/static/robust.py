@@ -23,7 +23,7 @@ from typing import Any
 import numpy as np
 
 from pneudrive.arrays import Array, ArrayPair, Bools, Interval, NamedNumbers, by_name
-from pneudrive.estimate.autocorrelation import HUBER, LINEAR, Loss, covariance_of, shift_of
+from pneudrive.estimate.autocorrelation import HUBER, LINEAR, Loss, corrected_criterion, covariance_of, shift_of
 from pneudrive.estimate.estimates import rms, robust_deviation
 from pneudrive.identify.static.model import EXPONENT_BOUNDS, Observations, StaticLaw
 
@@ -135,7 +135,6 @@ class RobustEstimate:
         weighted_mean = np.average(self.data.friction_n, weights=stderr**-2)
         spread = np.sum(((self.data.friction_n - weighted_mean) / stderr) ** 2)
         k = n - self.dof + 1
-        small = 2.0 * k * (k + 1) / (n - k - 1) if n > k + 1 else np.inf
         explained = 1.0 - np.sqrt(np.sum(residual**2) / spread) if spread > 0.0 else np.nan
         return {
             "values": float(n),
@@ -148,7 +147,7 @@ class RobustEstimate:
             "fit_percent": 100.0 * explained,
             "starts": float(self.starts),
             "starts_agreeing": float(self.agreeing),
-            "aicc": self.deviance + 2.0 * k + small,
+            "aicc": corrected_criterion(self.deviance, k, n),
             "bic": self.deviance + k * np.log(n),
         }
 
