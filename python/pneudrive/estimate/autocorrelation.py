@@ -224,7 +224,7 @@ def _sizes(jacobian: Array) -> Array:
     return np.where(size > 0.0, size, 1.0)
 
 
-# --- Losses of robust estimates.
+# --- Losses of robust estimates, and a criterion to choose among models.
 
 
 @dataclass(frozen=True)
@@ -257,6 +257,18 @@ LINEAR = Loss(np.inf)
 #: Huber's loss with an efficiency of 99 % on normal errors. The usual tuning constant 1.345 (95 %) is slightly more
 #: robust, but with a dozen levels its intervals cover the true value 1 % less often [huber2009].
 HUBER = Loss(2.0)
+
+
+def corrected_criterion(deviance: float, parameters: int, n: int) -> float:
+    """Return Akaike's criterion corrected for few data [burnham2002]; inf for too few data.
+
+    Examples
+    --------
+    >>> corrected_criterion(10.0, 2, 8)
+    16.4
+    """
+    spare = n - parameters - 1
+    return float(deviance + 2 * parameters + 2 * parameters * (parameters + 1) / spare) if spare > 0 else np.inf
 
 
 # --- Moderated variances: empirical-Bayes estimates from few repetitions.
@@ -310,9 +322,9 @@ def _trend(values: Array, x: Array, most: int) -> tuple[NDArray, float]:
         columns = np.vander(x - x.mean(), count)
         fitted = projection(values, columns)
         rest, k = float(np.sum((values - fitted) ** 2)), count + 1
-        if values.size <= k + 1 or rest <= 0.0:
+        if rest <= 0.0:
             break
-        score = values.size * np.log(rest) + 2.0 * k + 2.0 * k * (k + 1) / (values.size - k - 1)
+        score = corrected_criterion(values.size * np.log(rest), k, values.size)
         if score < best:
             best, out = score, (fitted, rest / (values.size - count))
     return np.asarray(out[0]), out[1]

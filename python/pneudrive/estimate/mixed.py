@@ -149,18 +149,6 @@ def refined(at: Callable[[Array], Scan], coarse: Array, count: int, rise: Callab
     return at(np.geomspace(coarse[low], coarse[high], count))
 
 
-def corrected_criterion(deviance: float, parameters: int, n: int) -> float:
-    """Return Akaike's criterion corrected for few data [burnham2002]; inf for too few data.
-
-    Examples
-    --------
-    >>> corrected_criterion(10.0, 2, 8)
-    16.4
-    """
-    spare = n - parameters - 1
-    return float(deviance + 2 * parameters + 2 * parameters * (parameters + 1) / spare) if spare > 0 else np.inf
-
-
 # --- Linear mixed models: restricted likelihood, with the uncertainty of the standard deviations.
 
 #: Bounds of a standard deviation, as factors of its component's scale.

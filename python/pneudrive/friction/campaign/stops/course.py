@@ -30,9 +30,9 @@ import numpy as np
 
 from pneudrive.campaign.storage.folder import RESTS, CycleFile, recording_of, speed_of, steps_from_motion, steps_of
 from pneudrive.errors import RecordingError
-from pneudrive.estimate.autocorrelation import cells, means
+from pneudrive.estimate.autocorrelation import cells, corrected_criterion, means
 from pneudrive.estimate.estimates import NORMAL_95, rms, student
-from pneudrive.estimate.mixed import Scan, corrected_criterion, refined, scan
+from pneudrive.estimate.mixed import Scan, refined, scan
 from pneudrive.friction.bins import profile_stderr
 from pneudrive.friction.campaign.reading import condition_of, read_each
 from pneudrive.friction.friction_map import Condition, Skipped

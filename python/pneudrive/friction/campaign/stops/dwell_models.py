@@ -29,7 +29,7 @@ from pneudrive.arrays import Array, Interval, by_name
 from pneudrive.describe.files import toml
 from pneudrive.errors import FitError, nearest, package_table
 from pneudrive.estimate import mixed
-from pneudrive.estimate.autocorrelation import cells, gaussian, levels, projection
+from pneudrive.estimate.autocorrelation import cells, corrected_criterion, gaussian, levels, projection
 from pneudrive.estimate.design import DesignSpace, exchange, information
 from pneudrive.estimate.estimates import student
 from pneudrive.friction.friction_map import Condition, conditions_of
@@ -195,7 +195,7 @@ def _fit(curve: DwellCurve, form: DwellForm, whitener: Array, reference_s: float
     slope_low, slope_high = profile.interval(slope, rise)
     cost = max(profile.cost[profile.best], 1e-300)
     deviance = n * np.log(cost / n) - 2.0 * np.log(np.diag(whitener)).sum()
-    aicc = mixed.corrected_criterion(deviance, count, n)
+    aicc = corrected_criterion(deviance, count, n)
     return DwellLawFit(
         form=form,
         shape=by_name(form.units, profile.shape[profile.best]),
