@@ -19,11 +19,15 @@ from pneudrive.errors import ErrorKind, PneudriveError, package_table
 from pneudrive.files.bounds import bound, within
 
 
-def rendered(template: Path, filters: Mapping[str, Any], /, **values: object) -> str:
-    """Return the rendered text of a jinja2 template, without lines of block tags; `values` are not escaped."""
+def rendered(template: Path, filters: Mapping[str, Any], clean: Callable | None = None, /, **values: object) -> str:
+    """Return the rendered text of a jinja2 template, without lines of block tags.
+
+    With `clean`, each value passes through this function, and is then escaped for HTML.
+    """
     import jinja2
 
-    environment = jinja2.Environment(trim_blocks=True, lstrip_blocks=True, keep_trailing_newline=True)
+    options = {"autoescape": clean is not None, "finalize": clean, "keep_trailing_newline": True}
+    environment = jinja2.Environment(trim_blocks=True, lstrip_blocks=True, **options)
     environment.filters |= filters
     return environment.from_string(template.read_text(encoding="utf-8")).render(values)
 

@@ -6,6 +6,7 @@ import math
 from collections import Counter
 from contextlib import suppress
 from dataclasses import replace
+from itertools import islice
 from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any
 
@@ -33,7 +34,6 @@ if TYPE_CHECKING:
 
     from pneudrive.friction.campaign.result import CampaignCharacteristics
     from pneudrive.friction.campaign.stops.dwell_law import DwellSeries
-    from pneudrive.friction.campaign.stops.dwell_models import DwellLawFit
     from pneudrive.report.page import Block, Section
 
 MOST_CURVES = 8  # that a reader can distinguish in one picture
@@ -43,7 +43,6 @@ OF_INTERVAL = ("", "_low", "_high")  # endings of the columns of a value and its
 SHOWN_SPEEDS = 12  # rows of a table
 MOST_LINES = 120  # lines of a protocol that are shown
 MOST_SKIPPED = 40
-METHODS = ("gum2008", "patterson1971", "wahba1983", "burnham2002", "kato1972", "dieterich1979", "armstrong1994")
 
 
 def write_campaign_report(found: CampaignCharacteristics, folder: str | Path) -> Path:
@@ -412,11 +411,6 @@ def _force(stop: SimpleNamespace, begin_s: float, end_s: float, label: str) -> A
 # --- breakaway against duration --------------------------------------------------------------------------------------
 
 
-def best_of(laws: tuple[DwellLawFit, ...], *, saturates: bool) -> DwellLawFit | None:
-    """Return the best law among the laws that saturate, or among those that do not."""
-    return next((law for law in laws if law.form.saturates == saturates and law.name != "none"), None)
-
-
 def _increments(found: CampaignCharacteristics, s: DwellSeries) -> Panel:
     """Draw the increments of breakaway in a series of stops over duration, with the best laws."""
     marks: list[Any] = []
@@ -426,9 +420,9 @@ def _increments(found: CampaignCharacteristics, s: DwellSeries) -> Panel:
         durations = members["dwell_s"].to_numpy() * (1.0 + 0.04 * index)
         label = condition_names(found)(condition)
         marks.append(Markers(durations, members["increment_n"].to_numpy(), label, own, size=3.4))
-    growing, saturating = (best_of(s.laws, saturates=saturates) for saturates in (False, True))
-    for law, dash in ((growing, (0, (6, 2))), (saturating, ":")):
-        if law is not None:
+    for saturates, dash in ((False, (0, (6, 2))), (True, ":")):
+        laws = (law for law in s.laws if law.form.saturates == saturates and law.name != "none")
+        for law in islice(laws, 1):  # the best one
             title = f"{law.form.title} (ΔAICc {law.delta:.0f})" if np.isfinite(law.delta) else law.form.title
             marks.append(Line(s.duration_s, law.increment_n(s.duration_s, 0), title, Look("orange", dash), 1.4))
     return Panel(marks, s.name)
@@ -513,20 +507,16 @@ def run(found: CampaignCharacteristics) -> Section:
     with suppress(RigError):
         envelope = envelope_of(about.get("envelope"), "")
     labels = {**rig.labels, **about.get("labels", {})}
-    rows = (
-        ("campaign", found.name),
-        ("rig", rig.name),
-        ("operator", str(about.get("operator") or "not stated")),
-        ("labels", ", ".join(f"{k} {v}" for k, v in labels.items()) or "none"),
-        ("created", str(about.get("created", "not stated"))),
-        ("seed of the order", str(about.get("seed", "not stated"))),
-        ("areas a, b", f"{1e4 * rig.area_a_m2:.4g} cm², {1e4 * rig.area_b_m2:.4g} cm²"),
-        ("mass beyond the sensor", f"{rig.mass_beyond_sensor_kg:.3g} kg"),
-        ("stiffness", f"{rig.stiffness_n_m:.3g} N/m" if rig.stiffness_n_m else "not stated: stick-slip is not judged"),
-        ("chambers", f"{rig.chambers}; pressure measured at the {rig.pressure_measured_at}"),
-        ("ambient pressure", f"{rig.ambient_pressure_pa / 1e5:.4g} bar abs"),
-        ("selection of samples", found.protocol),
-    )
+    values = {
+        "created": about.get("created", "not stated"),
+        "seed": about.get("seed", "not stated"),
+        "operator": about.get("operator") or "not stated",
+        "labels": ", ".join(f"{k} {v}" for k, v in labels.items()) or "none",
+        "areas_cm2": (1e4 * rig.area_a_m2, 1e4 * rig.area_b_m2),
+        "ambient_bar": rig.ambient_pressure_pa / 1e5,
+        "stiffness": topic.say("stiffness", rig=rig) if rig.stiffness_n_m else topic.say("no_stiffness"),
+    }
+    rows = ((name, form.format(found=found, rig=rig, **values)) for name, form in topic.texts["about"].items())
     unstated = "not stated: assumed"
     sensors = [
         (
@@ -586,4 +576,4 @@ def sources(found: CampaignCharacteristics) -> Section:
         lines = protocol.read_text(encoding="utf-8", errors="replace").strip().splitlines()
         more = [topic.say("more", count=len(lines) - MOST_LINES)] if len(lines) > MOST_LINES else []
         blocks += [topic.text("protocol"), Paragraph("\n".join([*lines[:MOST_LINES], *more]), "code")]
-    return topic.section(*blocks, *topic.listed(page.references(METHODS), "sources"))
+    return topic.section(*blocks, *topic.listed(page.references(topic.texts["cites"]), "sources"))

@@ -11,7 +11,7 @@ from pneudrive.figures import Figure, Look, Markers, Panel, Rule, banded, ends, 
 from pneudrive.friction.friction_map import LEVELS, Condition
 from pneudrive.numbers import with_interval
 from pneudrive.report.campaign import findings_of, shown_figures
-from pneudrive.report.page import Section, Topic, cell, chance, figure_of, plural, sentence, spread_evenly, view_report
+from pneudrive.report.page import Section, Topic, chance, figure_of, plural, sentence, spread_evenly, view_report
 from pneudrive.views import MOST_LEADING, LeadingValue, ShownValue, View, worst
 
 if TYPE_CHECKING:
@@ -86,7 +86,8 @@ def _values(test: Test, *, repeated: bool) -> list[ShownValue]:
     If several series of stops have the same test, the note of the series is added to its name.
     """
     name, e = f"{test.what}, {test.note}" if repeated else test.what, test.difference
-    texts = {"p": chance(test.p), "p corrected": chance(test.adjusted_p), "different": cell(test.different, "shown")}
+    differs = "yes" if test.different else "not shown"
+    texts = {"p": chance(test.p), "p corrected": chance(test.adjusted_p), "different": differs}
     size = [] if e is None else [ShownValue(name, name, "second minus first", e.value, e.unit, (e.low, e.high))]
     return [*size, *(ShownValue(f"{name}, {quantity}", name, quantity, text) for quantity, text in texts.items())]
 

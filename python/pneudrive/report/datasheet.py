@@ -208,19 +208,19 @@ def sheet_view(found: Datasheet) -> View:
     topics = {key: Topic("datasheet", key) for key in ("numbers", "curves", "measured", "values")}
     bands = next(iter(found.results.values())).attrs.get("interval", "") if found.results else ""
     values = ((value.key.removeprefix("components."), value.value, value.origin) for value in found.values)
-    tables = [topics["numbers"].shown(found.numbers)]
+    tables = [topics["numbers"].table(found.numbers)]
     drawn = {name: found.results[name] for name in CURVES if name in found.results}
     panels = [
         panel for name, result in drawn.items() for panel in characteristic_panels(result, name.replace("-", " "))
     ]
     figures = [topics["curves"].figure("curves", figure_of("sheet", panels), bands=bands)]
     if "published" in found.results:
-        tables.append(topics["numbers"].shown(_published(found), "published"))
+        tables.append(topics["numbers"].table(_published(found), "published"))
     if found.measured is not None:
-        tables.append(topics["measured"].shown(map(_measured_row, found.measured.numbers)))
+        tables.append(topics["measured"].table(map(_measured_row, found.measured.numbers)))
         caption = topics["measured"].texts["pictures"]["measured"]
         figures += [ShownFigure(name, caption, figure) for name, figure in _comparisons(found.measured)]
-    tables.append(topics["values"].shown(values))
+    tables.append(topics["values"].table(values))
     beside = "" if found.measured is None else f" beside {'synthetic ' * found.measured.synthetic}recordings"
     return View(
         f"{found.drive.name}: datasheet, simulated{beside}",

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol, TypeAlias
 from unicodedata import normalize
 
-from pneudrive import __version__, units
+from pneudrive import __version__
 from pneudrive.arrays import evenly
 from pneudrive.errors import CommandError, is_severe, package_table, shown
 from pneudrive.figures import WIDTH_IN, Axis, Figure, Panel
@@ -25,7 +25,8 @@ from pneudrive.friction.friction_map import Condition, group_of
 from pneudrive.numbers import with_interval
 from pneudrive.references import entries
 from pneudrive.report.render import PNG_DPI, DrawnFigure, applied, finish, lay_out, load_matplotlib, render
-from pneudrive.simulation.trajectory import whole, write_whole
+from pneudrive.simulation.trajectory import meaning, whole, write_whole
+from pneudrive.units import readable
 from pneudrive.views import Finding, ShownFigure, ShownTable, View
 
 if TYPE_CHECKING:
@@ -181,13 +182,11 @@ class Report:
 
     def html(self, *, linked: bool = True) -> str:
         """Return the page, which loads no other files. With `linked`, captions link to the files of the figures."""
-        import jinja2
-
-        environment = jinja2.Environment(autoescape=True, trim_blocks=True, lstrip_blocks=True, finalize=_plain)
-        environment.filters |= {"words": _words, "inline": inline}
         details = [part.key for part in self.sections if part.key in DETAILS and not _has_severe(part)]
-        template = environment.from_string(TEMPLATE.read_text(encoding="utf-8"))
-        return template.render(
+        return rendered(
+            TEMPLATE,
+            {"words": _words, "inline": inline},
+            _plain,
             title=self.title,
             verdict=self.lines,
             sections=self.sections,
@@ -301,8 +300,6 @@ def sentence(text: str) -> str:
 
 # --- Tables of a page, made of records: a column names its field and format; the field's name gives the unit.
 
-#: SI units, recognised by the suffix of a field's name.
-_UNITS = ("m", "m/s", "s", "N", "N/s", "N/m", "N s/m", "Pa")
 NOTHING, SPARE = "–", "spare"
 #: Formats in addition to those of ``format``.
 _FORMS: Mapping[str, Callable[[Any], str]] = {
@@ -310,7 +307,6 @@ _FORMS: Mapping[str, Callable[[Any], str]] = {
     "percent": lambda share: f"{100 * share:.0f} %",
     "plain interval": lambda estimate: with_interval(estimate, unit=""),
     SPARE: str,
-    "shown": lambda yes: "yes" if yes else "not shown",
 }
 
 
@@ -335,7 +331,7 @@ def quantity(field: str) -> tuple[float, str]:
     >>> quantity("speed_m_s"), quantity("friction_n"), quantity("flags")
     ((0.001, 'mm/s'), (1.0, 'N'), (1.0, ''))
     """
-    return units.readable(units.without_unit(field, _UNITS)[1])
+    return readable(meaning(field)[1])
 
 
 # --- Sections of a page: text from a table, numbers and pictures from results.
@@ -399,11 +395,6 @@ class Topic:
                 columns.append(cells)
         caption = texts.get("caption", "").format(**values)
         return ShownTable(caption, heads, list(zip(*columns, strict=True)))
-
-    def shown(self, records: Iterable[Any], name: str = "table", /, **values: object) -> ShownTable:
-        """Return a table of a view. Its caption is that of the table, or otherwise the title of the topic."""
-        made = self.table(records, name, **values)
-        return made if made.caption else replace(made, caption=self.say("title", **values))
 
     def section(self, *blocks: Block | None, synthetic: bool | None = None, **values: object) -> Section:
         """Return a section of the blocks that are not None."""
@@ -547,7 +538,6 @@ class Study(Protocol):
 # --- Provenance: software, data, sources, and validation on real data.
 
 SOURCE_NOTE = "SOURCE.md"
-METHODS = ("gum2008", "paule1982", "huber2009", "bates1988", "smyth2004", "armstrong1994")
 PACKAGES = ("numpy", "scipy", "xarray", "polars", "matplotlib")
 
 
@@ -558,7 +548,7 @@ def provenance_section(found: Characterisation | None, study: Addition) -> Secti
         about = topic.say("synthetic" if found.synthetic else "real")
         settings = (("protocol of the characterisation", found.protocol),)
         sources = tuple(_notes(topic, found))
-        parts.insert(0, Addition(validity=about, settings=settings, sources=sources, cited=METHODS))
+        parts.insert(0, Addition(validity=about, settings=settings, sources=sources, cited=topic.texts["cites"]))
     rows = [("pneudrive", __version__), *software(), *(row for part in parts for row in part.settings)]
     keys = dict.fromkeys(key for part in parts for key in part.cited)
     blocks = [topic.table(rows), *(block for part in parts for block in part.sources)]

@@ -73,7 +73,7 @@ def recording_view(recording: Recording) -> View:
             LeadingValue(ShownValue(k, k, k, *value)) for k, value in numbers.items() if math.isfinite(value[0])
         ),
         findings=findings,
-        tables=(topic.shown(_sensors((recording,)), "sensors"),) if len(recording) else (),
+        tables=(topic.table(_sensors((recording,)), "sensors"),) if len(recording) else (),
         figures=(topic.figure("record", record_figure(recording, found)),) if len(recording) else (),
     )
 
@@ -109,13 +109,13 @@ def characterisation_view(found: Characterisation, fits: Fits | None = None) -> 
         figures.append(topic.figure("friction-pressure", over_pressure(found), **texts))
     if spread is not None:
         cells = ((seal, p / 1e5, *n, 100 * share) for seal, p, *n, share in spread.cells)
-        tables.append(topic.shown(cells, "cells"))
+        tables.append(topic.table(cells, "cells"))
     if found.closures:
         shown = spread_evenly(found.closures, MOST_GROUPS)
         text = topic.say("one_chamber" if _is_one_chamber(shown) else "both_chambers")
         text = topic.say("with_residuals", said=text) if any(fit.degrees_of_freedom > 0 for fit in shown) else text
         figures.append(topic.figure("closure", closures(shown), said=text))
-        tables.append(topic.shown(_areas(found.closures), "areas"))
+        tables.append(topic.table(_areas(found.closures), "areas"))
     figures += _loops(topic, found)
     single = (page.sentence(fit.statement) for fit in found.closures[:MOST_SHOWN] if not fit.has_interval)
     return replace(

@@ -201,7 +201,7 @@ def motion_view(found: MotionValidation) -> View:
         notes=notes,
         state=worst(findings),
         findings=findings,
-        tables=(topic.shown(map(_force_row, found.closures)),) if found.closures else (),
+        tables=(topic.table(map(_force_row, found.closures)),) if found.closures else (),
         figures=figures,
     )
 

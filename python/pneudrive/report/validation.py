@@ -11,7 +11,7 @@ from pneudrive import figures as drawing
 from pneudrive.describe.files.provenance import values
 from pneudrive.describe.marks import Quantity
 from pneudrive.figures import MODEL, Axis, Band, Bars, Figure, Line, Look, Markers, Panel, Rule, look, stack, thin
-from pneudrive.report.page import MOST_SHOWN, Paragraph, Section, Topic, plural, quantity, spread_evenly, view_report
+from pneudrive.report.page import MOST_SHOWN, Paragraph, Topic, figure_of, plural, quantity, spread_evenly, view_report
 from pneudrive.validate.balance import BALANCES, Scene, Signals, moving_mass
 from pneudrive.validate.motion import STATIC_FIT_PERCENT, FrictionCurve, FrictionValidation
 from pneudrive.validate.validation import CHANNELS, RecordResult, Validation
@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 
     from pneudrive.arrays import Keyed
     from pneudrive.describe.drive import Drive
+    from pneudrive.report.page import Section
 
 MOST_RECORDS, MOST_STOPS = 6, 60
 SHOWN_ALONE = 12
@@ -80,38 +81,31 @@ def _rows(record: Keyed) -> Iterator[ShownValue]:
     """Yield the agreement of each channel of a record."""
     badge = f" ({record['badge']})" if record.get("badge") else ""
     for column, title in CHANNELS.items():
-        found, label = record[column], f"{record['name']}{badge}: {title}"
-        free, again, unit = found["free"], found["restarted"], "m" if column.endswith("_m") else "Pa"
-        cells = {
-            "fit": ("free run: fit, %", free.get("fit_percent", math.nan), ""),
-            "nrmse": ("NRMSE, %", 100.0 * free.get("nrmse", math.nan), ""),
-            "rms": ("rms", free["rms"], unit),
-            "largest": ("largest", free["largest"], unit),
-            "restarted": ("from measured states: fit, %", again.get("fit_percent", math.nan), ""),
-            "restarted nrmse": ("NRMSE from them, %", 100.0 * again.get("nrmse", math.nan), ""),
-        }
+        found, label, key = record[column], f"{record['name']}{badge}: {title}", f"{record['name']}: {title}"
+        for name, (words, run, measure, percent) in Topic("validation", "agreement").texts.items():
+            value = percent * float(found[run].get(measure, math.nan)) if percent else float(found[run][measure])
+            unit = "" if percent else "m" if column.endswith("_m") else "Pa"
+            yield ShownValue(f"{key}.{name}", label, words, value, unit)
         if found.get("off_s") is not None:
-            cells["off"] = ("off from s", found["off_s"], "")
-        for key, (words, value, si_unit) in cells.items():
-            yield ShownValue(f"{record['name']}: {title}.{key}", label, words, float(value), si_unit)
+            yield ShownValue(f"{key}.off", label, "off from s", float(found["off_s"]))
 
 
 def _tables(content: Keyed) -> Iterator[ShownTable]:
     """Yield causes, sizes of residuals, stops and conditions."""
     diagnosis, records = content["diagnosis"], content["record"]
     why = Topic("validation", "why")
-    yield why.shown(
+    yield why.table(
         ((c["what"], 100 * c["share"], c["amount"], *c["interval"], c["unit"], ", ".join(c["rivals"]) or None)
          for c in diagnosis.get("culprit", ())), "causes",
     )  # fmt: skip
-    yield why.shown(((k.replace("_", " "), v) for k, v in diagnosis["residual_over_noise"].items()), "sizes")
+    yield why.table(((k.replace("_", " "), v) for k, v in diagnosis["residual_over_noise"].items()), "sizes")
     stops = [
         (r["name"], b["start_s"], b["onset_s"] - b["start_s"], b["measured_n"], b["model_n"], 100 * b["error"])
         for r in records
         for b in r.get("breakaway", ())
     ]
-    yield Topic("validation", "breakaway").shown(stops[:MOST_STOPS])
-    yield Topic("validation", "conditions").shown(
+    yield Topic("validation", "breakaway").table(stops[:MOST_STOPS])
+    yield Topic("validation", "conditions").table(
         (c["label"], c["value"], c["recordings"], c["position_fit_percent"], c["restarted_fit_percent"],
          100 * c["pressure_nrmse"]) for c in content.get("condition", ())
     )  # fmt: skip
@@ -251,7 +245,7 @@ def friction_view(found: FrictionValidation) -> View:
         f"friction of {found.drive.name} against {found.source.name}",
         state=MET[found.met],
         leading=(*leading, LeadingValue(inside)),
-        tables=(Topic("validation", "friction-conditions").shown(map(_of_curve, found.curves)),),
+        tables=(Topic("validation", "friction-conditions").table(map(_of_curve, found.curves)),),
         figures=(ShownFigure("friction", law.texts["pictures"]["friction"], friction_figure(curves)),),
         notes=(law.say(),),
     )
@@ -284,6 +278,4 @@ def friction_figure(curves: list[FrictionCurve]) -> Figure:
         own, label = look(len(marks) // 2), f"measured, {DIRECTIONS[c.direction]}; line: law"
         marks.append(Markers(c.speed_m_s, c.friction_n, label, own, c.low_n, c.high_n, filled=True))
         marks.append(Line(c.speed_m_s, c.model_n, look=own))
-    x = Axis("speed / (mm/s)", "log")
-    shown = [Panel(marks, name) for name, marks in panels.items()]
-    return Figure(shown, x, "friction / N", columns=2, row_in=1.9, rest_in=0.6, legend="panel", text_scale=0.9)
+    return figure_of("law", [Panel(marks, name) for name, marks in panels.items()])
