@@ -47,12 +47,10 @@ def sizing_view(found: SizingResult) -> View:
     """Return the view of a sizing: answer, open checks with remedies, candidates with limits, and time over air."""
     topic, best, cheaper = Topic("sizing", "candidates"), found.by_cylinder[:WRITTEN], found.cheaper[:WRITTEN]
     is_open = found.feasible or (found.miss is None and bool(found.provisional))
-    ranking = [(str(place), drive.part_names, drive.needles) for place, drive in enumerate(best, 1)]
-    missed = [(drive.part_names, f"{drive.air_litres_anr:.3g}", drive.missed) for drive in cheaper]
     tables = (
-        ShownTable(topic.say("ranking"), ("", "parts", "settings"), ranking),
+        topic.table(((place, drive.part_names, drive.needles) for place, drive in enumerate(best, 1)), "ranking"),
         _ranges(best or cheaper, Topic("sizing", "limits").say("table")),
-        ShownTable(topic.say("cheaper" if best else "nearest"), ("parts", "air l ANR", "misses"), missed),
+        topic.table(cheaper, "missed", which=topic.say("cheaper" if best else "nearest")),
     )
     figure = ShownFigure("candidates", topic.texts["pictures"]["candidates"], candidate_figure(found))
     return View(
@@ -223,10 +221,7 @@ def sizing_sheet(found: SizingResult) -> View:
         leading=tuple(_leading(found)),
         findings=tuple(check.finding for check in found.open_checks),
         notes=(*yearly(found), f"{best.needles}.", topic.say("ports")),
-        tables=(
-            ShownTable(topic.say("order"), ("number", "", "type", "catalogue"), order),
-            _ranges([best], topic.say("ranges")),
-        ),
+        tables=(topic.table(order, "order"), _ranges([best], topic.say("ranges"))),
         figures=(topic.figure("sketch", sketch_figure(found)),),
     )
 
