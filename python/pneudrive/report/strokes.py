@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 import polars as pl
@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 
     import xarray as xr
 
+    from pneudrive.arrays import Array
     from pneudrive.friction.characterisation import Characterisation
     from pneudrive.friction.level import Level, RecordingResult
     from pneudrive.identify.static.result import FrictionFit
@@ -309,16 +310,6 @@ def peaks(found: Characterisation) -> Section | None:
 # --- stick-slip ------------------------------------------------------------------------------------------------------
 
 
-class DrawnMotion(NamedTuple):
-    """A motion to draw; time starts at zero."""
-
-    title: str
-    time_s: np.ndarray
-    position_m: np.ndarray
-    velocity_m_s: np.ndarray
-    mean_speed_m_s: float
-
-
 def stick_slip(found: Characterisation) -> Section | None:
     """Return the section on stick-slip, with pictures; None if there is nothing to report."""
     every = [(r, level, s) for r in found.results for level in r.levels for s in level.stick_slip]
@@ -347,25 +338,33 @@ def stick_slip(found: Characterisation) -> Section | None:
     )
 
 
-def _of_stroke(result: RecordingResult, level: Level, s: StickSlip) -> DrawnMotion:
+def _of_stroke(result: RecordingResult, level: Level, s: StickSlip) -> MotionPanels:
     r = result.recording
     part = slice(*np.searchsorted(r.time_s, (s.start_s, s.stop_s)))
     time, position = r.time_s[part], r.position_m[part]
     window = max(int(s.resolution_s / 2 / max(float(np.median(np.diff(time))), 1e-12)) // 2, 1)
     velocity = s.direction * local_slope(time, position, window)
-    return DrawnMotion(level.recording, time - time[0], s.direction * position, velocity, s.mean_speed_m_s)
+    return motion_panels(level.recording, time - time[0], s.direction * position, velocity, s.mean_speed_m_s)
 
 
 FASTER = Axis("speed / (mm/s)", above=0.2)
 
 
-def motion_figures(motions: Sequence[DrawnMotion]) -> tuple[Figure, Figure]:
-    """Draw speed above position over time, a column for each motion, and speed over position minus the mean motion."""
-    above, below, phases, count = [], [], [], len(motions)
-    for title, time, position, velocity, mean_m_s in motions:
-        part, trend = time <= SHOWN_S, np.polynomial.Polynomial.fit(time, position, 1)(time)
-        mean = Rule(y=mean_m_s, label=f"mean {1e3 * mean_m_s:.2f} mm/s", look=MODEL, width=1.0)
-        above.append(Panel([Line(time[part], velocity[part], width=0.8), mean], title, y=FASTER))
-        below.append(Panel([Line(time[part], position[part], width=1.0)], y="position / mm"))
-        phases.append(Panel([Line(position - trend, velocity, width=0.5), replace(mean, label="")], title))
-    return figure_of("motions", [*above, *below], columns=count), figure_of("phase-planes", phases, columns=count)
+#: Speed over time, position over time, and speed over position minus the mean motion.
+MotionPanels: TypeAlias = tuple[Panel, Panel, Panel]
+
+
+def motion_panels(title: str, time_s: Array, position_m: Array, velocity_m_s: Array, mean_m_s: float) -> MotionPanels:
+    """Draw one motion; its time starts at zero."""
+    part, trend = time_s <= SHOWN_S, np.polynomial.Polynomial.fit(time_s, position_m, 1)(time_s)
+    mean = Rule(y=mean_m_s, label=f"mean {1e3 * mean_m_s:.2f} mm/s", look=MODEL, width=1.0)
+    speed = Panel([Line(time_s[part], velocity_m_s[part], width=0.8), mean], title, y=FASTER)
+    position = Panel([Line(time_s[part], position_m[part], width=1.0)], y="position / mm")
+    return speed, position, Panel([Line(position_m - trend, velocity_m_s, width=0.5), replace(mean, label="")], title)
+
+
+def motion_figures(motions: Sequence[MotionPanels]) -> tuple[Figure, Figure]:
+    """Draw motions over time and in the phase plane, a column for each."""
+    speeds, positions, phases = zip(*motions, strict=True)
+    over_time = figure_of("motions", [*speeds, *positions], columns=len(motions))
+    return over_time, figure_of("phase-planes", phases, columns=len(motions))

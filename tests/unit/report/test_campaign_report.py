@@ -136,7 +136,7 @@ def test_a_verdict_reaches_page_and_summary(made, tmp_path):
     planted = Claim(
         "figure 8", "Lower line is lower pressure", "does not hold", "the lower line is the higher pressure"
     )
-    other = replace(made, claims=(planted,), figures={8: made.figures[8]})
+    other = replace(made, claims=(planted,))
     page = write_report(None, {}, tmp_path, other).read_text(encoding="utf-8")
     assert "0 of 1 sentence that can be checked hold, 0 hold in part, 1 does not hold" in page
     assert "The lower line is the higher pressure." in page

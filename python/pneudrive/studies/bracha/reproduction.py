@@ -19,8 +19,8 @@ from pneudrive.describe.tables.friction import friction_laws
 from pneudrive.errors import PneudriveWarning
 from pneudrive.figures import MEASURED, MODEL, THIN, Axis, Band, Figure, Line, Look, Markers, Panel, Rule, ramp, thin
 from pneudrive.report.layout_figure import rig_diagram
-from pneudrive.report.page import Addition, Paragraph, Topic, plural, sentence
-from pneudrive.report.strokes import DrawnMotion, motion_figures, recovered, recovered_section
+from pneudrive.report.page import Addition, Paragraph, Topic, figure_of, plural, sentence
+from pneudrive.report.strokes import motion_figures, motion_panels, recovered, recovered_section
 from pneudrive.rig import SimulatedRig, shipped_rigs, sweep
 from pneudrive.studies.bracha import stick_slip as slips
 from pneudrive.studies.bracha.figure import (
@@ -267,8 +267,7 @@ def cycle(data: PaperFigure) -> Figure:
     low = float(np.quantile(c["friction_n"][c["friction_n"].size // 10 :], 0.001))
     force = Axis("friction / N", low=low - 0.5, high=1.05 * data.quantities["peak_n"] + 0.6)
     start = Panel(marks, "the first 6 s", Axis("time after the turn / s", low=0.0, high=6.0))
-    shared = {"columns": 2, "widths": (2, 1), "share_y": "all", "row_in": 2.7, "rest_in": 0.0}
-    return Figure([Panel(marks), start], "time after the turn / s", force, **shared)
+    return figure_of("paper-cycle", [Panel(marks), start], y=force)
 
 
 def over_speed(data: PaperFigure) -> Figure:
@@ -288,16 +287,12 @@ def over_speed(data: PaperFigure) -> Figure:
     ]
     linear, logarithmic, label = "speed / (mm/s)", Axis("speed / (mm/s)", "log"), "seal − true / mN"
     panels = [
-        Panel(above, "linear axis, as in the paper", linear, FROM_ZERO),
-        Panel(above, "logarithmic axis", logarithmic, FROM_ZERO),
+        Panel(above, "linear axis, as in the paper", linear),
+        Panel(above, "logarithmic axis", logarithmic),
         Panel(below, "", linear, label),
         Panel(below, "", logarithmic, label),
     ]
-    shared = {"share_x": "col", "share_y": "row", "heights": (2, 1), "row_in": 2.1, "rest_in": 0.2}
-    return Figure(panels, columns=2, **shared)
-
-
-FROM_ZERO = Axis("force / N", low=0.0)
+    return figure_of("paper-speed", panels)
 
 
 def over_pressure(data: PaperFigure) -> Figure:
@@ -315,8 +310,7 @@ def over_pressure(data: PaperFigure) -> Figure:
             for i, values in enumerate(c[name])
         ]
         panels.append(Panel(curves, title))
-    shared = {"columns": 3, "share_y": "all", "row_in": 3.1, "rest_in": 0.0, "entries": 8}
-    return Figure(panels, Axis("speed / (mm/s)", "log"), FROM_ZERO, **shared)
+    return figure_of("paper-pressure", panels)
 
 
 def stop(data: PaperFigure) -> Figure:
@@ -346,7 +340,7 @@ def stop(data: PaperFigure) -> Figure:
         Panel(through(travel[after], after, 2.0), "", near, Axis("", **ends)),
         Panel([peaks], "", Axis("speed of the restart / (mm/s)", "log"), Axis("peak above uninterrupted / N", low=0.0)),
     ]
-    return Figure(panels, columns=3, widths=(1.4, 1, 1), row_in=2.9, rest_in=0.0)
+    return figure_of("paper-stop", panels)
 
 
 #: Number -> name of the file, and function that draws it.
@@ -403,7 +397,7 @@ class Reproduction:
         parts = (
             None if own else recovered_section(self.found),
             paper(self.figures, self.claims),
-            stick_slip([self.figures[n] for n in STICK_SLIP if n in self.figures]),
+            stick_slip([self.figures[n] for n in STICK_SLIP]),
             chambers(self.chambers),
         )
         lines = verdict(self, alone=found is None)
@@ -466,9 +460,7 @@ def verdict(made: Reproduction, *, alone: bool) -> Iterator[str]:
         return
     yield f"{first}."
     yield f"{truth[:1].upper()}{truth[1:]}, U with k = 2."
-    slip = made.figures.get(2) or made.figures.get(1)
-    if slip is not None:
-        yield topic.say("slip", **readable(slip.quantities))
+    yield topic.say("slip", **readable(made.figures[2].quantities))
     c = made.chambers
     yield topic.say(
         "chambers",
@@ -506,7 +498,7 @@ def paper(figures: Mapping[int, PaperFigure], claims: Sequence[Claim]) -> Sectio
         *topic.listed((f"Figure {f.number}: {f.assumed}." for f in figures.values() if f.assumed), "assumed"),
         topic.text("campaigns"),
         topic.text("holds", "note"),
-        *(_picture(topic, figures[number], *drawn) for number, drawn in DRAWINGS.items() if number in figures),
+        *(_picture(topic, figures[number], *drawn) for number, drawn in DRAWINGS.items()),
         synthetic=True,
     )
 
@@ -516,17 +508,15 @@ def _picture(topic: Topic, figure: PaperFigure, name: str, drawing: Callable[[Pa
     return ShownFigure(f"paper-{figure.number}-{name}", caption, drawing(figure))
 
 
-def stick_slip(figures: Sequence[PaperFigure]) -> Section | None:
-    """Return the section on figures 1 to 3: numbers, over time, in the phase plane; None without them."""
-    if not figures:
-        return None
+def stick_slip(figures: Sequence[PaperFigure]) -> Section:
+    """Return the section on figures 1 to 3: numbers, over time, in the phase plane."""
     topic, rows, shown = Topic(PAGE, "stick-slip"), [], []
     for f in figures:
         c, q, law = f.columns, readable(f.quantities), topic.say(str(f.number))
         numbers = (q["mean_speed_mm_s"], q["periods"], q["period_s"], q["step_mm"], q["peak_ratio"], q["stuck_percent"])
         rows.append((str(f.number), law, *numbers))
-        columns = {key: c[key] for key in ("time_s", "position_m", "velocity_m_s")}
-        shown.append(DrawnMotion(f"figure {f.number}: {law}", **columns, mean_speed_m_s=q["mean_speed_m_s"]))
+        motion = c["time_s"], c["position_m"], c["velocity_m_s"]
+        shown.append(motion_panels(f"figure {f.number}: {law}", *motion, q["mean_speed_m_s"]))
     over_time, phases = motion_figures(shown)
     return topic.section(
         topic.text(),
@@ -577,7 +567,7 @@ def draw_chambers(compared: ChamberComparison) -> Figure:
         Panel([Line(time, (printed.position - balanced.position)[part])], y="difference / mm"),
         *(Panel(lines(f"{name}_{side}"), y=label.format(side)) for name, label in quantities for side in "ab"),
     ]
-    return Figure(panels, "time / s", columns=2, row_in=1.45, rest_in=0.1, share_x="all")
+    return figure_of("paper-chambers", panels)
 
 
 def values(rig: RigDescription, rigs: Iterable[RigDescription]) -> Iterator[Block]:
