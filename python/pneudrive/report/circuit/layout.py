@@ -355,8 +355,6 @@ class Routes:
         while left:
             goal = min(left, key=lambda point: (is_pilot[point], min(_far(point, own) for own in tree)))
             left.remove(goal)
-            if goal in tree:
-                continue
             way = self._way(tree, goal)
             self.lines[net] |= {tuple(sorted(pair)): is_pilot[goal] for pair in pairwise(way)}  # type: ignore[misc]
             tree |= set(way)
