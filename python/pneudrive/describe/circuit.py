@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Literal
 from pydantic import Field, ValidationError, model_validator
 
 from pneudrive.describe.base import as_tables, escaped, inline
-from pneudrive.describe.circuit_tables import completed, copied, part_of, read_component, used
+from pneudrive.describe.circuit_tables import completed, read_components
 from pneudrive.describe.components import Component, within_component
 from pneudrive.describe.connections import Part, Wiring
 from pneudrive.describe.files import toml
@@ -26,7 +26,7 @@ from pneudrive.lazy_names import upper
 from pneudrive.repr_tables import Card
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Mapping
 
     import xarray as xr
 
@@ -87,14 +87,11 @@ class Circuit(DescribedSystem):
         problems = Problems()
         short = expanded(data, problems)
         data = completed(data, short, problems)
-        tables, keys, templates = copied(used(data.get("components"), problems), problems)
-        read = {name: read_component(keys[name], table, problems) for name, table in tables.items()}
-        components = {name: one for name, one in read.items() if one is not None}
-        parts = {name: part_of(table, keys[name], read[name]) for name, table in tables.items()}
+        components, parts, templates = read_components(data.get("components"), problems)
         lists = [data.get(key, ()) for key in ("connections", "plugged")]
         chains, plugged = ([] if isinstance(one, str) or not isinstance(one, list | tuple) else one for one in lists)
         wiring = Wiring(parts, chains, plugged, templates, problems)
-        check_platforms(wiring, components, keys, problems)
+        check_platforms(wiring, components, problems)
         whole = None
         try:
             whole = handler(data | {"components": components})
@@ -109,7 +106,7 @@ class Circuit(DescribedSystem):
         try:
             whole.core_initial()
         except DescriptionError as error:
-            raise together([_relocate(one, short, keys) for one in error.each()]) from None
+            raise together([_relocate(one, short, parts) for one in error.each()]) from None
         for warning in wiring.warnings:
             warn(warning)
         return whole
@@ -411,10 +408,10 @@ class Circuit(DescribedSystem):
         return "\n".join([toml.write(tables), "\n\n".join(blocks), ""])
 
 
-def _relocate(error: Any, short: Short, keys: Keyed) -> Any:  # noqa: ANN401 - an error
+def _relocate(error: Any, short: Short, parts: Mapping[str, Part]) -> Any:  # noqa: ANN401 - an error
     """Set the key of an error to the key in its file: of the table of a component or a copy, or of the short form."""
     table, _, rest = (getattr(error, "key", None) or "").partition(".")
     name, dot, inner = rest.partition(".")
-    written = keys.get(name, "").partition(".copies")[0] if table == "components" else ""
+    written = parts[name].table if table == "components" and name in parts else ""
     error.key = short.located(f"{written}{dot}{inner}" if written else getattr(error, "key", None))
     return error

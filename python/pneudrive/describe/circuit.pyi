@@ -10,18 +10,12 @@ from pneudrive.describe.tables.parts import Ambient
 from pneudrive.describe.tables.parts import Gas
 import xarray as xr
 from _typeshed import Incomplete
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import cached_property
 from pathlib import Path
 from pneudrive.arrays import Keyed as Keyed, NamedNumbers as NamedNumbers, Plain as Plain
 from pneudrive.describe.base import as_tables as as_tables, escaped as escaped, inline as inline
-from pneudrive.describe.circuit_tables import (
-    completed as completed,
-    copied as copied,
-    part_of as part_of,
-    read_component as read_component,
-    used as used,
-)
+from pneudrive.describe.circuit_tables import completed as completed, read_components as read_components
 from pneudrive.describe.components import Component as Component, within_component as within_component
 from pneudrive.describe.connections import Part as Part, Wiring as Wiring
 from pneudrive.describe.files import toml as toml
@@ -146,4 +140,4 @@ class Circuit(DescribedSystem):
         **keys: _Any,
     ) -> None: ...
 
-def _relocate(error: Any, short: Short, keys: Keyed) -> Any: ...
+def _relocate(error: Any, short: Short, parts: Mapping[str, Part]) -> Any: ...

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-from typing import Any
 
 from pneudrive.arrays import Plain
 from pneudrive.describe.components import Component, component, component_class, within_component
@@ -14,13 +13,6 @@ from pneudrive.describe.short import TABLES, Short
 from pneudrive.errors import DescriptionError, Problems, invalid, wrong
 
 _NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_-]*")
-
-
-def part_of(table: object, key: str, read: Component | None) -> Part:
-    """Return the data of a component for the wiring: its kind, its key in the file, stated pressures."""
-    kind = table.get("kind") if isinstance(table, dict) else getattr(table, "kind", None)
-    stated = ", ".join(map(str, read.pressures())) if read is not None else ""
-    return Part(component_kinds().get(kind) if isinstance(kind, str) else None, key, stated)
 
 
 def completed(data: Plain, short: Short, problems: Problems) -> Plain:
@@ -49,76 +41,77 @@ def completed(data: Plain, short: Short, problems: Problems) -> Plain:
     return out | {"components": both}
 
 
-class _Rejected(dict[str, Any]):
-    """Placeholder for a rejected table; it keeps only the names of its copies."""
+def read_components(
+    given: object, problems: Problems
+) -> tuple[dict[str, Component], dict[str, Part], dict[str, list[str]]]:
+    """Read all tables of components.
 
-
-def used(given: object, problems: Problems) -> object:
-    """Return the tables of components. A table that uses a catalogue part is merged over the part."""
-    if not isinstance(given, dict):
-        return given
-    out = dict(given)
-    for name, table in given.items():
-        if isinstance(table, dict) and "use" in table:
-            own = {key: value for key, value in table.items() if key not in ("use", "copies")}
-            copies = {"copies": table["copies"]} if "copies" in table else {}
-            try:
-                part = catalogue.part_table(table["use"])
-                kind = own.setdefault("kind", part["kind"])
-                if kind != part["kind"]:
-                    raise invalid("kind", "describe.other-kind", kind=kind, table=table["use"], part=part["kind"])
-                out[name] = component_class(kind).over(part, own) | copies
-            except DescriptionError as error:
-                problems.add(error if error.where else within_component(error, name, table))
-                out[name] = _Rejected(copies)
-    return out
-
-
-def copied(given: object, problems: Problems) -> tuple[Plain, dict[str, str], dict[str, list[str]]]:
-    """Return table and key of each component by name, and the names of copies for each table that has copies."""
-    tables: Plain = {}
-    keys: dict[str, str] = {}
+    Returns
+    -------
+    components : dict
+        Valid components by name.
+    parts : dict
+        Data of all components for the wiring, by name.
+    templates : dict
+        Names of the copies of each table that is not a component itself.
+    """
+    components: dict[str, Component] = {}
+    parts: dict[str, Part] = {}
     templates: dict[str, list[str]] = {}
     if not isinstance(given, dict) or not given:
         what = "the circuit has no components" if not given else f"components = {given!r} is not a table"
         problems.add(wrong("components", what, remedy="Write [components.NAME]."))
-    given = given if isinstance(given, dict) else {}
+        return components, parts, templates
     for name, table in given.items():
-        key, copies = f"components.{name}", [name]
-        if isinstance(table, dict) and "copies" in table:
-            copies = table["copies"]
-            table = type(table)((key, value) for key, value in table.items() if key != "copies")  # noqa: PLW2901
-            if not isinstance(copies, list | tuple) or not copies or not all(isinstance(one, str) for one in copies):
-                what = f"{name}.copies = {copies!r} is not a list of names"
-                problems.add(wrong(f"{key}.copies", what, remedy='Write copies = ["left", "right"].'))
-                copies = [name]
-            elif name not in copies:
-                templates[name] = list(copies)
+        key, copies, kind = f"components.{name}", [name], getattr(table, "kind", None)
+        if isinstance(table, dict):
+            table, copies = {**table}, table.get("copies", copies)  # noqa: PLW2901 - the table without its copies
+            table.pop("copies", None)
+            if "use" in table:
+                table = problems.take(_used, name, table)  # noqa: PLW2901 - the table over that of the part
+            kind = table.get("kind") if table is not None else None
+        if not isinstance(copies, list | tuple) or not copies or not all(isinstance(one, str) for one in copies):
+            what = f"{name}.copies = {copies!r} is not a list of names"
+            problems.add(wrong(f"{key}.copies", what, remedy='Write copies = ["left", "right"].'))
+            copies = [name]
+        elif name not in copies:
+            templates[name] = list(copies)
+        component = None if table is None else problems.take(_component, name, table)
+        stated = ", ".join(map(str, component.pressures())) if component is not None else ""
+        entry = component_kinds().get(kind) if isinstance(kind, str) else None
         for number, own in enumerate(copies):
             here = f"{key}.copies.{number}" if len(copies) > 1 or own != name else key
-            is_taken = own in tables or (own != name and own in given)
-            if is_taken:
+            if own in parts or (own != name and own in given):
                 problems.add(invalid(here, "describe.name-taken", own=own))
-            elif own == AMBIENT or not _NAME.fullmatch(str(own)):
+                continue
+            if own == AMBIENT or not _NAME.fullmatch(str(own)):
                 rule = 'letters, digits, "_" and "-", a letter first; not ambient'
                 problems.add(wrong(here, f'"{own}" is not valid as the name of a component', rule=rule))
-            if not is_taken:
-                tables[own], keys[own] = table, here
-    return tables, keys, templates
+            parts[own] = Part(entry, here, stated)
+            if component is not None:
+                components[own] = component
+    return components, parts, templates
 
 
-def read_component(key: str, table: object, problems: Problems) -> Component | None:
-    """Read one component; errors in a table with copies are reported only once."""
+def _used(name: str, table: Plain) -> Plain:
+    """Return a table over that of the catalogue part that it uses."""
+    own = {key: value for key, value in table.items() if key != "use"}
+    try:
+        part = catalogue.part_table(table["use"])
+        kind = own.setdefault("kind", part["kind"])
+        if kind != part["kind"]:
+            raise invalid("kind", "describe.other-kind", kind=kind, table=table["use"], part=part["kind"])
+        return component_class(kind).over(part, own)
+    except DescriptionError as error:
+        raise error if error.where else within_component(error, name, table) from None
+
+
+def _component(name: str, table: object) -> Component:
     if isinstance(table, Component):
         return table
-    name = key.split(".")[1]
-    if isinstance(table, _Rejected):
-        return None
-    with problems.caught():
-        if not isinstance(table, dict):
-            raise wrong(key, f"components.{name} = {table!r} is not a table")
-        try:
-            return component(table)
-        except DescriptionError as error:
-            raise within_component(error, name, table) from None
-    return None
+    if not isinstance(table, dict):
+        raise wrong(f"components.{name}", f"components.{name} = {table!r} is not a table")
+    try:
+        return component(table)
+    except DescriptionError as error:
+        raise within_component(error, name, table) from None

@@ -27,6 +27,11 @@ class Part(NamedTuple):
     key: str  # key in the file
     pressure: str = ""  # pressure of a reservoir, for messages
 
+    @property
+    def table(self) -> str:
+        """Key of the table of the component; for a copy, of its original."""
+        return self.key.partition(".copies")[0]
+
 
 class Port(NamedTuple):
     """Port of a component of a circuit."""

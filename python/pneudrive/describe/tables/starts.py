@@ -491,15 +491,13 @@ def start_state(start: Initial, stroke_m: Any, ambient_pa: Any, ambient_k: Any) 
 AXES = "xyz"
 
 
-def check_platforms(wiring: Wiring, components: Keyed, keys: Mapping[str, str], problems: Problems) -> None:
+def check_platforms(wiring: Wiring, components: Keyed, problems: Problems) -> None:
     """Add the errors of platforms to `problems`.
 
     Parameters
     ----------
     wiring : Wiring
     components : mapping
-    keys : mapping
-        Component -> its key in the file.
     problems : Problems
     """
     for name, own in components.items():
@@ -507,7 +505,7 @@ def check_platforms(wiring: Wiring, components: Keyed, keys: Mapping[str, str], 
             continue
         for port in wiring.ports(name):
             told = {getattr(one, "key", None) for one in problems.found.values()}
-            for problem in _leg_problems(wiring, port, components, keys):
+            for problem in _leg_problems(wiring, port, components):
                 of_joint = problem.key == wiring.at[port].key
                 if of_joint or problem.key not in told:  # copies have one table, whose errors are reported once
                     problems.add(problem)
@@ -519,10 +517,10 @@ def check_platforms(wiring: Wiring, components: Keyed, keys: Mapping[str, str], 
                 what = f"{name}.inertia.{axis} = {moment:g} kg m2 is impossible"
                 rule = f"{axis} <= {' + '.join(others)} = {most:g} kg m2"
                 remedy = "Give the moments of inertia about axes through the centre of mass."
-                problems.add(wrong(f"{_table(keys[name])}.inertia", what, rule=rule, remedy=remedy))
+                problems.add(wrong(f"{wiring.parts[name].table}.inertia", what, rule=rule, remedy=remedy))
 
 
-def _leg_problems(wiring: Wiring, port: Port, components: Keyed, keys: Mapping[str, str]) -> Iterator[DescriptionError]:
+def _leg_problems(wiring: Wiring, port: Port, components: Keyed) -> Iterator[DescriptionError]:
     """Yield the errors of a leg: no cylinder, two cylinders, an incline of a cylinder."""
     joint = wiring.at.get(port)
     if joint is None:
@@ -539,9 +537,4 @@ def _leg_problems(wiring: Wiring, port: Port, components: Keyed, keys: Mapping[s
         angle = getattr(components[name], "incline_rad", None) or 0.0
         if angle != 0.0:
             what, rule = f"{name}.incline = {degrees(angle):g} deg", f"the two joints of {leg} define its direction"
-            yield wrong(f"{_table(keys[name])}.incline", what, rule=rule, remedy="Leave out incline.")
-
-
-def _table(key: str) -> str:
-    """Return the key of the table of a component, or of the original of a copy."""
-    return key.partition(".copies")[0]
+            yield wrong(f"{wiring.parts[name].table}.incline", what, rule=rule, remedy="Leave out incline.")
