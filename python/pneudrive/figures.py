@@ -11,7 +11,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, is_dataclass
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple, TypeAlias
 
-from pneudrive.units.table import TABLE
+from pneudrive.units import TABLE
 
 if TYPE_CHECKING:
     import numpy as np

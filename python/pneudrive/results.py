@@ -46,8 +46,7 @@ from pneudrive.simulation.simulate import Run
 from pneudrive.simulation.trajectory import SUFFIXES, attributes, column_names, meaning, read_columns
 from pneudrive.sizing.result import SUMMARY, WRITTEN, SizingResult, in_words
 from pneudrive.sizing.task import SizingTask
-from pneudrive.units import in_unit, readable
-from pneudrive.units.table import TABLE
+from pneudrive.units import TABLE, in_unit, readable
 from pneudrive.validate.validation import CHANNELS
 from pneudrive.views import ShownCurve, ShownValue, View, Viewed
 

@@ -6,12 +6,11 @@ from hypothesis import strategies as st
 
 from pneudrive import units
 from pneudrive.errors import DescriptionError
-from pneudrive.units import table
 
 
 def test_the_table_agrees_with_pint():
-    for unit, (si_unit, factor, offset) in table.TABLE.items():
-        by_pint = table.converter_of_pint(unit, si_unit)
+    for unit, (si_unit, factor, offset) in units.TABLE.items():
+        by_pint = units.converter_of_pint(unit, si_unit)
         assert by_pint == pytest.approx((factor, offset), rel=1e-12, abs=1e-9 if offset else 0.0), unit
 
 

@@ -12,8 +12,7 @@ import numpy as np
 
 from pneudrive.arrays import Array
 from pneudrive.errors import DescriptionError, package_table
-from pneudrive.units import converter, parse
-from pneudrive.units.table import MARKED, split_mark
+from pneudrive.units import MARKED, converter, parse, split_mark
 
 #: Units in headers, roles of columns, and words that exclude a role.
 _TABLES = package_table(__file__, "columns.toml")
