@@ -36,6 +36,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
     from pneudrive.arrays import Array, Bools, Columns, Interval, NamedNumbers, Row
+    from pneudrive.friction.strokes import MeasuredStroke
     from pneudrive.signals.load import LongFile
 
     Part = tuple[RecordedMotion, tuple[Stroke, ...]]
@@ -91,10 +92,10 @@ class Level(Shown):
         return super()._card()._replace(title=f"speed level {self.index + 1} of {self.recording}")
 
     @property
-    def strokes(self) -> tuple[Stroke, ...]:
+    def kept(self) -> tuple[MeasuredStroke, ...]:
         """Strokes with kept samples: all strokes, except in long recordings."""
         kept = set(map(id, self.motion.strokes))
-        return tuple(row.stroke for row in self.table.rows if id(row.stroke) in kept)
+        return tuple(row for row in self.table.rows if id(row.stroke) in kept)
 
     @cached_property
     def profile(self) -> Profile:
@@ -227,8 +228,7 @@ class Level(Shown):
     @property
     def peaks(self) -> tuple[ReversalPeak, ...]:
         """Friction peak after the reversal before each stroke with kept samples."""
-        kept = set(map(id, self.motion.strokes))
-        return tuple(row.peak for row in self.table.rows if row.peak and id(row.stroke) in kept)
+        return tuple(row.peak for row in self.kept if row.peak)
 
     @property
     def stick_slip(self) -> tuple[StickSlip, ...]:

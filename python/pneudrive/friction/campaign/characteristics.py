@@ -23,6 +23,7 @@ from pneudrive.friction.campaign.statements import statements
 from pneudrive.friction.campaign.stops import dwell_law
 from pneudrive.friction.campaign.stops.stop import find_stops
 from pneudrive.friction.friction_map import ALL_RECORDINGS, BOTH, LEVELS, TABLES, assemblies_of
+from pneudrive.friction.sentences import sentence
 from pneudrive.friction.strokes import SAMPLE_CHOICES, SampleChoice, Settled
 from pneudrive.identify.identified import Dependences
 from pneudrive.identify.static.fit import GroupFits, fit_groups
@@ -331,7 +332,7 @@ def _direction(
     own = [one for one in found.asymmetry if one.condition.levels == levels]
     shares = [share for one in own if one.basis == "tare" and (share := _share(found, one, viscous_n_s_m)) is not None]
     if own and not shares:
-        notes.append("direction: without tare cycles the difference contains the zero of the force sensor; not applied")
+        notes.append(sentence("modifier.no_tare"))
     if not shares or not (mean := _weighted(shares)).differs:
         return
     factors = {
@@ -396,7 +397,7 @@ def _contact_age(
     if series is None:
         return None
     if not series.laws or series.slope is None:
-        notes.append("stops: too few durations for a law of breakaway over duration; not applied")
+        notes.append(sentence("modifier.no_law"))
         return None
     law = next((law for law in series.laws if law.form.growth), None)
     if law is None or not series.slope.differs:
@@ -406,9 +407,9 @@ def _contact_age(
 
 def _dwell(age: dwell_law.ContactAge, notes: list[str]) -> Iterator[Part]:
     if age.distance is None:
-        notes.append("stops: no return to sliding was recorded; the renewal distance of the contact is assumed, 0.1 mm")
+        notes.append(sentence("modifier.no_distance"))
     if age.together:
-        notes.append("stops: both pressures moved together; half of their effect on ageing is given to each chamber")
+        notes.append(sentence("modifier.together"))
     estimates = {"increment": age.increment, "time": age.time}
     table = {"growth": age.form.growth, **_written(estimates), "distance": f"{age.distance_m:.6g} m"}
     if age.form.growth == "saturating":
@@ -428,7 +429,7 @@ def _relaxation(stops: pl.DataFrame, notes: list[str]) -> Iterator[Part]:
         return
     of_one_time = held.filter(relaxation_form="exponential")
     if len(of_one_time) <= len(held) / 2:
-        notes.append("relaxation: the force does not fall with one time constant as in a drive file; not applied")
+        notes.append(sentence("modifier.not_exponential"))
         return
     amplitude = of_one_time["relaxation_amplitude_n"].to_numpy()
     shares = amplitude / (of_one_time["relaxation_held_n"].to_numpy() + amplitude)
@@ -439,7 +440,7 @@ def _relaxation(stops: pl.DataFrame, notes: list[str]) -> Iterator[Part]:
     time = mean_estimate(np.log(of_one_time["relaxation_time_s"].to_numpy()), "1")
     middle, low, high = (float(np.exp(end)) for end in (time.value, time.low, time.high))
     seconds = Estimate(middle, low, high, np.nan, "s")
-    notes.append("relaxation: the distance that renews the bristles is assumed, 0.1 mm")
+    notes.append(sentence("modifier.bristles"))
     estimates = {"share": share, "time": seconds}
     table = _written(estimates) | {"distance": f"{dwell_law.ASSUMED_DISTANCE_M:.6g} m"}
     yield "relaxation", table, estimates
@@ -470,18 +471,10 @@ def _run_in(found: CampaignCharacteristics) -> Iterator[str]:
     """
     per_decade = None if found.drift is None else found.drift.per_decade_of_travel
     if per_decade is not None and per_decade.differs:
-        yield (
-            f"run-in: friction changes by {per_decade.value:.3g} N per decade of distance slid, and the data show no "
-            "end of it, which [friction.wear] of a drive file needs; not applied: the curve is that of the mean state "
-            "of the campaign"
-        )
+        yield sentence("modifier.run_in", slope=per_decade.value)
 
 
 ALL = "all cycles"  # the group of a campaign without levels
-#: Note on a fit to rows without common friction modifiers.
-AVERAGED = (
-    "direction, position, stops and temperature: the fit averages over several mountings, seals or drives; not applied"
-)
 NO_POINTS = ("stick_slip", "speed_ripple", "force_swing", "saturated", "unpaired", "outlier", "negative_friction")
 
 
@@ -516,7 +509,8 @@ def with_dependences(fit: FrictionFit, found: CampaignCharacteristics, part: xr.
     """
     sets = set(zip(*(part[name].to_numpy().tolist() for name in LEVELS), strict=True))
     if len(sets) > 1:
-        return replace(fit, dependences=Dependences(notes=(AVERAGED,), source=f"campaign {found.name}"))
+        note = sentence("modifier.averaged")
+        return replace(fit, dependences=Dependences(notes=(note,), source=f"campaign {found.name}"))
     viscous = fit.values["viscous"] if "viscous" in fit.determined else 0.0
     with one_thread():
         measured = dependences_of(found, viscous, sets.pop())

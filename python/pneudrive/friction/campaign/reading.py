@@ -362,10 +362,12 @@ def reading_of(found: Characterisation) -> CampaignData:
     pressures = {side: _joined(np.array([level.gauge_pa[side] for _, level in members])) for side in "ab"}
     runs, grid, rows = list(dict.fromkeys(level.run for _, level in members)), grid_of(edges), []
     for i, (result, level) in enumerate(members):
-        recording, kept = result.recording, set(map(id, level.strokes))
+        recording, kept = result.recording, {id(row.stroke) for row in level.kept}
         used = {way: tuple(s for s in side.used if id(s) in kept) for way, side in level.sides.items()}
         balance = {way: stroke_rows(result, strokes, grid) for way, strokes in used.items() if strokes}
         ways = [way for way, values in balance.items() if np.isfinite(values).any()]
+        if not ways:
+            continue
         sides = {way: replace(level.sides[way], used=used[way]) for way in ways}
         a, b = (recording.ambient_pressure_pa + float(pressures[side][i]) for side in "ab")
         plan = {
@@ -375,16 +377,16 @@ def reading_of(found: Characterisation) -> CampaignData:
             "condition": Condition(a, b, **{name: recording.labels.get(name, "") for name in LEVELS}),
             "flags": dict(recording.flags),
         }
-        rows.append(plan | (cycles.cycle_row(result, grid, sides, balance) if sides else {"sides": {}}))
+        rows.append(plan | cycles.cycle_row(result, grid, sides, balance))
     return CampaignData(
         name="recordings",
         source=next((r.source.parent for r in found.recordings if r.source is not None), Path()),
         identity=Identity(name="recordings", **{field: getattr(found.recordings[0], field) for field in SHARED}),
-        sliding=cycles.CycleTable.of([row for row in rows if row["sides"]], BINS),
+        sliding=cycles.CycleTable.of(rows, BINS),
         tares=cycles.CycleTable.of([], BINS),
         skipped=tuple(Skipped(key, "", why) for key, why in found.skipped),
         edges_m=edges,
-        several=len({row["block"] for row in rows}) > 1,
+        several=len(runs) > 1,
     )
 
 

@@ -172,7 +172,7 @@ FEWEST_STOPS = 3
 REACH = (100.0, 1e4)
 TIMES, FINE = 60, 64
 HALVINGS = 40
-EQUAL_PRESSURE_PA = 100.0
+SAME_PRESSURE_PA = 100.0
 
 
 @dataclass(frozen=True)
@@ -236,8 +236,8 @@ def fit_contact_age(
         None if friction does not grow with the stop duration.
     """
     gauge = stops.select("pressure_a_pa", "pressure_b_pa").to_numpy() - ambient_pressure_pa
-    varied = np.ptp(gauge, axis=0) > EQUAL_PRESSURE_PA
-    together = bool(varied.all() and np.allclose(gauge[:, 0], gauge[:, 1], atol=EQUAL_PRESSURE_PA))
+    varied = np.ptp(gauge, axis=0) > SAME_PRESSURE_PA
+    together = bool(varied.all() and np.allclose(gauge[:, 0], gauge[:, 1], atol=SAME_PRESSURE_PA))
     pressures = gauge.sum(axis=1, keepdims=True) if together else gauge[:, varied]
     columns = np.column_stack([np.ones(len(stops)), pressures])
     dwell, speed, increment = (stops[name].to_numpy() for name in ("dwell_s", "speed_m_s", "increment_n"))
@@ -385,7 +385,6 @@ def _confounding(where: str, series: DwellSeries, curve: dwell_models.DwellCurve
 REFERENCE_S = 15.0
 INSIDE = 1.5  # factor by which the durations must exceed it on both sides
 GRID_POINTS = 61
-SAME_PRESSURE_PA = 100.0
 
 
 def fit_dwell(stops: pl.DataFrame, ambient_pressure_pa: float) -> tuple[tuple[DwellSeries, ...], list[Statement]]:
