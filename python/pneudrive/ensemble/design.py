@@ -9,7 +9,7 @@ import warnings
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from functools import lru_cache, partial
-from typing import TYPE_CHECKING, Any, ClassVar, TypeAlias
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 from scipy.special import ndtr, ndtri
@@ -39,8 +39,6 @@ if TYPE_CHECKING:
 class Distribution:
     """Distribution of one number. Its parameters are quantities as in the drive file, or numbers in SI."""
 
-    WORD: ClassVar[str]
-
     def in_si(self, read: QuantityReader) -> Self:
         """Return the distribution with all numbers in SI.
 
@@ -69,7 +67,7 @@ class Distribution:
 
     def __str__(self) -> str:
         """Write the distribution as on the command line."""
-        return f"{self.WORD}({', '.join(f'{getattr(self, field.name)}' for field in fields(self))})"
+        return f"{type(self).__name__.lower()}({', '.join(f'{getattr(self, field.name)}' for field in fields(self))})"
 
 
 @dataclass(frozen=True)
@@ -81,7 +79,6 @@ class Uniform(Distribution):
     low, high : str or float
     """
 
-    WORD: ClassVar[str] = "uniform"
     low: Any
     high: Any
 
@@ -102,7 +99,6 @@ class Triangular(Distribution):
     low, mode, high : str or float
     """
 
-    WORD: ClassVar[str] = "triangular"
     low: Any
     mode: Any
     high: Any
@@ -131,7 +127,6 @@ class Normal(Distribution):
         gauge pressure.
     """
 
-    WORD: ClassVar[str] = "normal"
     mean: Any
     sd: Any
 
@@ -158,8 +153,6 @@ class Lognormal(Normal):
     mean, sd : str or float
         Mean and standard deviation of the number itself, not of its logarithm.
     """
-
-    WORD: ClassVar[str] = "lognormal"
 
     def _rules(self) -> dict[str, bool]:
         return super()._rules() | {"mean > 0": self.mean > 0.0}
@@ -236,7 +229,7 @@ def grid(*values: Any) -> GridAxis:  # noqa: ANN401 - quantities or numbers
 
 #: Word -> function that makes a distribution or a grid from the texts in brackets.
 WORDS: dict[str, Callable[..., Any]] = {
-    **{kind.WORD: kind for kind in (Uniform, Triangular, Normal, Lognormal)},
+    **{kind.__name__.lower(): kind for kind in (Uniform, Triangular, Normal, Lognormal)},
     "grid": grid,
 }
 #: Units whose zero is not the zero of the quantity.

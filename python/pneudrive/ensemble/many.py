@@ -234,7 +234,6 @@ class Members:
             "title": drive.name,
             **study.about(),
             "study_hash": study.study_hash,
-            "version": __version__,
             "solver": SOLVER,
             "statistics": {"members": study.rows.size, "failed": self.failed},
             "warnings": [*drive.notes, *core.warnings],

@@ -30,11 +30,12 @@ if TYPE_CHECKING:
     from pneudrive.free.parameters import DriveFamily, Parameter
 
 
-#: Pairs of parameters of which the first must not exceed the second. Only the most critical row of a design is checked.
+#: Pairs of parameters of which the first must not exceed the second, by the ends of their names. Only the most critical
+#: row of a design is checked.
 COUPLED = (
-    ("cylinder.rod_diameter", "cylinder.bore"),
+    ("rod_diameter", "bore"),
     ("friction.coulomb", "friction.breakaway"),
-    ("valve.critical_pressure_ratio", "valve.linear_above"),
+    ("critical_pressure_ratio", "linear_above"),
     ("initial.position", "cylinder.stroke"),
 )
 #: Parameters of the drive that determine the default start state.
@@ -91,6 +92,9 @@ class Variation:
         A name is unknown or repeated.
     """
 
+    #: Table of the file that holds the numbers, with a dot.
+    key_prefix = ""
+
     def __init__(self, drive: Any, names: Sequence[str], initial: Any = None) -> None:  # noqa: ANN401
         self.drive = drive
         self.initial = dict(start_table(read_initial(initial)) if drive.system.names else start_values(initial))
@@ -129,11 +133,6 @@ class Variation:
         gauge_from = None if "ambient.pressure" in self.names else ambient
         return QuantityReader(self.numbers[self.names.index(name)], gauge_from)
 
-    @staticmethod
-    def _key(name: str) -> str:
-        """Return the key of a number in its file."""
-        return name
-
     def single(self, row: Array) -> tuple[Any, Plain]:
         """Return the drive or the circuit of a member, and its start state in the form of files.
 
@@ -143,7 +142,8 @@ class Variation:
             The description is not valid.
         """
         texts = {number.name: number.written(float(value)) for number, value in zip(self.numbers, row, strict=True)}
-        changes = {self._key(name): text for name, text in texts.items() if not name.startswith(free.INITIAL)}
+        own = {name: text for name, text in texts.items() if not name.startswith(free.INITIAL)}
+        changes = {name if name in free.AMBIENT else self.key_prefix + name: text for name, text in own.items()}
         start = self.initial | {
             name.removeprefix(free.INITIAL): text for name, text in texts.items() if name.startswith(free.INITIAL)
         }
@@ -162,8 +162,12 @@ class Variation:
         drive.core_initial(initial)
 
     def coupled(self) -> Iterator[tuple[str, str]]:
-        """Yield the pairs of numbers of which the first must not exceed the second."""
-        return (pair for pair in COUPLED if {*pair} <= {*self.names})
+        """Yield the pairs of numbers of one drive or component of which the first must not exceed the second."""
+        for name in self.names:
+            for low, high in COUPLED:
+                other = name.removesuffix(low) + high
+                if f".{name}".endswith(f".{low}") and other in self.names:
+                    yield name, other
 
     def check(self, rows: Array, first: int = 0) -> None:
         """Reject invalid rows. Only extreme rows are checked. `first` is the index of the first row in the design.
@@ -222,22 +226,11 @@ class Variation:
 class CircuitVariation(Variation):
     """The numbers of a circuit, and of its start state, that a design sets; names as in `circuit_numbers`."""
 
+    key_prefix = "components."
+
     def start_said(self) -> dict[str, str]:
         """Return the start state of all members in words, including that of the circuit file."""
         return {name: repr(value) for name, value in self.drive.core_initial(self.initial).items()}
-
-    @staticmethod
-    def _key(name: str) -> str:
-        return name if name in free.AMBIENT else f"components.{name}"
-
-    def coupled(self) -> Iterator[tuple[str, str]]:
-        """Yield the pairs of numbers of one component of which the first must not exceed the second."""
-        for name in self.names:
-            for pair in COUPLED:
-                low, high = (key if key.startswith("friction.") else key.partition(".")[2] for key in pair)
-                other = name.removesuffix(low) + high
-                if name.endswith(f".{low}") and other in self.names:
-                    yield name, other
 
     @cached_property
     def _start_columns(self) -> dict[str, str] | None:

@@ -27,12 +27,8 @@ if TYPE_CHECKING:
 #: Change of the scene by an amount; and drive-dependent arguments of `Cause`.
 Change = Callable[[Scene, float], Scene]
 
-#: Bounds of a change as a fraction of the present value.
-SHARE = (-0.95, 20.0)
 #: Bounds of a critical pressure ratio.
 RATIO = (0.01, 0.95)
-#: Bounds of an amount with one possible sign, such as a leak or a drop of the supply pressure.
-NOT_NEGATIVE = (0.0, np.inf)
 #: Lag of the supply pressure behind the flow if a volume is between regulator and valve, s (assumed).
 SLOW_SAG_S = 0.5
 #: Number of polynomials for friction along the stroke, including the constant.
@@ -47,8 +43,6 @@ class Cause:
     ----------
     key : str
         Short name, unique.
-    family : str
-        Group: friction, load, valve, supply, chamber, sensor.
     words : str
         Text with ``{size}`` for the amount: "{size} Coulomb friction".
     unit : str
@@ -75,7 +69,6 @@ class Cause:
     """
 
     key: str
-    family: str
     words: str
     unit: str
     step: float
@@ -98,7 +91,8 @@ def causes(drive: Drive) -> list[Cause]:
         entry = {**package_table(__file__, "causes.toml")[key], **row}
         if entry.pop("relative", False):
             entry.update({name: level * entry[name] for name in ("step", "least")})
-        out.append(Cause(key=key, **{**entry, "free": tuple(entry.get("free", ()))}))
+        lists = {name: tuple(value) for name, value in entry.items() if isinstance(value, list)}
+        out.append(Cause(key=key, **{**entry, **lists}))
     return out
 
 
@@ -119,7 +113,7 @@ def _of_friction(drive: Drive) -> Rows:
     rows: Rows = {
         "Coulomb friction": {"change": _drive(_friction_level), "bounds": (-level, np.inf)},
         "pressure-dependent friction": {"change": _drive(_pressure_friction), "bounds": (-lips, np.inf)},
-        "direction of friction": {"change": _drive(_direction), "bounds": (-0.9, 0.9)},
+        "direction of friction": {"change": _drive(_direction)},
         "friction along the stroke": {"profile": _along_stroke, "parts": PROFILE_ORDERS},
     }
     if "viscous" in parameters:
@@ -174,7 +168,7 @@ def _of_load(drive: Drive) -> Rows:
     heavier = "load.mass" if drive.carried.mass_kg > drive.cylinder.moving_mass_kg else "cylinder.moving_mass"
     force = _value("load.force", "N", lambda d, f: d.carried.force_n + f)
     return {
-        "moving mass": {"change": _drive(_mass), "bounds": SHARE, "free": (heavier,)},
+        "moving mass": {"change": _drive(_mass), "free": (heavier,)},
         "constant force": {"change": force},
         "spring": {"change": _drive(_spring), "bounds": (0.0 if spring is None else -spring.stiffness_n_m, np.inf)},
     }
@@ -197,20 +191,20 @@ def _spring(drive: Drive, amount: float) -> Plain:
 def _of_valve(drive: Drive) -> Rows:
     ratio = drive.valve.critical_pressure_ratio
     gauge = drive.supply_pressure_pa - drive.ambient.pressure_pa
-    paths = {"to exhaust": (1, 3), "from supply": (0, 2), "of a": (0, 1), "of b": (2, 3)}
+    whole = _value("valve.conductance", "m^3/(s Pa)", lambda d, s: d.valve.conductance_m3_s_pa * (1.0 + s))
     return {
-        "conductance": {
-            "change": _value("valve.conductance", "m^3/(s Pa)", lambda d, s: d.valve.conductance_m3_s_pa * (1.0 + s)),
-            "bounds": SHARE,
-        },
-        **{f"conductance {path}": {"change": _edges(*at), "bounds": SHARE} for path, at in paths.items()},
+        "conductance": {"change": whole},
+        "conductance to exhaust": {"change": _edges(1, 3)},
+        "conductance from supply": {"change": _edges(0, 2)},
+        "conductance of a": {"change": _edges(0, 1)},
+        "conductance of b": {"change": _edges(2, 3)},
         "critical pressure ratio": {"change": _drive(_ratio), "bounds": (RATIO[0] - ratio, RATIO[1] - ratio)},
         "valve delay": {"change": _command(_delayed)},
         "valve zero": {"change": _command(lambda u, zero, _: np.clip(u - zero, -1.0, 1.0))},
         "dead zone": {"change": _overlap, "bounds": (-(drive.valve.overlap or 0.0), 0.9)},
         "supply pressure": {"change": _supply, "bounds": (-0.9 * gauge, np.inf)},
-        "supply sag": {"change": _sag(0.0), "bounds": NOT_NEGATIVE},
-        "slow supply sag": {"change": _sag(SLOW_SAG_S), "bounds": NOT_NEGATIVE},
+        "supply sag": {"change": _sag(0.0)},
+        "slow supply sag": {"change": _sag(SLOW_SAG_S)},
     }
 
 
@@ -222,7 +216,10 @@ _supply = _drive(lambda drive, amount: {"supply.pressure": f"{drive.supply_press
 
 
 def _opened(how: Callable[[Array, Array], Array], *edges: int) -> Change:
-    """Make a change of the openings of valve edges from a function (openings, amount at each edge) -> openings."""
+    """Make a change of the openings of valve edges from a function (openings, amount at each edge) -> openings.
+
+    `numpy.add` keeps the edges open by a fraction of the full conductance: a leak.
+    """
 
     def change(scene: Scene, amount: float) -> Scene:
         amounts = np.zeros(4)
@@ -235,11 +232,6 @@ def _opened(how: Callable[[Array, Array], Array], *edges: int) -> Change:
 def _edges(*edges: int) -> Change:
     """Make a change of the conductance of valve edges by a fraction."""
     return _opened(lambda opened, share: np.maximum(opened * (1.0 + share), 0.0), *edges)
-
-
-def _leak(*edges: int) -> Change:
-    """Make a change that keeps valve edges open by at least a fraction of the full conductance."""
-    return _opened(np.add, *edges)
 
 
 def _command(how: Callable[[Array, float, float], Array]) -> Change:
@@ -287,22 +279,18 @@ def _sag(lag_s: float) -> Change:
 
 
 def _of_leaks(drive: Drive) -> Rows:
-    conductance = drive.valve.conductance_m3_s_pa
-    piston = _value(
-        "cylinder.leakage",
-        "m^3/(s Pa)",
-        lambda d, share: d.cylinder.leakage_m3_s_pa + share * d.valve.conductance_m3_s_pa,
-    )
+    stated = drive.cylinder.leakage_m3_s_pa / drive.valve.conductance_m3_s_pa
+    piston = _value("cylinder.leakage", "m^3/(s Pa)", _leakage)
     return {
-        "leak from a": {"change": _leak(1), "ratio": _to_ambient(0), "bounds": NOT_NEGATIVE},
-        "leak from b": {"change": _leak(3), "ratio": _to_ambient(1), "bounds": NOT_NEGATIVE},
-        "leak through the valve": {"change": _leak(0, 2), "bounds": NOT_NEGATIVE},
-        "leak past the piston": {
-            "change": piston,
-            "ratio": _past_piston,
-            "bounds": (-drive.cylinder.leakage_m3_s_pa / conductance, np.inf),
-        },
+        "leak from a": {"change": _opened(np.add, 1), "ratio": _to_ambient(0)},
+        "leak from b": {"change": _opened(np.add, 3), "ratio": _to_ambient(1)},
+        "leak through the valve": {"change": _opened(np.add, 0, 2)},
+        "leak past the piston": {"change": piston, "ratio": _past_piston, "bounds": (-stated, np.inf)},
     }
+
+
+def _leakage(drive: Drive, share: float) -> float:
+    return drive.cylinder.leakage_m3_s_pa + share * drive.valve.conductance_m3_s_pa
 
 
 def _to_ambient(chamber: int) -> Callable[[Scene], tuple[Array, float]]:
@@ -321,14 +309,14 @@ def _past_piston(scene: Scene) -> tuple[Array, float]:
 
 def _of_chambers(drive: Drive) -> Rows:
     volumes = {"dead volume of a": "a", "dead volume of b": "b", "dead volumes": "ab"}
-    rows: Rows = {key: {"change": _dead_volume(at), "bounds": SHARE} for key, at in volumes.items()}
+    rows: Rows = {key: {"change": _dead_volume(at)} for key, at in volumes.items()}
     key, field, unit = "cylinder.heat_transfer", "heat_transfer_w_m2_k", "W/(m^2 K)"
     if drive.cylinder.heat_transfer_w_m2_k is None:
         key, field, unit = "cylinder.heat_transfer_scale", "heat_transfer_scale", ""
     if getattr(drive.cylinder, field) > 0.0:
         change = _value(key, unit, lambda d, share: getattr(d.cylinder, field) * (1.0 + share))
         remedy = package_table(__file__, "causes.toml")["heat transfer"]["remedy"].format(key=key)
-        rows["heat transfer"] = {"change": change, "remedy": remedy, "bounds": SHARE, "free": (key,)}
+        rows["heat transfer"] = {"change": change, "remedy": remedy, "free": (key,)}
     return rows
 
 
@@ -360,6 +348,6 @@ def _gain(scene: Scene, share: float) -> Scene:
 _SENSORS: Rows = {
     "zero of pressure a": {"change": _sensor(a=1.0)},
     "zero of pressure b": {"change": _sensor(b=1.0)},
-    "gain of the pressures": {"change": _gain, "bounds": (-0.5, 0.5)},
+    "gain of the pressures": {"change": _gain},
     "zero of the position": {"change": _sensor(position=1.0)},
 }

@@ -600,17 +600,10 @@ class RegulatorValidation(Viewed):
             rows += [ShownValue(f"{own}.{name}", own, name, *cell) for name, cell in cells.items()]
         worst = max(self.runs, key=lambda run: run["percent"])
         largest = ShownValue("worst", worst["name"], f"largest rms, {worst['name']}", worst["rms_pa"], "Pa")
-        return View(
-            f"{self.fit.name} against {len(self.runs)} runs",
-            tuple(rows),
-            notes=tuple(self.notes),
-            leading=(LeadingValue(largest),),
-            figures=(
-                ShownFigure(
-                    "runs", "Measured and simulated pressures, and their difference.", comparison_figure(self.fitted)
-                ),
-            ),
-        )
+        caption = "Measured and simulated pressures, and their difference."
+        figure = ShownFigure("runs", caption, comparison_figure(self.fitted))
+        title, leading = f"{self.fit.name} against {len(self.runs)} runs", (LeadingValue(largest),)
+        return View(title, tuple(rows), notes=tuple(self.notes), leading=leading, figures=(figure,))
 
     def report(self, folder: str | Path) -> Path:
         """Write the page of the validation into an existing folder."""

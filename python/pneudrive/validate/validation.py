@@ -205,10 +205,15 @@ class Validation(Viewed):
         A file of a run has the recording and the model on a uniform time base. Its columns are ``free.position_m`` of
         the free run and ``restarted.position_m`` of the runs from measured states, in SI, with NaN for missing results.
         """
-        tables = self.content()
+        tables, drive = self.content(), self.drive
         tables["provenance"] = stored_beside(tables["provenance"], Path(folder))
-        target = write_whole(Path(folder) / "validation.toml", "\n".join([HEAD, *toml.sections(tables)]) + "\n")
-        return [target, *(save_run(self, number, Path(folder)) for number in range(len(self.records)))]
+        written = [write_whole(Path(folder) / "validation.toml", "\n".join([HEAD, *toml.sections(tables)]) + "\n")]
+        for number, record in enumerate(self.records):
+            recording = record.recording
+            about: Plain = {"validation of": drive.description_hash, "recording": recording.name}
+            about |= {"sha256": recording.sha256, "version": __version__, INPUTS: inputs_of(drive, [recording])}
+            written.append(save_columns(run_columns(record), about, Path(folder) / run_name(number)))
+        return written
 
     def content(self) -> Plain:
         """Return the tables of validation.toml: values are in SI, fractions as numbers, fit in percent."""
@@ -464,15 +469,6 @@ def run_columns(record: RecordResult) -> Columns:
     for run, words in ((record.free, "free"), (record.restarted, "restarted")):
         table |= {f"{words}.{name}": run[name] for name in CHANNELS}
     return {name: np.ascontiguousarray(values, dtype=float) for name, values in table.items()}
-
-
-def save_run(found: Validation, number: int, folder: Path) -> Path:
-    """Write a recording and its runs. See `Validation.write`."""
-    record = found.records[number]
-    about: Plain = {"validation of": found.drive.description_hash, "recording": record.recording.name}
-    about |= {"sha256": record.recording.sha256, "version": __version__}
-    about[INPUTS] = inputs_of(found.drive, [record.recording])
-    return save_columns(run_columns(record), about, folder / run_name(number))
 
 
 def _record_table(record: RecordResult) -> Plain:
