@@ -150,15 +150,15 @@ def _check_channels(name: str, workspace: Workspace, hint: str) -> None:
         raise CommandError.of("web.channels", name=name, missing=", ".join(missing))
 
 
-def _job_of(kind: str, given: Keyed, workspace: Workspace) -> JobRequest:
-    """Return the job of a request for a command of `SIGNATURES`."""
+def _job_of(kind: str, given: Keyed, workspace: Workspace, folder: str = "") -> JobRequest:
+    """Return the job of a request for a command of `SIGNATURES`. If a folder is given, the job continues in it."""
     form, values = SIGNATURES[kind], Plain()
     for each in form["inputs"]:
         applies = not each.only or values[each.only[0]] == each.only[1]
         values[each.key] = each.read(given.get(each.key), workspace) if applies else None
-    folder, suffix = dirname(values.get("map", "")), ".fmu" if values.get("to") == "fmu" else ""
-    out = form["out"].format(**values, folder=folder, suffix=suffix).lstrip("/")
-    if kind == "size" and out.lower().endswith(DESCRIPTIONS):
+    places = {"folder": dirname(values.get("map", "")), "suffix": ".fmu" if values.get("to") == "fmu" else ""}
+    out = folder or form["out"].format(**values, **places).lstrip("/")
+    if kind == "size" and values["name"].lower().endswith(DESCRIPTIONS):
         raise CommandError(f"{out} is the name of a task file, not of a folder", remedy="Leave out the ending.")
     named = {each.option or each.key: values[each.key] for each in form["inputs"]}
     named |= {"rig": RIG} if kind == "design" else {}
@@ -171,8 +171,8 @@ def _job_of(kind: str, given: Keyed, workspace: Workspace) -> JobRequest:
         elif value is not None:
             names += value if isinstance(value, list) else [value]
     lines = form["python"].format(**{**values, **_python(kind, values), "out": out})
-    options.pop("out", None)  # the last word: a job that goes on replaces it
-    return JobRequest(words(kind, *names, **options, out=out), out, python=lines)
+    options.pop("out", None)  # the last word of a command
+    return JobRequest(words(kind, *names, **options, out=out), out, is_new=not folder, python=lines)
 
 
 def _python(kind: str, values: Keyed) -> Plain:
@@ -280,7 +280,5 @@ def _job(given: Keyed, workspace: Workspace) -> JobRequest:
         if is_held(workspace.folder(folder) / LOCK):
             raise CommandError(f"a process searches in {folder} already", remedy="Wait until it ends.")
         existing_folder(workspace, folder)
-        begun = _job_of(kind, {**given, "name": "sizing"}, workspace)
-        arguments = [folder if text == begun.out else text for text in begun.arguments]
-        return JobRequest(arguments, folder, is_new=False, python=begun.python)
+        return _job_of(kind, {**given, "name": "sizing"}, workspace, folder)
     return _job_of(kind, given, workspace)

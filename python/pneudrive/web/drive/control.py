@@ -244,7 +244,6 @@ def _about(prepared: Prepared, run: Run) -> Plain:
         "max_error_m": score["max_error_m"],
         "view": replace(view, tables=(*deviations, *view.tables)).data(),
         "told": _assumed(f"Assumed drive: {told}", assumptions({tuning.law: tuning}), (setup, values)),
-        "synthetic": True,
         "lost": score["lost"],
     }
 

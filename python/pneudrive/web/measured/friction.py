@@ -226,26 +226,25 @@ def behind_fit(workspace: Workspace, path: str) -> Plain:
     """
     fit = read_fit(workspace.path(path, DESCRIPTIONS))
     figures = _ellipses(fit) if fit.covariance.size and fit.intervals else []
-    found: Plain = {"designs": isinstance(fit, FrictionFit)}
+    edge = next(iter(Lineage(workspace).edges(path)), None)
+    why, lines = "", {}
     if not isinstance(fit, SlidingFit):
         why = f"The {fit.TITLE} stores no samples. Validation compares it with its recordings."
-        return found | {"view": View(why, figures=figures).data()}
-    edge = next(iter(Lineage(workspace).edges(path)), None)
-    if edge is None or edge.state != SAME:
+    elif edge is None or edge.state != SAME:
         why = "Residuals and profiles need the map of the fit, but this map was removed or changed."
-        return found | {"view": View(why, figures=figures).data()}
-    table = read_map(workspace.path(edge.path))
-    data = with_map(fit, table).compared()["friction"]
-    copied = ""
-    if isinstance(fit, FrictionFit) and fit.model.knee_pa is None:
-        copied = "ends = profiles(fit, curves)\n"
-        figures.insert(0, _profiles(fit, profiles(fit, table)))
-    points = Panel([Markers(data.at, data.measured - data.model, size=3.0)])
-    rest = Figure([points], Axis("speed / mm/s", "log"), Axis("measured minus fitted friction / N"))
-    figures.insert(0, ShownFigure("Residuals over speed", "", rest))
-    command = shell("report", path, map=edge.path, out=f"{path.removesuffix('.toml')}-report")
-    lines = {"command": command, "python": python("fit", map=edge.path, fit=path, profiles=copied)}
-    return found | {"view": View("", figures=figures).data(), **lines}
+    else:
+        table = read_map(workspace.path(edge.path))
+        data = with_map(fit, table).compared()["friction"]
+        copied = ""
+        if isinstance(fit, FrictionFit) and fit.model.knee_pa is None:
+            copied = "ends = profiles(fit, curves)\n"
+            figures.insert(0, _profiles(fit, profiles(fit, table)))
+        points = Panel([Markers(data.at, data.measured - data.model, size=3.0)])
+        rest = Figure([points], Axis("speed / mm/s", "log"), Axis("measured minus fitted friction / N"))
+        figures.insert(0, ShownFigure("Residuals over speed", "", rest))
+        lines["command"] = shell("report", path, map=edge.path, out=f"{path.removesuffix('.toml')}-report")
+        lines["python"] = python("fit", map=edge.path, fit=path, profiles=copied)
+    return {"designs": isinstance(fit, FrictionFit), "view": View(why, figures=figures).data(), **lines}
 
 
 def _axis(fit: AnyFit, name: str) -> tuple[float, Axis]:

@@ -112,7 +112,7 @@ class Reading(Future[OpenRecording]):
 
     share = 0.0  # that has been read
 
-    def read(self, path: Path, layout: Layout | None, key: tuple[str, str]) -> None:
+    def read(self, path: Path, layout: Layout | None, key: str) -> None:
         """Read the recording. At the end, the result or the error is set."""
 
         def tell(done: float, total: float, _: str) -> None:
@@ -150,21 +150,22 @@ class Recordings:
     def __init__(self, workspace: Workspace) -> None:
         self.workspace = workspace
         self._lock = threading.Lock()
-        self._open: dict[tuple[str, str], Reading] = {}
+        self._open: dict[str, Reading] = {}
         self._versions: dict[Path, list[str]] = {}  # past keys of a file, the newest last
 
     def opened(self, name: str) -> Reading:
         """Return a recording, or the progress of its reading. The first call starts the reading."""
         path = self.workspace.path(name, TABLES)
         layout = layout_in(self.workspace, path)
-        key = (_key(path), "" if layout is None else hashlib.sha256(layout.text.encode()).hexdigest())
+        own = _key(path)
+        key = f"{own}-{'' if layout is None else hashlib.sha256(layout.text.encode()).hexdigest()}"
         with self._lock:
             found = self._open.get(key)
             if found is None:
                 while len(self._open) >= MOST_OPEN:
                     self._open.pop(next(iter(self._open)))
                 found = self._open[key] = Reading()
-                self._forget_older(path, key[0])
+                self._forget_older(path, own)
                 threading.Thread(target=found.read, args=(path, layout, key), daemon=True).start()
         wait([found], 0.2)
         return found
@@ -177,7 +178,7 @@ class Recordings:
         keys.append(key)
         while len(keys) > MOST_VERSIONS:
             older = keys.pop(0)
-            for one in [one for one in self._open if one[0] == older]:
+            for one in [one for one in self._open if one.startswith(older)]:
                 del self._open[one]
             shutil.rmtree(cache_folder() / older, ignore_errors=True)
 
@@ -189,7 +190,7 @@ class Recordings:
         """Return the recording with this key, or None if this version is no longer readable."""
         path = self.workspace.path(name, TABLES)
         with self._lock:
-            reading = self._open.get(tuple(key.split("-", 1)))  # pyright: ignore[reportArgumentType] - of any length
+            reading = self._open.get(key)
         if reading is None or not reading.done() or reading.exception() is not None:
             return None
         found = reading.result()
@@ -479,9 +480,9 @@ def _key(path: Path) -> str:
     return digest.hexdigest()[:32]
 
 
-def _opened(path: Path, layout: Layout | None, key: tuple[str, str], watch: Watch) -> OpenRecording:
+def _opened(path: Path, layout: Layout | None, key: str, watch: Watch) -> OpenRecording:
     """Open a recording. Conversion of a file that is not Parquet, and its blocks, are cached."""
-    cache = cache_folder() / key[0]
+    cache = cache_folder() / key.partition("-")[0]
     cache.mkdir(mode=0o700, parents=True, exist_ok=True)
     os.utime(cache)  # `forget_unused` reads this time
     file = open_channels(path, layout, cache)
@@ -489,7 +490,7 @@ def _opened(path: Path, layout: Layout | None, key: tuple[str, str], watch: Watc
     if pyramid.fall is not None:
         file = file.counted(pyramid.fall)
         pyramid = _blocks(path, file, cache, watch)
-    return OpenRecording(file, pyramid, "-".join(key))
+    return OpenRecording(file, pyramid, key)
 
 
 def _blocks(path: Path, file: ChannelFile, cache: Path, watch: Watch) -> Pyramid:
