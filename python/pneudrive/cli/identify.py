@@ -271,23 +271,18 @@ def identify(
     names, tell = names_in(free), watch().tell
     if follow is not None:
         one_of("--follow", follow, {"motion": None})
-        motion = pn.identify_motion(drive, recordings, names or ["volumes", "heat"], layout=layout, progress=tell)
-        show_fit(motion, out, report)
+        result: Any = pn.identify_motion(drive, recordings, names or ["volumes", "heat"], layout=layout, progress=tell)
     elif volume.Regulator.is_file(drive):
-        show_fit(pn.identify_regulator(drive, recordings, layout), out, report)
+        result = pn.identify_regulator(drive, recordings, layout)
     elif pn.Tank.is_file(drive):
         if sensor:
             raise CommandError.of("cli.tank", where=drive, name="sensor")
-        tank_fit = pn.identify_volume(pn.Tank.load(drive), recordings, names or None, layout=layout, progress=tell)
-        show_fit(tank_fit, out, report)
+        result = pn.identify_volume(pn.Tank.load(drive), recordings, names or None, layout=layout, progress=tell)
     else:
-        known = {
-            "sensors": sensor_options(sensor),
-            "layout": layout,
-        }
         described: Any = load.load_described(drive)
-        result = pn.identify(described, recordings, names, progress=_show_step, **known)
-        show_fit(result, out, report)
+        options = {"sensors": sensor_options(sensor), "layout": layout}
+        result = pn.identify(described, recordings, names, progress=_show_step, **options)
+    show_fit(result, out, report)
 
 
 def _show_step(progress: Progress) -> None:
@@ -319,10 +314,10 @@ def apply(fit: Path, drive: str | None = None, *, out: Path | None = None) -> No
     found = files.read_fit(fit)
     if out is not None:
         found = replace(found, file=inputs.path_from(str(fit.resolve()), out.parent))
-    if isinstance(found, follow.FollowFit | volume.RegulatorFit):
-        if drive is not None or isinstance(found, volume.RegulatorFit):
-            raise CommandError(f"the values of a {found.TITLE} do not belong to a drive", where=str(fit))
+    if isinstance(found, follow.FollowFit) and drive is None:
         described = found.apply()
+    elif isinstance(found, follow.FollowFit | volume.RegulatorFit):
+        raise CommandError(f"the values of a {found.TITLE} do not belong to a drive", where=str(fit))
     elif drive is not None:
         target: Any = pn.Tank.load(drive) if isinstance(found, volume.VolumeFit) else load.load_described(drive)
         described = found.apply(target)
