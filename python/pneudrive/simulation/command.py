@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import lru_cache
@@ -62,7 +63,8 @@ def steps(command: Command, times: Sequence[float] | None = None, signal: Comman
     if isinstance(command, Path):
         return _from_file(command, signal)
     if isinstance(command, str):
-        is_file = command.lower().endswith(".csv") or (":" not in command and _is_file(command))
+        # `isfile` is False for a text that is no name of a file.
+        is_file = command.lower().endswith(".csv") or (":" not in command and os.path.isfile(command))  # noqa: PTH113
         return _from_file(Path(command), signal) if is_file else _from_text(command, signal)
     if isinstance(command, Real):
         return _checked([(0.0, _number(command, "command"))], signal)
@@ -191,13 +193,6 @@ def _from_text(text: str, signal: CommandInput) -> Steps:
             raise CommandError.of("simulation.entry-without-time", entry=entry)
         pairs.append((_time(time.strip()), _opening(value.strip(), signal)))
     return _checked(pairs, signal)
-
-
-def _is_file(text: str) -> bool:
-    try:
-        return Path(text).is_file()
-    except (OSError, ValueError):  # too long for a name, or a null byte
-        return False
 
 
 def _from_file(path: Path, signal: CommandInput) -> Steps:

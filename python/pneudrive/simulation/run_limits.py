@@ -82,11 +82,13 @@ def _hot(described: DriveOrCircuit, places: list[GasVolume], time_s: Any) -> Ite
     """Yield a note if the heat capacity of the hottest gas differs much from the constant value of the model."""
     import numpy as np
 
-    excesses = CAPACITY_EXCESS.get(_gas_name(described), [0.0] * len(CAPACITY_CELSIUS))
-    worst = max(places, key=lambda place: float(place.temperature_k.max()), default=None)
-    hottest = ZERO_CELSIUS_K if worst is None else float(worst.temperature_k.max())
+    excesses = CAPACITY_EXCESS.get(_gas_name(described))
+    if excesses is None or not places:
+        return
+    worst = max(places, key=lambda place: float(place.temperature_k.max()))
+    hottest = float(worst.temperature_k.max())
     excess = float(np.interp(hottest - ZERO_CELSIUS_K, CAPACITY_CELSIUS, excesses))
-    if worst is not None and excess > CAPACITY_OFF:
+    if excess > CAPACITY_OFF:
         when = time_s[int(worst.temperature_k.argmax())]
         yield (
             f"the gas in {worst.name} reaches {_celsius(hottest)} at {when:.4g} s, "

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 from pneudrive.errors import CommandError, ErrorKind, RecordingError, nearest, package_table, warn
 from pneudrive.files.csv_tables import spreadsheet_text
-from pneudrive.files.inputs import INPUTS, stored_beside
+from pneudrive.files.inputs import stored_beside
 from pneudrive.files.seal import sealed_parquet
 from pneudrive.units import without_unit
 
@@ -34,10 +34,6 @@ TABLE: Plain = package_table(__file__, "columns.toml")
 #: Column of a file -> variable, unit, long name.
 MEANING: dict[str, tuple[str, str, str]] = {column: tuple(about) for column, about in TABLE["columns"].items()}
 _UNITS = tuple(TABLE["units"])
-#: Attributes of a run that are lists or tables.
-STRUCTURED = frozenset(
-    ("statistics", "warnings", "impacts", "citations", "assumed", "labels", "identified", "ledger", "command_steps")
-) | {"air", "choices", "deviations", "events", "factors", "gains", "motion", "score", INPUTS}
 SUFFIXES = (".parquet", ".csv", ".nc")
 TABLES = {".parquet": "parquet", ".nc": "netcdf"}
 
@@ -292,8 +288,8 @@ def attributes(run: xr.Dataset) -> Plain:
     netCDF stores lists and tables as JSON.
     """
     out = dict(run.attrs)
-    for name in STRUCTURED & out.keys():
-        if isinstance(out[name], str):
+    for name in TABLE["structured"]:
+        if isinstance(out.get(name), str):
             with suppress(ValueError):
                 out[name] = json.loads(out[name])
     return out
