@@ -39,7 +39,7 @@ def drive_bootstrap(solved: Solved, count: int, seed: int) -> Array:
     ndarray, shape (count, P)
         Values in SI, in the order of `FitProblem.names`.
     """
-    problem, point = solved.problem, solved.point
+    problem = solved.problem
     information_of, gradient_of = [], []
     tau = max((t for _, t in solved.inflation.values()), default=1.0)
     for slopes, residual in zip(solved.slopes, solved.at.residuals, strict=True):
@@ -52,13 +52,13 @@ def drive_bootstrap(solved: Solved, count: int, seed: int) -> Array:
     info, grad = np.array(information_of), np.array(gradient_of)
     grad = grad - grad.mean(axis=0)  # at the estimate the gradient is only rounding
     rng = np.random.default_rng(seed)
-    project = solved.inverse @ equations(problem, point, solved.at)[0]  # onto the directions that the data determine
+    project = solved.inverse @ equations(problem, solved.at)[0]  # onto the directions that the data determine
     out = np.empty((count, problem.size))
     for row in range(count):
         drawn = rng.multinomial(len(info), np.full(len(info), 1.0 / len(info)))
         matrix = np.tensordot(drawn, info, axes=1) + np.diag(problem.prior)
         step = np.linalg.lstsq(matrix, drawn @ grad, rcond=SINGULAR_SHARE**2)[0]
-        out[row] = problem.values(point.eta + project @ step)
+        out[row] = problem.values(solved.at.point.eta + project @ step)
     return out
 
 

@@ -32,7 +32,7 @@ from pneudrive.identify.base import Fit, FitFile, Undetermined, recording_tables
 from pneudrive.identify.dynamic.fit import noise_of, solve
 from pneudrive.identify.dynamic.problem import FitProblem, FittedRecording, Iterate
 from pneudrive.identify.dynamic.result import CORRELATED, LARGEST_REACH, applied_note, named_value, warn_of_mixture
-from pneudrive.identify.dynamic.search import SearchOptions, Solved, Watcher, join_segments, profile, solution
+from pneudrive.identify.dynamic.search import Joined, SearchOptions, Solved, Watcher, join_segments, profile, solution
 from pneudrive.identify.dynamic.sensors import Channel
 from pneudrive.identify.identified import FittedData, number_table, sentence, sentences, written_as
 from pneudrive.numbers import plain
@@ -183,19 +183,19 @@ def identify_volume(
     names, held = _free(tank, records, free)
     watcher = Watcher(lambda at: watch.tell(at.step, 0, "steps of the search"), watch)
     tried = [(_minima(one, records, names, watcher), one) for one in _linear_regions(tank, records)]
-    minima, tank = min(tried, key=lambda found: found[0][0][0])
+    minima, tank = min(tried, key=lambda found: found[0][0].cost)
     problem, _ = _problem(tank, records, names, watch)
     options = SearchOptions(None, RTOL, threads=1)
-    solved = solve(problem, minima[0][1], options, watcher)
+    solved = solve(problem, minima[0].point, options, watcher)
     others: list[Solved] = []  # further minima that the recordings cannot distinguish from the best one
-    for _, point in minima[1:] if solved.converged else ():
+    for minimum in minima[1:] if solved.converged else ():
         try:
-            end, at, converged = join_segments(solved.problem, point, None)
+            at, converged = join_segments(solved.problem, minimum.point, None)
         except FitError:
             continue
-        is_new = all(np.abs(end.eta - other.point.eta).max() > APART for other in (solved, *others))
+        is_new = all(_is_apart(at, other.at) for other in (solved, *others))
         if converged and is_new and at.cost - solved.at.cost < student(solved.freedom) ** 2:
-            others.append(solution(solved.problem, end, at))
+            others.append(solution(solved.problem, at))
     return _result(tank, records, solved, others, held, options.notes)
 
 
@@ -301,28 +301,29 @@ def _upper(tank: Tank, name: str) -> float:
     return tank.core_form()["line"]["linear_above"] if is_ratio else np.inf
 
 
-def _minima(
-    tank: Tank, records: list[VolumeRecording], names: list[str], watcher: Watcher
-) -> list[tuple[float, Iterate]]:
+def _is_apart(one: Joined, other: Joined) -> bool:
+    return bool(np.abs(one.point.eta - other.point.eta).max() > APART)
+
+
+def _minima(tank: Tank, records: list[VolumeRecording], names: list[str], watcher: Watcher) -> list[Joined]:
     """Search from several starts on thinned samples; return the minima of the cost, best first."""
     bends = [i for i, name in enumerate(names) if name in BENDS]
     problem, first = _problem(tank, [_thinned(r) for r in records], names, watcher.watch)
     problem.believed = first.states
-    found: list[tuple[float, Iterate]] = []
+    found: list[Joined] = []
     for apart in [(0.0,) * len(bends), *product(*(BENDS[names[i]] for i in bends))]:
         eta = first.eta.copy()
         eta[bends] += apart
         try:
-            point, at, _ = join_segments(problem, Iterate(eta, first.states), watcher)
+            found.append(join_segments(problem, Iterate(eta, first.states), watcher)[0])
         except FitError:
             continue
-        found.append((at.cost, point))
     if not found:
         raise FitError("the tank cannot be simulated at the start values", remedy="Give other start values.")
-    distinct: list[tuple[float, Iterate]] = []
-    for cost, point in sorted(found, key=lambda minimum: minimum[0]):
-        if all(np.abs(point.eta - known.eta).max() > APART for _, known in distinct):
-            distinct.append((cost, point))
+    distinct: list[Joined] = []
+    for minimum in sorted(found, key=lambda one: one.cost):
+        if all(_is_apart(minimum, known) for known in distinct):
+            distinct.append(minimum)
     return distinct
 
 
@@ -344,7 +345,7 @@ def _result(
     interrupted: list[str],
 ) -> VolumeFit:
     problem = solved.problem
-    values = problem.named(solved.point.eta)
+    values = problem.named(solved.at.point.eta)
     intervals: dict[str, Interval] = {}
     for name in problem.names if solved.converged else ():  # over all minima, relative to the cost of the best one
         ends = [profile(minimum, name, least=solved.at.cost) for minimum in (solved, *others)]
@@ -426,7 +427,7 @@ def _alternatives(others: list[Solved]) -> list[str]:
     notes = []
     for minimum in others:
         problem = minimum.problem
-        values = zip(problem.parameters, problem.values(minimum.point.eta), strict=True)
+        values = zip(problem.parameters, minimum.values, strict=True)
         words = ", ".join(named_value(p.name, value, p.unit, 3) for p, value in values)
         notes.append(f"other values fit as well: {words}; the intervals include both; also record with the line shut")
     return notes

@@ -271,7 +271,7 @@ def _best_of_attempts(attempt: Callable[[Array | None], search.Solved], options:
         if options.is_last:
             options.rtol *= LAST_RTOL
         try:
-            tried.append(attempt(nearest.problem.values(nearest.point.eta)))
+            tried.append(attempt(nearest.values))
         except FitError:
             break
     return min(tried, key=search.Solved.rank)
@@ -338,11 +338,12 @@ def solve(problem: FitProblem, point: Iterate, options: search.SearchOptions, wa
                 for experiment in problem.experiments:  # the solver's error adds up over a long segment
                     experiment.rtol = max(LAST_RTOL * options.rtol, 1e-12)
             for _ in range(NOISE_ROUNDS):
-                point, at, converged = search.join_segments(problem, point, watcher)
+                at, converged = search.join_segments(problem, point, watcher)
+                point = at.point
                 if not (converged or options.is_last) or not _renew_noise(problem, at, options.rtol):
                     break
         if converged and family.settle(problem.values(point.eta)[: problem.drive_size]):
-            point, at, converged = search.join_segments(problem, point, watcher)
+            at, converged = search.join_segments(problem, point, watcher)
     except KeyboardInterrupt:
         options.interrupted = True
         problem.held[:], problem.believed = False, believed
@@ -353,7 +354,7 @@ def solve(problem: FitProblem, point: Iterate, options: search.SearchOptions, wa
     over = _over_noise(problem, at)
     missed = {name: ratio for name, ratio in over.items() if ratio > MISFIT and not options.interrupted}
     score = float(np.mean(np.log([max(ratio, 1e-9) for ratio in over.values()])))
-    found = search.solution(problem, point, at)
+    found = search.solution(problem, at)
     return replace(found, converged=converged, missed=missed, score=score, segment_s=options.segment_s)
 
 

@@ -234,7 +234,7 @@ def applied_note(solved: Solved, kept: Collection[str]) -> list[str]:
     places = [i for i, p in enumerate(problem.parameters) if p.name in kept]
     if not places or len(places) == problem.drive_size:
         return []
-    fitted = problem.values(solved.point.eta)
+    fitted = solved.values
     mixed = fitted.copy()
     mixed[places] = [problem.parameters[i].value for i in places]
     before, after = _free_run(solved, fitted), _free_run(solved, mixed)
@@ -255,7 +255,7 @@ def _free_run(solved: Solved, values: Array) -> NamedNumbers:
     problem = solved.problem
     whole = [replace(experiment, starts=np.zeros(1, dtype=np.int64)) for experiment in problem.experiments]
     free = FitProblem(problem.parameters, problem.sensors, problem.transforms, whole)
-    point = Iterate(problem.transforms.internal(values), [states[:1] for states in solved.point.states])
+    point = Iterate(problem.transforms.internal(values), [states[:1] for states in solved.at.point.states])
     try:
         shots = free.run(point, "end", derivatives=False)
     except FitError:  # such a drive is rejected, or cannot be simulated
@@ -279,7 +279,7 @@ def model_errors(drive: Drive | Circuit, solved: Solved) -> NamedNumbers:
     """Return the assumed minimum of the model error of each free value that affects sliding, SI."""
     if not drive.is_plain:  # the balances of the chambers differ
         return {}
-    found = zip(solved.problem.parameters, solved.problem.values(solved.point.eta).tolist(), strict=False)
+    found = zip(solved.problem.parameters, solved.values.tolist(), strict=False)
     free = [replace(p, value=value) for p, value in found]
     own = solved.problem.experiments[0].family  # held: numbers of the drive that are not derived from free ones
     known = {*own.paths, *(one.path for one in own.settled), *(p.core for p in free)}
@@ -311,8 +311,8 @@ def _balances(solved: Solved, index: int, family: DriveFamily, values: Array) ->
 
     The balances are those of force in sliding, N, and of both pressure rates, Pa/s.
     """
-    experiment, starts = solved.problem.experiments[index], solved.point.states[index]
-    fitted = solved.problem.values(solved.point.eta)[: solved.problem.drive_size]
+    experiment, starts = solved.problem.experiments[index], solved.at.point.states[index]
+    fitted = solved.values[: solved.problem.drive_size]
     states = experiment.run(fitted, starts, derivatives=False, outputs=_STATES).outputs.T
     recording = experiment.recording
     openings, temperatures = _core.valve_openings(recording["command"]), starts[0, [3, 5]].tolist()
@@ -435,7 +435,7 @@ CORRELATED, SOLVER_SHARE = 10.0, 0.1
 def assembled(drive: Drive | Circuit, solved: Solved, options: SearchOptions, steps: int) -> DriveFit:
     """Return the fit of the best search, after a number of steps."""
     problem, parameters, records = solved.problem, solved.problem.parameters, solved.problem.records
-    values, names = problem.values(solved.point.eta), problem.names
+    values, names = solved.values, problem.names
     covariance, reach = solved.covariance, student(solved.freedom)
     every = [*parameters, *problem.sensors]
     spread = np.sqrt(np.maximum(np.diag(covariance), 0.0))
@@ -499,7 +499,7 @@ def _notes(drive: Drive | Circuit, options: SearchOptions, solved: Solved, stati
     elif not drive.is_plain:
         notes.append("intervals cover noise only: the model error of a drive that runs as its circuit is unknown")
     units = numbers_of(drive)
-    moved = problem.experiments[0].family.derived_values(problem.values(solved.point.eta))
+    moved = problem.experiments[0].family.derived_values(solved.values)
     notes += [
         f"{named_value(name, value, units[name].unit)} is derived from free values, as the drive does not give it"
         for name, value in moved.items()

@@ -78,13 +78,13 @@ class Watcher:
         self.tell, self.watch, self.count = tell, watch, 0
         self.point: Iterate | None = None
 
-    def step(self, problem: FitProblem, phase: str, standing: Misfit, point: Iterate) -> None:
+    def step(self, problem: FitProblem, phase: str, standing: Misfit) -> None:
         """Register an accepted step; end the search if the user cancelled it."""
         self.watch.look()
-        self.point = point
+        self.point = standing.point
         self.count += 1
         if self.tell is not None:
-            rms, values = problem.rms(standing.residuals), problem.named(point.eta)
+            rms, values = problem.rms(standing.residuals), problem.named(standing.point.eta)
             self.tell(Progress(phase, self.count, standing.cost, rms, standing.gap, values))
 
 
@@ -134,6 +134,7 @@ class Misfit:
 
     Attributes
     ----------
+    point : Iterate
     cost : float
         Twice the negative log-likelihood, up to a constant.
     merit : float
@@ -144,6 +145,7 @@ class Misfit:
         Residuals in units of the noise, without closing the gaps.
     """
 
+    point: Iterate
     cost: float
     merit: float
     gap: float
@@ -152,7 +154,7 @@ class Misfit:
 
 @dataclass(frozen=True)
 class Joined(Misfit):
-    """Misfit and linearisation at one point of all recordings with joined segments.
+    """Misfit and linearisation at a point of all recordings with joined segments.
 
     Attributes
     ----------
@@ -191,7 +193,7 @@ def judge(problem: FitProblem, point: Iterate, shots: list[Shot], *, reset: bool
         penalty += r.size / max(len(scaled), 1) * float(np.sum(scaled**2))
         gap = max(gap, float(np.abs(scaled).max(initial=0.0)))
         residuals.append(r)
-    return Misfit(cost, cost if reset else cost + penalty, gap, residuals)
+    return Misfit(point, cost, cost if reset else cost + penalty, gap, residuals)
 
 
 def linearise(problem: FitProblem, point: Iterate, shots: list[Shot], *, reset: bool = False) -> Joined:
@@ -279,7 +281,7 @@ def predict_segments(problem: FitProblem, point: Iterate, watcher: Watcher) -> I
             off = experiment.noise * np.sqrt(np.sum(residual**2, axis=0) / count)
             experiment.noise = np.maximum(floor, off)
         at = linearise(problem, point, shots, reset=True)
-        found = _shortened(problem, point, at, longest, reset=True)
+        found = _shortened(problem, at, longest, reset=True)
         if found is None:  # carried states may be far off: first move only these
             if closings == MOST_CLOSINGS:
                 break
@@ -289,9 +291,9 @@ def predict_segments(problem: FitProblem, point: Iterate, watcher: Watcher) -> I
             closings = closings + 1
             shots = problem.run(point, "reached", reset=True)
             continue
-        point, standing, longest = found
-        closings = 0
-        watcher.step(problem, "steps with separate segments", standing, point)
+        standing, longest = found
+        point, closings = standing.point, 0
+        watcher.step(problem, "steps with separate segments", standing)
         if 1.0 - standing.cost / at.cost < SMALL_GAIN:
             break
         shots = problem.run(point, "reached", reset=True)
@@ -303,40 +305,38 @@ def predict_segments(problem: FitProblem, point: Iterate, watcher: Watcher) -> I
 
 def _shortened(
     problem: FitProblem,
-    point: Iterate,
     at: Joined,
     longest: float,
     *,
     reset: bool = False,
     share: float = 1.0,
-) -> tuple[Iterate, Misfit, float] | None:
+) -> tuple[Misfit, float] | None:
     """Shorten the step until it lowers the merit function, by runs without derivatives.
 
-    Only the step of the coordinates is shortened; `share` also shortens the step of the starts. Return point, misfit
-    and limit of the next step; None if no step lowers the merit function.
+    Only the step of the coordinates is shortened; `share` also shortens the step of the starts. Return the misfit of
+    the new point, and the limit of the next step; None if no step lowers the merit function.
     """
-    information, gradient = equations(problem, point, at)
-    before = at.merit
+    information, gradient = equations(problem, at)
     while longest >= SHORTEST:
         step = bounded_step(information, gradient, longest)
         states = []
-        for state, (n, g), (by_unknown, closing) in zip(point.states, at.blocks, at.carried, strict=True):
+        for state, (n, g), (by_unknown, closing) in zip(at.point.states, at.blocks, at.carried, strict=True):
             right = g[step.size :] - n[step.size :, : step.size] @ step
             states.append(state + share * (by_unknown @ np.r_[step, start_solution(n, right)] + closing))
-        trial = problem.possible(replace(point, eta=point.eta + share * step, states=states))
+        trial = problem.possible(Iterate(at.point.eta + share * step, states))
         with suppress(FitError):  # such a drive is rejected, or cannot be simulated
             standing = judge(problem, trial, problem.run(trial, "drive", derivatives=False), reset=reset)
-            if standing.merit < before:
-                return trial, standing, min(LONGER * longest, LONGEST)
+            if standing.merit < at.merit:
+                return standing, min(LONGER * longest, LONGEST)
         longest = SHORTER * min(longest, float(np.abs(step).max(initial=0.0)))
     return None
 
 
-def equations(problem: FitProblem, point: Iterate, at: Joined) -> ArrayPair:
+def equations(problem: FitProblem, at: Joined) -> ArrayPair:
     """Return information and gradient of the global coordinates, with prior knowledge of the sensors."""
     information, gradient = reduced(at.blocks, problem.size)
     information += np.diag(problem.prior)
-    gradient -= problem.prior * point.eta
+    gradient -= problem.prior * at.point.eta
     held = problem.held
     information[held], information[:, held], gradient[held] = 0.0, 0.0, 0.0
     information[held, held] = 1.0
@@ -345,19 +345,17 @@ def equations(problem: FitProblem, point: Iterate, at: Joined) -> ArrayPair:
 
 def join_segments(
     problem: FitProblem, point: Iterate, watcher: Watcher | None, most: int = MOST_STEPS
-) -> tuple[Iterate, Joined, bool]:
+) -> tuple[Joined, bool]:
     """Run the second phase to its end.
 
     Returns
     -------
-    Iterate, Joined, bool
-        Last accepted point, its linearisation, and whether the search converged.
+    Joined, bool
+        Linearisation at the last accepted point, and whether the search converged.
     """
-    shots = problem.run(point, "segment")
-    longest = LONGEST
-    at = linearise(problem, point, shots)
+    at, longest = linearise(problem, point, problem.run(point, "segment")), LONGEST
     for _ in range(most):
-        information, gradient = equations(problem, point, at)
+        information, gradient = equations(problem, at)
         step = bounded_step(information, gradient, LONGEST)
         # The Newton decrement: of the global coordinates, and of the starts.
         starts = [(n, g[problem.size :]) for n, g in at.blocks]
@@ -368,19 +366,18 @@ def join_segments(
         # residuals far below the noise: the error of the solver is a lower limit of the noise
         exact = at.cost < EXACT_SHARE**2 * sum(r.size for r in at.residuals)
         if short or (exact and at.gap < SOLVER_GAP):
-            return point, at, True
-        found = _shortened(problem, point, at, longest)
+            return at, True
+        found = _shortened(problem, at, longest)
         if found is None and at.gap < SOLVER_GAP and length >= 1.0:  # the starts move too far
-            shares = (_shortened(problem, point, at, LONGEST, share=share) for share in SHARES)
+            shares = (_shortened(problem, at, LONGEST, share=share) for share in SHARES)
             found = next(filter(None, shares), None)
         if found is None:
-            return point, at, length < 1.0 and at.gap < SOLVER_GAP
-        point, _, longest = found
-        shots = problem.run(point, "drive")
-        at = linearise(problem, point, shots)
+            return at, length < 1.0 and at.gap < SOLVER_GAP
+        standing, longest = found
+        at = linearise(problem, standing.point, problem.run(standing.point, "drive"))
         if watcher is not None:
-            watcher.step(problem, "steps with joined segments", at, point)
-    return point, at, False
+            watcher.step(problem, "steps with joined segments", at)
+    return at, False
 
 
 #: Largest lag for the correlation of residuals, as a fraction of a recording.
@@ -395,7 +392,6 @@ class Solved:
     Attributes
     ----------
     problem : FitProblem
-    point : Iterate
     at : Joined
     freedom : int
         Degrees of freedom.
@@ -417,7 +413,6 @@ class Solved:
     """
 
     problem: FitProblem
-    point: Iterate
     at: Joined
     freedom: int
     slopes: list[Array]
@@ -428,6 +423,11 @@ class Solved:
     missed: NamedNumbers = field(default_factory=dict)
     score: float = np.nan
     segment_s: float | None = None
+
+    @property
+    def values(self) -> Array:
+        """Values of the drive, then of the sensors, SI."""
+        return self.problem.values(self.at.point.eta)
 
     @property
     def good(self) -> bool:
@@ -453,11 +453,11 @@ class Solved:
     @property
     def covariance(self) -> Array:
         """Covariance of the values, SI."""
-        by_coordinate = self.problem.transforms.jacobian(self.point.eta)
+        by_coordinate = self.problem.transforms.jacobian(self.at.point.eta)
         return by_coordinate @ self.internal_covariance @ by_coordinate.T
 
 
-def solution(problem: FitProblem, point: Iterate, at: Joined) -> Solved:
+def solution(problem: FitProblem, at: Joined) -> Solved:
     """Return the end of a search, from the linearisation there."""
     matrix, _ = reduced(at.blocks, problem.size)
     matrix += np.diag(problem.prior)
@@ -473,8 +473,8 @@ def solution(problem: FitProblem, point: Iterate, at: Joined) -> Solved:
     inverse = (axes[:, good] / power[good]) @ axes[:, good].T / np.outer(scale, scale)
     inflation = {(i, c): (float(np.mean(r**2)), correlation_time(r)) for i, c, r in problem.valid(at.residuals)}
     measured = int(sum(e.weight.sum() for e in problem.experiments))
-    freedom = max(measured - size - sum(s.shape[1] for s in point.states), 1)
-    return Solved(problem, point, at, freedom, slopes, inverse, axes[:, ~good].T, inflation)
+    freedom = max(measured - size - sum(s.shape[1] for s in at.point.states), 1)
+    return Solved(problem, at, freedom, slopes, inverse, axes[:, ~good].T, inflation)
 
 
 def correlation_time(residual: Array) -> float:
@@ -510,7 +510,7 @@ def profile(solved: Solved, name: str, least: float | None = None) -> Interval:
     least : float, optional
         Cost of the best minimum. Default: cost of this solution.
     """
-    problem, point, reach = solved.problem, solved.point, student(solved.freedom)
+    problem, point, reach = solved.problem, solved.at.point, student(solved.freedom)
     index = problem.names.index(name)
     spread = np.sqrt(solved.internal_covariance[index, index])
     plain = np.sqrt(solved.inverse[index, index])
@@ -522,12 +522,12 @@ def profile(solved: Solved, name: str, least: float | None = None) -> Interval:
         eta[index] = value
         problem.held = np.arange(problem.size) == index
         try:
-            moved, at, _ = join_segments(problem, replace(start, eta=eta), None, most=PROFILE_FITS)
+            found, _ = join_segments(problem, replace(start, eta=eta), None, most=PROFILE_FITS)
         except FitError:
             return np.inf, start
         finally:
             problem.held = np.zeros(problem.size, dtype=bool)
-        return at.cost, moved
+        return found.cost, found.point
 
     least = solved.at.cost if least is None else least
     at, ends = point.eta[index], []
