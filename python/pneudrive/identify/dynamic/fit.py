@@ -18,14 +18,7 @@ from pneudrive.free.parameters import Parameter, chosen, family_of, numbers_of, 
 from pneudrive.identify.base import SIMULATED, Fit, Undetermined
 from pneudrive.identify.dynamic import search
 from pneudrive.identify.dynamic import sensors as sensing
-from pneudrive.identify.dynamic.problem import (
-    FitProblem,
-    FittedRecording,
-    Iterate,
-    segment_starts,
-    start_states,
-    white_noise,
-)
+from pneudrive.identify.dynamic.problem import FitProblem, FittedRecording, Iterate, segment_starts, start_states
 from pneudrive.identify.dynamic.result import LARGEST_REACH, DriveFit, assembled, unresolved_damping
 from pneudrive.identify.follow.driven import check_follow
 from pneudrive.identify.follow.fit import FollowFit, identify_motion
@@ -292,7 +285,7 @@ def _resolvable(
     numbers = numbers_of(drive)
     force = numbers.get(f"{of}.breakaway", numbers[f"{of}.coulomb"]).value
     position = described["position"]
-    noise = [white_noise(r["position_m"]) for r in records if "position_m" in r]
+    noise = [sensing.white_noise(r["position_m"]) for r in records if "position_m" in r]
     step = max(position.resolution, np.median(noise) if noise else 0.0)
     lost = unresolved_damping(step, force, numbers[f"{of}.bristle_stiffness"].value)
     if lost is None:
@@ -312,7 +305,7 @@ def _least_noise(channel: sensing.Channel, rtol: float) -> float:
 
 def noise_of(channel: sensing.Channel, record: DriveRecording | VolumeRecording, rtol: float) -> float:
     """Return the initial standard deviation of a channel: stated, or from sample-to-sample differences."""
-    white = white_noise(record[channel.column]) if channel.noise is None else channel.noise
+    white = sensing.white_noise(record[channel.column]) if channel.noise is None else channel.noise
     return float(np.hypot(white, _least_noise(channel, rtol)))
 
 
@@ -364,7 +357,7 @@ def _over_noise(problem: FitProblem, at: search.Misfit) -> NamedNumbers:
     for i, c, residual in problem.valid(at.residuals):
         experiment = problem.experiments[i]
         channel, own = experiment.channels[c], experiment.noise[c] * rms(residual)
-        white = max(white_noise(experiment.measured[:, c]), _least_noise(channel, RTOL))
+        white = max(sensing.white_noise(experiment.measured[:, c]), _least_noise(channel, RTOL))
         worst[channel.name] = max(worst.get(channel.name, 0.0), own / white)
     return worst
 
@@ -462,7 +455,7 @@ def identify_presliding(
         raise FitError(f"law {drive.friction.law} has no bristle stiffness", remedy="Choose lugre or elasto-plastic.")
     every = loops if isinstance(loops, (list, tuple)) else [loops]
     columns = [_columns(loop) for loop in every]
-    step = max(white_noise(position) for _, position, _ in columns)
+    step = max(sensing.white_noise(position) for _, position, _ in columns)
     found = [reversal for loop in columns for reversal in _reversals(*loop, step)]
     most = max((_swing(reversal) for reversal in found), default=0.0)
     found = [reversal for reversal in found if _swing(reversal) >= WHOLE_SWING * most]

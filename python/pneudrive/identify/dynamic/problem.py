@@ -608,9 +608,3 @@ def _parabolas(
     done = ~fits
     done[fits] = off <= most
     return level, slope, done
-
-
-def white_noise(values: Array) -> float:
-    """Estimate the standard deviation of white noise on a smooth signal, from its third differences."""
-    third = np.diff(values[np.isfinite(values)], 3)
-    return float(np.sqrt(np.mean(third**2) / 20.0)) if third.size else 0.0

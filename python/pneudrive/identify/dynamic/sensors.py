@@ -238,6 +238,12 @@ def sensor_parameters(
     return out
 
 
+def white_noise(values: Array) -> float:
+    """Estimate the standard deviation of white noise on a smooth signal, from its third differences."""
+    third = np.diff(values[np.isfinite(values)], 3)
+    return float(np.sqrt(np.mean(third**2) / 20.0)) if third.size else 0.0
+
+
 def lagged(time_s: Array, values: Array, lag_s: float) -> Array:
     """Pass columns through a lag of first order, exactly for values that are linear between the samples.
 
