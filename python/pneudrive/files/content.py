@@ -8,6 +8,7 @@ import gzip
 import json
 import lzma
 import math
+import os
 import re
 import stat
 import zlib
@@ -42,6 +43,8 @@ _TOKENS = re.compile(
 _JSON_TOKENS = re.compile(r'"(?:\\.|[^"\\])*"?|[\[\]{}]', re.DOTALL)
 
 LARGEST_WHOLE = 2**63 - 1  # of TOML
+#: Whether a file or folder has this name. Unlike `Path.exists`, it is False for an invalid name, such as one too long.
+exists = os.path.exists
 
 
 def read_bytes(path: Path, kind: ErrorKind, most: str = "text_bytes", folder: str | None = None) -> bytes:
@@ -91,14 +94,6 @@ def check_file(path: Path, kind: ErrorKind, most: str = "file_bytes", folder: st
         raise kind("this is a pipe or a device, not a file", where=str(path), remedy="Write it to a file first.")
     within(most, about.st_size, f"the file has {about.st_size:,} bytes", kind, str(path))
     return about.st_size
-
-
-def exists(path: Path) -> bool:
-    """Return whether a file or folder has this name; False for an invalid name."""
-    try:
-        return path.exists()
-    except (OSError, ValueError):  # name too long; a null character
-        return False
 
 
 def unreadable(path: Path, error: OSError | ValueError, kind: ErrorKind) -> PneudriveError:
