@@ -69,7 +69,7 @@ class Scan:
         return self.scale(freedom, least) * student(freedom) ** 2
 
     def inside(self, rise: float) -> NDArray[np.intp]:
-        """Return a mask of the shapes whose cost exceeds the smallest one by at most `rise`."""
+        """Return the indices of the shapes whose cost exceeds the smallest one by at most `rise`."""
         return np.flatnonzero(self.cost <= self.cost[self.best] + rise)
 
     def interval(self, rows: Array, rise: float) -> Interval:
@@ -244,12 +244,14 @@ class MixedModel:
         return np.where(known, state.solved, 0.0) / diagonal, np.where(known, 1.0 / np.sqrt(diagonal), np.inf)
 
     def _few(self) -> MixedModel:
-        """Return the model with every k-th observation if there are very many observations."""
-        n = self.y.size
-        return self if n <= MOST_FOR_SEARCH else self._part(np.arange(0, n, -(-n // MOST_FOR_SEARCH)))
+        """Return the model with every k-th observation if there are very many observations.
 
-    def _part(self, rows: NDArray[np.intp]) -> MixedModel:
-        """Return the model for some of the observations, without columns that these observations do not determine."""
+        Columns of x that these observations do not determine are left out.
+        """
+        n = self.y.size
+        if n <= MOST_FOR_SEARCH:
+            return self
+        rows = np.arange(0, n, -(-n // MOST_FOR_SEARCH))
         x = self.x[rows]
         kernels = (c.kernel[rows] if c.kernel.ndim == 1 else c.kernel[np.ix_(rows, rows)] for c in self.components)
         parts = (replace(c, kernel=kernel) for c, kernel in zip(self.components, kernels, strict=True))
