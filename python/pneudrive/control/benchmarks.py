@@ -191,9 +191,8 @@ class ControlComparison(Viewed):
                 law: [written(name, self.within(law, along, name, share)) for share in shares] for law in self.laws
             }
             if any(map(any, cells.values())):
-                texts = (
-                    (law, " / ".join(cell or "-" * (len(shares) > 1) for cell in each)) for law, each in cells.items()
-                )
+                empty = "-" if len(shares) > 1 else ""
+                texts = ((law, " / ".join(cell or empty for cell in each)) for law, each in cells.items())
                 out += [
                     ShownValue(f"{along}.{law}.{name}", f"{label}: {SHOWN[name][0]}", law, text) for law, text in texts
                 ]
@@ -566,11 +565,14 @@ def benchmark(
     keys = [key_of(one._replace(truth=truths(1)), 1, store.mark) for one in prepared.values()]
     about = {"drive": drive.name, "setup": name, "setup_about": read.about, "mismatch": first.mismatch}
     about |= {"spread": own[1] if own else "", "count": count, "rtol": RTOL, **_references_told(to_follow)}
-    about |= assumptions(tunings) | {"mark": store.mark, "keys": hashlib.sha256("".join(keys).encode()).hexdigest()}
-    about |= stored_beside({INPUTS: [one for tuning in tunings.values() for one in inputs_of(tuning.belief)]}, folder)
+    digest = hashlib.sha256("".join(keys).encode()).hexdigest()
+    about |= assumptions(tunings) | {"mark": store.mark, "keys": digest}
+    inputs = [one for tuning in tunings.values() for one in inputs_of(tuning.belief)]
+    about |= stored_beside({INPUTS: inputs}, folder)
     asked = {"drive": named, "laws": laws, "references": references, "setup": setup, "mismatch": mismatch}
     asked |= {"spread": spread, "count": count}
-    store_about(folder, about | {"asked": json.loads(json.dumps(asked, default=lambda _: None)) if named else None})
+    request = json.loads(json.dumps(asked, default=lambda _: None))
+    store_about(folder, about | {"asked": request if named else None})
 
     (folder / SO_FAR).unlink(missing_ok=True)
     # Members outermost, so that each of their circuits is compiled once.

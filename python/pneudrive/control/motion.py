@@ -140,7 +140,8 @@ def near(times_s: Array, points_m: Array, knot_s: float) -> list[Row]:
 
     begin, end = float(times_s[0]), float(times_s[-1])
     count = max(REST, math.ceil((end - begin) / knot_s))
-    knots = np.concatenate([[begin] * ORDER, np.linspace(begin, end, count + 1), [end] * ORDER])
+    breaks = np.linspace(begin, end, count + 1)
+    knots = np.concatenate([[begin] * ORDER, breaks, [end] * ORDER])
     basis: Any = BSpline.design_matrix(times_s, knots, ORDER).tocsc()
     # The four coefficients at an end determine the value and three derivatives there.
     numbers = np.empty(len(knots) - ORDER - 1)
@@ -158,7 +159,8 @@ def _of_spline(spline: Any) -> list[Row]:  # noqa: ANN401 - scipy's own
     for i, (begin, end) in enumerate(pairwise(breaks)):
         if end > begin:
             scaled = numbers[:, i] * (end - begin) ** np.arange(len(numbers))
-            rows.append([float(begin), float(end - begin), *map(float, scaled), *[0.0] * (POWERS - len(scaled))])
+            missing = [0.0] * (POWERS - len(scaled))
+            rows.append([float(begin), float(end - begin), *map(float, scaled), *missing])
     return rows
 
 
@@ -250,7 +252,8 @@ class Reference(Shown):
         """Default duration of a run: the longer of 16 s and four periods of a sine, or 2 s after the last move."""
         if self.is_sine:
             return max(SINE_S, SINE_PERIODS / self.frequency_hz)
-        ends = [move.end_s for move in self.moves[-1:]] + [begin + lasts for begin, lasts, *_ in self.pieces[-1:]]
+        ends = [move.end_s for move in self.moves[-1:]]
+        ends += [begin + lasts for begin, lasts, *_ in self.pieces[-1:]]
         return max(ends, default=0.0) + self.rest_s
 
     def core(self) -> Plain:
@@ -278,7 +281,8 @@ class Reference(Shown):
         position, velocity, *_ = self.at(times).T
         shares = speed_shares(velocity, speeds_m_s)
         at = int(np.argmax(shares))
-        return Reach(*map(float, (position.min(), position.max(), abs(velocity[at]), shares[at], times[at])))
+        fastest = abs(velocity[at]), shares[at], times[at]
+        return Reach(*map(float, (position.min(), position.max(), *fastest)))
 
     def stretched(self, factor: float) -> Reference:
         """Return the motion stretched in time by a factor, rounded up to 0.001. Factors up to 1 have no effect."""

@@ -200,12 +200,14 @@ def _from_file(path: Path) -> motion.Reference:
             else motion.blended(one.at_s, one.duration_s, at, one.to_m)
         )
         rows += made
-        free_s, at = (made[-1][0] + made[-1][1] if made else one.at_s), one.to_m
+        begin_s, lasts_s, *_ = made[-1] if made else (one.at_s, 0.0)
+        free_s, at = begin_s + lasts_s, one.to_m
     return motion.Reference(str(path), read.start_m, pieces=tuple(rows))
 
 
 def _missing(made: motion.Reference, times: Any, points: Any) -> motion.Reference:  # noqa: ANN401 - arrays or lists
-    return replace(made, points_missed_m=float(np.abs(made.at(times)[:, 0] - np.asarray(points)).max()))
+    missed = np.abs(made.at(times)[:, 0] - np.asarray(points))
+    return replace(made, points_missed_m=float(missed.max()))
 
 
 def _of_record(path: Path) -> motion.Reference:
@@ -229,7 +231,8 @@ def _of_record(path: Path) -> motion.Reference:
     made = motion.Reference(str(path), float(position[0]), pieces=tuple(pieces))
     low, high = float(position.min()), float(position.max())
     within = max(BEYOND_SHARE * (high - low), BEYOND_M)
-    reach = made.reach() if np.isfinite(made.pieces).all() else motion.Reach(-np.inf, *[np.inf] * 4)
+    nowhere = motion.Reach(-np.inf, *[np.inf] * 4)
+    reach = made.reach() if np.isfinite(made.pieces).all() else nowhere
     if low - within <= reach.lowest_m and reach.highest_m <= high + within:
         return _missing(made, time, position)
     # The fitted curve leaves the range of the samples, for example in a long gap.
@@ -345,8 +348,9 @@ def _standard(name: str, stroke_m: float, speeds_m_s: Pair) -> motion.Reference:
     low, middle, right, left = (round(share * stroke_m, 6) for share in (0.46, 0.5, 0.8, 0.2))
     high = round(low + step, 6)
     sines = {"R1": 0.5, "R2": 1.0}
+    stairs = (1.0, 0.3, high), (3.0, 0.3, low), (5.0, 0.5, right), (7.0, 0.6, left)
     moves = {
-        "R3": (low, ((1.0, 0.3, high), (3.0, 0.3, low), (5.0, 0.5, right), (7.0, 0.6, left)), motion.REST_S),
+        "R3": (low, stairs, motion.REST_S),
         "R5": (low, ((1.0, 0.3, high),), 40.0),
         "R6": (left, ((1.0, 0.25, right),), motion.REST_S),
     }

@@ -234,7 +234,8 @@ def score_of(time: Array, of: Mapping[str, Array], motion: Keyed, air: NamedNumb
     jumps = [np.abs(np.diff(of[name])).max(initial=0.0) for name in ("pressure_a", "pressure_b")]
     start, each, overshoots = motion.get("start_m", 0.0), moves_of(motion), []
     for move, from_m, until in _spans((start, ways_of(motion)), float(time[-1])):  # beyond the end of each move
-        beyond = math.copysign(1.0, move.to_m - from_m) * (x[(time >= move.begin_s) & (time <= until)] - move.to_m)
+        inside = (time >= move.begin_s) & (time <= until)
+        beyond = math.copysign(1.0, move.to_m - from_m) * (x[inside] - move.to_m)
         if beyond.size:
             overshoots.append(max(0.0, float(beyond.max())))
     return Score(
@@ -325,13 +326,15 @@ def _of_moves(time: Array, x: Array, v: Array, error: Array, of: _Moves) -> Plai
             times.append(math.inf if outside[-1] else last)
         length = until - move.end_s + ROUNDING_S
         if length >= REST_S:
-            found["rest_error_m"].append(float(np.abs(error[dwell & (time >= until - REST_S)]).mean()))
+            at_end = dwell & (time >= until - REST_S)
+            found["rest_error_m"].append(float(np.abs(error[at_end]).mean()))
         if length >= HUNTING_S:
             begin = min(move.end_s + LONG_DWELL_S, until - HUNTING_S)
             part = dwell & (time >= begin)
             found["hunting_m"].append(float(np.ptp(x[part])))
             fast = np.abs(v[part]) > SLIP_M_S
-            found["slips"].append(int(fast[0]) + int(np.sum(fast[1:] & ~fast[:-1])))
+            begun = fast[1:] & ~fast[:-1]
+            found["slips"].append(int(fast[0]) + int(np.sum(begun)))
     out: Plain = {name: max(values) if values else None for name, values in found.items()}
     if found["slips"]:
         out["slips"] = int(sum(found["slips"]))

@@ -81,7 +81,8 @@ class AnalogSensor:
         """
         seen = (1.0 + self.gain_error) * signal + (self.zero + drift)
         if self.hysteresis:
-            seen = seen + self.hysteresis * np.clip(signal / (0.01 * (self.high - self.low)), -1.0, 1.0)
+            width = 0.01 * (self.high - self.low)
+            seen = seen + self.hysteresis * np.clip(signal / width, -1.0, 1.0)
         if rng is not None and self.noise > 0.0:
             seen = seen + self.noise * rng.standard_normal(np.shape(signal))
         steps = np.rint((np.clip(seen, self.low, self.high) - self.low) / self.step)

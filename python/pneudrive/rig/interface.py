@@ -180,8 +180,11 @@ class Samples:
     @classmethod
     def join(cls, parts: Sequence[Samples]) -> Samples:
         """Join parts in their order; no parts give no samples."""
-        first: dict[str, NDArray[Any]] = {**dict.fromkeys(CHANNELS, np.zeros(0)), "step": np.zeros(0, dtype=np.int64)}
-        return cls(**{name: np.concatenate([none, *(getattr(p, name) for p in parts)]) for name, none in first.items()})
+        joined: dict[str, NDArray[Any]] = dict.fromkeys(CHANNELS, np.zeros(0))
+        joined["step"] = np.zeros(0, dtype=np.int64)
+        for name, none in joined.items():
+            joined[name] = np.concatenate([none, *(getattr(part, name) for part in parts)])
+        return cls(**joined)
 
     @classmethod
     def of(cls, given: Any) -> Samples:  # noqa: ANN401 - any result of a lab's code
@@ -468,7 +471,8 @@ def read_table(
     names = [field.name for field in fields(cls)]  # type: ignore[arg-type] - a dataclass
     notes = [f"{path}{n} is ignored, as it is not a known key. {nearest(n, names)}" for n in data if n not in names]
     try:
-        return _adapter(cls).validate_python(usual | {n: v for n, v in present(data).items() if n in names}), notes
+        known = {name: value for name, value in present(data).items() if name in names}
+        return _adapter(cls).validate_python(usual | known), notes
     except pydantic.ValidationError as error:
         first = error.errors()[0]
     cause = first.get("ctx", {}).get("error", "")

@@ -351,7 +351,8 @@ class Machine:
         rig = core_rig(d, (past.pressure_a_pa, past.pressure_b_pa), friction, float(past.room_k(d)))
         result = drag(rig, motion, times, begin, released=hold.released, shut=hold.shut, look=look)
         columns, _, past.state, past.commanded_m = result
-        past.shown = {name: float(column[-1]) for name, column in columns.items()} if times.size else past.shown
+        if times.size:
+            past.shown = {name: float(column[-1]) for name, column in columns.items()}
         power = 0.0
         if isinstance(step, Move):
             way = abs(past.commanded_m - motion.start_m)

@@ -65,7 +65,9 @@ Limits = MotionLimits  # public name in pneudrive.rig
 
 def _moved(h: Any, x: Any, v: Any, a: Any, j: Any) -> tuple[Any, Any, Any]:  # noqa: ANN401 - numbers or arrays
     """Return position, velocity and acceleration after a time `h` of constant jerk."""
-    return x + h * (v + h * (a / 2.0 + h * j / 6.0)), v + h * (a + h * j / 2.0), a + h * j
+    position = x + h * (v + h * (a / 2.0 + h * j / 6.0))
+    velocity = v + h * (a + h * j / 2.0)
+    return position, velocity, a + h * j
 
 
 @dataclass(frozen=True)
@@ -106,7 +108,8 @@ class Motion:
         """Return position, velocity and acceleration at `time_s`, m, m/s, m/s2; constant beyond the ends."""
         knots = self.knots()
         time = np.clip(np.asarray(time_s, dtype=float), 0.0, knots[0, -1])
-        i = np.clip(np.searchsorted(knots[0], time, side="right") - 1, 0, self.durations_s.size - 1)
+        i = np.searchsorted(knots[0], time, side="right") - 1
+        i = np.clip(i, 0, self.durations_s.size - 1)
         h = time - knots[0, i]
         x, v, a = knots[1:, i]
         return _moved(h, x, v, a, self.jerks_m_s3[i])
@@ -256,7 +259,8 @@ def step_times(duration_s: float, moving: bool, sampling: Sampling) -> Array:
     >>> step_times(1.0, True, Sampling(samples_per_stroke=4, burst_rate_hz=0.0)).tolist()
     [0.0, 0.25, 0.5, 0.75]
     """
-    parts = [begin + (end - begin) * np.arange(n) / max(n, 1) for begin, end, n in _spans(duration_s, moving, sampling)]
+    spans = _spans(duration_s, moving, sampling)
+    parts = [begin + (end - begin) * np.arange(n) / max(n, 1) for begin, end, n in spans]
     return np.concatenate(parts) if parts else np.zeros(0)
 
 

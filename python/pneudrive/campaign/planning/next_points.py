@@ -48,6 +48,6 @@ def _gauges(fit: FrictionFit, identity: Identity, envelope: Envelope) -> tuple[t
     if envelope.separate_pressures:
         chambers = "".join(fit.model.chambers)
         pairs = [(a if "a" in chambers else 0.0, b if "b" in chambers else 0.0) for a in levels for b in levels]
-    areas = (identity.area_a_m2, identity.area_b_m2)
-    kept = [(a, b) for a, b in pairs if abs(a * areas[0] - b * areas[1]) <= FORCE_SHARE * envelope.force_n]
+    highest_n = FORCE_SHARE * envelope.force_n
+    kept = [(a, b) for a, b in pairs if abs(a * identity.area_a_m2 - b * identity.area_b_m2) <= highest_n]
     return tuple(dict.fromkeys(kept)) or ((0.0, 0.0),)

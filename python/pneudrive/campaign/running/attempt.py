@@ -340,7 +340,8 @@ def arrival_flags(samples: Samples, cycle: Cycle, identity: Identity) -> dict[st
     counts = {"non_finite": int((~_measured(samples)).sum())}
     samples = samples.rows(np.isfinite(samples.time_s))
     # A sample that repeats an earlier one in every channel was sent twice.
-    fresh = pl.DataFrame(vars(samples)).select(pl.struct(pl.all()).is_first_distinct()).to_series().to_numpy()
+    is_first = pl.struct(pl.all()).is_first_distinct()
+    fresh = pl.DataFrame(vars(samples)).select(is_first).to_series().to_numpy()
     counts["duplicated"], samples = int((~fresh).sum()), samples.rows(fresh)
     intervals = np.diff(samples.time_s)
     counts["time_runs_back"] = int((intervals < 0.0).sum())
@@ -376,7 +377,8 @@ def _dropped(time: Array, step: Ints, cycle: Cycle) -> int:
         late = end - time[inside] <= sampling.burst_before_s
         planned[inside[~((early | late) & (sampling.burst_rate_hz > 0.0))]] = planned_s
     expected = np.maximum(usual, planned)
-    late = (intervals > LATE * expected + JITTER * deviation) & (step[1:] == step[:-1]) & (expected > 0.0)
+    within_step = (step[1:] == step[:-1]) & (expected > 0.0)
+    late = within_step & (intervals > LATE * expected + JITTER * deviation)
     return int(np.sum(np.maximum(np.rint(intervals[late] / expected[late]) - 1.0, 1.0)))
 
 

@@ -272,7 +272,8 @@ def thinned(points: Points, most: int) -> Points:
         return points
     stretch, force = -(-count // (most // 2)), points[:, _FORCE]
     # The first row of each interval in the order of the force; missing forces come last.
-    chosen = [np.lexsort((way * force, np.arange(count) // stretch))[::stretch] for way in (1, -1)]
+    interval = np.arange(count) // stretch
+    chosen = [np.lexsort((way * force, interval))[::stretch] for way in (1, -1)]
     return points[np.unique(chosen)]
 
 

@@ -88,7 +88,8 @@ def steps_from_motion(time_s: Array, position_m: Array, speed_m_s: float | None 
     if time.size < LEAST_SAMPLES or not time[-1] > time[0] or np.ptp(position) <= 20 * noise:
         return starts
     if not speed_m_s:
-        moving = np.abs(speed_of(time, position, float(np.ptp(position)) / float(np.ptp(time))))
+        mean = float(np.ptp(position)) / float(np.ptp(time))
+        moving = np.abs(speed_of(time, position, mean))
         speed_m_s = middle(moving[moving > 0]) if (moving > 0).any() else 0.0
     speed, window_s = speed_of(time, position, speed_m_s), _window_s(position, speed_m_s)
     resting = np.abs(speed) < RESTS * speed_m_s
@@ -97,7 +98,8 @@ def steps_from_motion(time_s: Array, position_m: Array, speed_m_s: float | None 
     for begin, end in _runs(resting, True):  # rests that are only the mean speed of a reversal
         resting[begin:end] = time[end] - time[begin] > window_s
     # A slow move reverses within less than a sample: the sign changes without a rest.
-    turns = (np.sign(speed[1:]) * np.sign(speed[:-1]) < 0) & ~resting[1:] & ~resting[:-1]
+    sign, moves = np.sign(speed), ~resting
+    turns = (sign[1:] * sign[:-1] < 0) & moves[1:] & moves[:-1]
     starts[usable] = np.r_[0, turns | np.diff(resting)]
     return np.cumsum(starts)
 
@@ -407,8 +409,8 @@ class Campaign(Shown):
     def _card(self) -> Card:
         """Return the notebook view: rig and progress."""
         title = f"{self.about.get('name', self.path.name)} ({'simulated' if self.synthetic else 'measured'})"
-        rows = [("folder", str(self.path)), ("rig", self.identity.name), ("cycles on disk", str(len(self.files())))]
-        return Card(title, rows=rows, notes=self.notes)
+        texts = {"folder": str(self.path), "rig": self.identity.name, "cycles on disk": str(len(self.files()))}
+        return Card(title, rows=list(texts.items()), notes=self.notes)
 
     @property
     def protocol(self) -> str:

@@ -142,8 +142,8 @@ def check_path(platform: Platform, tunings: list[Tuning], needs: Demands) -> Nam
         warn(f"{said}: controllers of single legs may oscillate; {DECOUPLING} controls the legs together")
     most = {"force": 0.0, "speed": 0.0}
     for i, tuning in enumerate(tunings):
-        name, x, v = platform.legs[i].name, needs.legs.positions_m[:, i], needs.legs.velocities_m_s[:, i]
-        stroke = tuning.plant.stroke_m
+        name, stroke = platform.legs[i].name, tuning.plant.stroke_m
+        x, v = needs.legs.positions_m[:, i], needs.legs.velocities_m_s[:, i]
         _within(name, "position", "mm", 1e3 * x, (0.0, 1e3 * stroke), times, "Make the path smaller, or move it.")
         out, back = tuning.speeds_m_s
         remedy = "Make the path slower, or take a larger valve."

@@ -81,7 +81,8 @@ class CoordinatePath(NamedTuple):
         # Corners at (1, -1), (1, 1), (-1, 1), (-1, -1): each coordinate turns at every second one.
         quarters = range(int(4.0 * end_s / self.period_s) + 1)
         signs = [1, 1, -1, -1] if self.leads else [-1, 1, 1, -1]
-        corners = [(k, signs[k % 4]) for k in quarters if k == 0 or signs[k % 4] != signs[(k - 1) % 4]]
+        turns = (k for k in quarters if k == 0 or signs[k % 4] != signs[(k - 1) % 4])
+        corners = [(k, signs[k % 4]) for k in turns]
         quarter = 0.25 * self.period_s
         return [ReferenceMove(k * quarter, self.edge_s, self.centre + sign * self.amplitude) for k, sign in corners]
 
@@ -328,7 +329,8 @@ class PoseScore(Viewed):
         }
         findings = [Finding(f"Lost: {self.lost}.", "bad")] if self.lost else []
         findings.append(Finding(f"Stops hit: {self.stops_hit}.", "bad" if self.stops_hit else "good"))
-        rows = [value for of in (self.coordinates, self.legs) for name, one in of.items() for value in one.shown(name)]
+        tracked = [*self.coordinates.items(), *self.legs.items()]
+        rows = [value for name, one in tracked for value in one.shown(name)]
         return View(
             "Score of a pose, simulated" if about is None else run_title(about),
             rows,
