@@ -24,10 +24,6 @@ if TYPE_CHECKING:
 
     Columns = dict[str, NDArray[Any]]
 
-resource: Any = None
-with contextlib.suppress(ImportError):  # not on Windows
-    import resource
-
 MEMORY_OF_SMALL = 500_000_000  # bytes that a small MAT file may take: some copies of `packed.SMALL`
 UNIT_OF = "unit of "  # prefix of a column's name: key of its unit in the file's metadata
 LONGEST_REASON = 200  # characters of what a library says
@@ -191,9 +187,11 @@ OPENERS: dict[str, tuple[str, Callable[[Path], Opened]]] = {
 @contextlib.contextmanager
 def _limited_memory(path: Path) -> Iterator[None]:
     """Limit the memory for a MAT file, because arrays inside structures state their sizes only when they are read."""
+    import resource
+
     try:
         used = int(Path("/proc/self/statm").read_text().split()[5]) * resource.getpagesize()
-    except (OSError, AttributeError):  # not Linux: the bound reader_bytes is left
+    except OSError:  # not Linux: the bound reader_bytes is left
         yield
         return
     usual, hard = resource.getrlimit(resource.RLIMIT_DATA)

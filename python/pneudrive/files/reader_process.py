@@ -6,6 +6,7 @@ exception is returned as answer. After a crash, a timeout or exhausted memory, t
 
 from __future__ import annotations
 
+import resource
 import signal
 import sys
 import warnings
@@ -19,10 +20,6 @@ import numpy as np
 
 from pneudrive.errors import PneudriveError, RecordingError
 from pneudrive.files.formats import LONGEST_REASON, OPENERS, Opened, plain
-
-resource = None
-with suppress(ImportError):  # not on Windows
-    import resource
 
 
 @lru_cache(maxsize=1)
@@ -40,8 +37,8 @@ def answer(request: dict[str, Any]) -> Any:  # noqa: ANN401 - of each request it
         if request["wanted"] is None:
             return opened.names, opened.metadata
         found = opened.get(request["wanted"], request["dates"])
-        columns = {name: plain(np.asarray(values)) for name, values in found.items()}
         _opened.cache_clear()
+        return {name: plain(np.asarray(values)) for name, values in found.items()}
     except PneudriveError as error:
         return error
     except BaseException as error:  # libraries raise any exception
@@ -52,8 +49,6 @@ def answer(request: dict[str, Any]) -> Any:  # noqa: ANN401 - of each request it
             reason = f"{type(error).__name__}: {reason}"
         _opened.cache_clear()
         return RecordingError(f"the file cannot be read as {OPENERS[form][0]}", value=reason[:LONGEST_REASON])
-    else:
-        return columns
 
 
 def main() -> None:
@@ -61,9 +56,8 @@ def main() -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # only the client handles Ctrl-C
     warnings.simplefilter("ignore")
     connection, most = Connection(int(sys.argv[1])), int(sys.argv[2])
-    if resource is not None:  # the bound of the memory
-        _, hard = resource.getrlimit(resource.RLIMIT_DATA)
-        resource.setrlimit(resource.RLIMIT_DATA, (most if hard < 0 else min(most, hard), hard))
+    _, hard = resource.getrlimit(resource.RLIMIT_DATA)
+    resource.setrlimit(resource.RLIMIT_DATA, (most if hard < 0 else min(most, hard), hard))
     with suppress(EOFError, OSError):
         while True:
             request = connection.recv()
