@@ -15,7 +15,7 @@ from pneudrive.files.content import parse_json
 from pneudrive.files.tables import open_table
 from pneudrive.repr_tables import Shown
 from pneudrive.signals.importer import import_file
-from pneudrive.signals.layout import AnyLayout, Layout, stem
+from pneudrive.signals.layout import KINDS, AnyLayout, Layout, stem
 from pneudrive.signals.load import digest_of, find_layout, is_run, layout_beside
 from pneudrive.signals.motion import NOISE_FACTOR, noise_level
 from pneudrive.signals.recording import QUANTILES, refuse_pressure
@@ -178,12 +178,7 @@ def drive_recording(
         If a column is missing or not finite, lengths differ, times do not increase, or a command is outside -1 .. 1.
     """
     where = str(source or name)
-    rule = f"a recording of a drive has {', '.join(needed)}"
-    remedy = (
-        "name the columns like `pneudrive simulate --out`, or name them in a layout; "
-        "a recording of friction has no command: characterise it, and validate against its map.parquet"
-    )
-    used = _arrays(columns, needed, (*NEEDED, *OPTIONAL), where, rule, remedy)
+    used = _arrays(columns, needed, (*NEEDED, *OPTIONAL), where, "drive")
     time = used["time_s"]
     if time.size < LEAST_SAMPLES:
         raise RecordingError(f"the recording has {time.size} samples", where=where, rule=f"at least {LEAST_SAMPLES}")
@@ -220,13 +215,8 @@ def volume_recording(
         or an opening is outside 0 .. 1.
     """
     where = str(source or name)
-    rule = (
-        "a fixed volume has time_s and pressure_pa (absolute), command where its line opens or shuts, and "
-        "inlet_pressure_pa if recorded before a tube"
-    )
-    used = _arrays(
-        {"command": np.ones(np.size(columns.get("time_s", ()))), **columns}, OF_VOLUME[:2], OF_VOLUME, where, rule
-    )
+    opened = {"command": np.ones(np.size(columns.get("time_s", ()))), **columns}
+    used = _arrays(opened, OF_VOLUME[:2], OF_VOLUME, where, "fixed-volume")
     finite = np.all([np.isfinite(values) for values in used.values()], axis=0)
     used = rows_of(used, finite)
     _refuse_fall(used["time_s"], np.diff(used["time_s"]) < 0.0, "time runs backwards", where)
@@ -244,19 +234,12 @@ def volume_recording(
     return VolumeRecording(name, used, dict(labels or {}), source, digest)
 
 
-def _arrays(
-    columns: Keyed,
-    needed: Sequence[str],
-    known: Iterable[str],
-    where: str,
-    rule: str,
-    remedy: str | None = None,
-) -> Columns:
-    """Return the known columns as arrays of one length; reject missing columns."""
+def _arrays(columns: Keyed, needed: Sequence[str], known: Iterable[str], where: str, kind: str) -> Columns:
+    """Return the known columns of a kind of recording as arrays of one length; reject missing columns."""
     if missing := [column for column in needed if column not in columns]:
         shown = f"columns: {', '.join(map(str, columns))}"
-        what = f"the recording lacks {', '.join(missing)}"
-        raise RecordingError(what, where=where, value=shown, rule=rule, remedy=remedy)
+        what, rule = f"the recording lacks {', '.join(missing)}", KINDS[kind]["rule"].format(needed=", ".join(needed))
+        raise RecordingError(what, where=where, value=shown, rule=rule, remedy=KINDS[kind].get("remedy"))
     arrays = {c: np.ascontiguousarray(columns[c], dtype=float) for c in known if c in columns}
     if any(values.shape != (arrays["time_s"].size,) for values in arrays.values()):
         shown = ", ".join(f"{column}: {values.shape}" for column, values in arrays.items())

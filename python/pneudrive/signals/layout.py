@@ -452,13 +452,9 @@ class Layout(Shown):
             If a value is wrong for this file, or the layout has another kind.
         """
         if self.kind != kind and "fixed-volume" in (self.kind, kind):
-            other = "a fixed volume" if kind == "fixed-volume" else f"a {kind}"
-            raise self.fail(
-                f"this layout is for recordings of a {self.kind.replace('-', ' ')}, not {other}",
-                *(["kind"] if "kind" in self.tree else []),
-                rule=KINDS[kind]["needs"],
-                remedy='use kind = "fixed-volume" for `pneudrive identify TANK.toml RECORDING`, and only there',
-            )
+            stated, other = (name.replace("-", " ") for name in (self.kind, kind))
+            key, needs = "kind" if "kind" in self.tree else "", KINDS[kind]["needs"]
+            raise self.fail(invalid(key, "signals.layout-of-other-kind", kind=stated, other=other, rule=needs))
         names = (path.name, stem(path))
         chosen = tuple(
             number
@@ -472,13 +468,8 @@ class Layout(Shown):
         if found is None:
             part, left = where_pattern_ends(pattern, stem(path))
             rest = f"'{left}' of the name is not matched" if left else "the name is too short"
-            example = f'[[for]] match = "{path.name}", labels.pattern = "..." (or "" for none)'
-            raise self.fail(
-                f"labels.pattern = {pattern!r} does not match the file {path.name}",
-                self._place("labels.pattern", chosen),
-                rule=f"at {part}, {rest}",
-                remedy=f"correct the pattern, or give files with other names their own: {example}",
-            )
+            names = {"pattern": pattern, "file": path.name, "rule": f"at {part}, {rest}"}
+            raise self.fail(invalid(self._place("labels.pattern", chosen), "signals.pattern-differs", **names))
         return layout.of_file(kind, labels | found)
 
     @property
@@ -488,9 +479,9 @@ class Layout(Shown):
         names_command = any(isinstance(tree.get("columns"), dict) and "command" in tree["columns"] for tree in trees)
         return self.tree.get("kind", "drive" if names_command else "rig")
 
-    def fail(self, what: str, key: str = "", rule: str | None = None, remedy: str | None = None) -> LayoutError:
-        """Build an error that points at a key's line."""
-        return toml.located(wrong(key, what, rule=rule, remedy=remedy), self.origin, self.text).turned(LayoutError)
+    def fail(self, error: DescriptionError) -> LayoutError:
+        """Return an error of the layout that points at the line of its key."""
+        return toml.located(error, self.origin, self.text).turned(LayoutError)
 
     def _place(self, key: str, chosen: Sequence[int]) -> str:
         """Return the location of a key in the file, also in an override; without the key, the location of its table."""
@@ -542,14 +533,14 @@ class Layout(Shown):
         """Report all unknown keys and wrong values together, before the first recording is opened."""
         overrides, problems = self.tree.get("for", []), Problems()
         if not isinstance(overrides, list) or not all(isinstance(one, dict) for one in overrides):
-            raise self.fail("[for] must be written [[for]], one for each group of files", "for")
+            raise self.fail(wrong("for", "[for] must be written [[for]], one for each group of files"))
         for index, override in enumerate(overrides):
             if not isinstance(override.get("match"), str):
                 what = "[[for]] does not say which files it is for"
-                problems.add(self.fail(what, f"for.{index}", remedy='match = "*257*"'))
+                problems.add(self.fail(wrong(f"for.{index}", what, remedy='match = "*257*"')))
         if self.kind not in list(KINDS):
             remedy = nearest(str(self.kind), KINDS)
-            raise self.fail(f"kind = {self.kind!r} is not known", "kind", remedy=remedy)  # of unknown needs
+            raise self.fail(wrong("kind", f"kind = {self.kind!r} is not known", remedy=remedy))  # of unknown needs
         for chosen in ([], *([index] for index in range(len(overrides)))):
             with problems.caught():
                 self.read(chosen, is_part=bool(overrides))
