@@ -393,15 +393,11 @@ class View(Shown):
             [self.title, *(f"  {mark} {text}" for mark, text in values), *blocks, *(f"  {n}" for n in self.notes)]
         )
 
-    def card(self) -> Card:
-        """Return the display in a notebook and at the prompt."""
+    def _card(self) -> Card:
         head, rows = self.table() if self.rows else self.curve_table()
         if not rows and self.tables:
             head, rows = self.tables[0].head, self.tables[0].rows
         return Card(self.title, head, rows, self.sentences())
-
-    def _card(self) -> Card:
-        return self.card()
 
 
 class Viewed(Shown):
@@ -416,7 +412,7 @@ class Viewed(Shown):
         return self.view().text()
 
     def _card(self) -> Card:
-        return self.view().card()
+        return self.view()._card()
 
     def _picture(self) -> str:
         draw = upper("figure_svg")

@@ -39,7 +39,7 @@ def test_a_table_has_a_row_for_each_label_and_names_a_common_unit_once():
     head, rows = view.table()
     assert head == ("", "speed mm/s", "friction N", "friction per pressure N/bar")
     assert rows == [("one", "13.2", "9.79 ± 0.49", ""), ("two", "", "0.000 ± 0.064", "")]
-    assert "9.79 ± 0.49" in view.card().rows[0]
+    assert "9.79 ± 0.49" in view._card().rows[0]
 
 
 def test_a_column_of_several_units_names_each():
