@@ -288,10 +288,11 @@ def stated_shares(recording: Recording, up: Side, down: Side, late_s: float = 0.
     changing = [min(e.friction_n, moves.get(e.source, np.inf)) for e in entries if e.source.endswith(constant)]
     shared = [e for e in entries if not e.source.endswith("hysteresis")]
     # Tares remove the zero; the rest of an accuracy grows with the reading.
+    ambient = recording.ambient_pressure_pa
     readings = {
         "force: common error": _of_range(recording, "force_n", (up.force_n + down.force_n) / 2.0, 0.0),
-        "pressure a: common error": _of_range(recording, "pressure_a_pa", up.pressure_a_pa, None),
-        "pressure b: common error": _of_range(recording, "pressure_b_pa", up.pressure_b_pa, None),
+        "pressure a: common error": _of_range(recording, "pressure_a_pa", up.pressure_a_pa, ambient),
+        "pressure b: common error": _of_range(recording, "pressure_b_pa", up.pressure_b_pa, ambient),
         "bore (area)": 1.0,
         **dict.fromkeys(("force: gain", "force: linearity", "force: creep"), 1.0),
     }
@@ -312,9 +313,8 @@ def _root(parts: Iterable[float]) -> float:
     return float(np.sqrt(sum(part**2 for part in parts)))
 
 
-def _of_range(recording: Recording, channel: str, reading: float, zero: float | None) -> float:
-    """Return the reading relative to the sensor's range, counted from its zero (None: ambient pressure)."""
-    start = recording.ambient_pressure_pa if zero is None else zero
+def _of_range(recording: Recording, channel: str, reading: float, zero: float) -> float:
+    """Return the reading relative to the sensor's range, counted from its zero."""
     limits = recording.limits.get(channel)
-    reach = max(abs(v - start) for v in limits) if limits else np.max(np.abs(getattr(recording, channel) - start))
-    return min(abs(reading - start) / float(reach), 1.0) if reach > 0 else 0.0
+    reach = max(abs(v - zero) for v in limits) if limits else np.max(np.abs(getattr(recording, channel) - zero))
+    return min(abs(reading - zero) / float(reach), 1.0) if reach > 0 else 0.0

@@ -58,20 +58,11 @@ def _speed_with_pressure(found: Characterisation) -> float:
 
 
 def _stick_slip_note(level: Level) -> str:
-    found = [s for s in level.stick_slip if s.found]
-
-    def usual(name: str) -> float:
-        return float(np.median([getattr(s, name) for s in found]))
-
-    return sentence(
-        "note.stick_slip",
-        name=level.recording,
-        period_s=usual("period_s"),
-        step_mm=1e3 * usual("step_m"),
-        peak_mm_s=1e3 * usual("peak_speed_m_s"),
-        mean_mm_s=1e3 * usual("mean_speed_m_s"),
-        stuck=100 * usual("stuck_share"),
-    )
+    columns = ("period_s", "step_m", "peak_speed_m_s", "mean_speed_m_s", "stuck_share")
+    found = [[getattr(s, name) for name in columns] for s in level.stick_slip if s.found]
+    period_s, step_m, peak_m_s, mean_m_s, stuck = np.median(found, axis=0).tolist()
+    speeds = {"peak_mm_s": 1e3 * peak_m_s, "mean_mm_s": 1e3 * mean_m_s, "stuck": 100 * stuck}
+    return sentence("note.stick_slip", name=level.recording, period_s=period_s, step_mm=1e3 * step_m, **speeds)
 
 
 def _doubts(levels: Iterable[Level]) -> list[str]:

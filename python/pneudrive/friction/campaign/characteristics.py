@@ -240,18 +240,14 @@ def _cycles(reading: CampaignData, points: CurvePoints | None) -> pl.DataFrame:
 
 def _ranges(reading: CampaignData) -> Ranges:
     """Return the lowest and highest measured values."""
-    cycles, ambient = reading.sliding, reading.identity.ambient_pressure_pa
-
-    def span(values: np.ndarray) -> Interval:
+    cycles, spans = reading.sliding, dict[str, Interval]()
+    measured = {"speed_m_s": np.abs(cycles["velocity_m_s"]), "temperature_k": cycles["temperature_k"]}
+    for side in "ab":
+        measured[f"gauge_{side}_pa"] = cycles[f"pressure_{side}_pa"] - reading.identity.ambient_pressure_pa
+    for name, values in measured.items():
         known = values[np.isfinite(values)]
-        return (float(known.min()), float(known.max())) if known.size else (np.nan, np.nan)
-
-    return Ranges(
-        speed_m_s=span(np.abs(cycles["velocity_m_s"])),
-        gauge_a_pa=span(cycles["pressure_a_pa"] - ambient),
-        gauge_b_pa=span(cycles["pressure_b_pa"] - ambient),
-        temperature_k=span(cycles["temperature_k"]),
-    )
+        spans[name] = (float(known.min()), float(known.max())) if known.size else (np.nan, np.nan)
+    return Ranges(**spans)
 
 
 # --- Measured effects of direction, position, stops and temperature, as tables of a drive's friction.
@@ -353,10 +349,9 @@ def _share(found: CampaignCharacteristics, one: Asymmetry, viscous_n_s_m: float)
 
 def _position(found: CampaignCharacteristics, viscous_n_s_m: float, levels: tuple[str, str, str]) -> Iterator[Part]:
     """Return trend and waves of the levels over position, scaled so that their mean over the common range is 1."""
-    title = ", ".join(level for level in levels if level)
-    own = [one for one in found.position if one.levels == title]
     curves = [curve for curve in found.curves if curve.direction == BOTH and curve.condition.levels == levels]
-    if not own or not curves:
+    own = [one for one in found.position if curves and one.levels == curves[0].condition.title]
+    if not own:
         return
     pattern = max(own, key=lambda one: (one.condition is None, one.cycles))
     viscous = [viscous_n_s_m * curve.speed_m_s / curve.friction_n for curve in curves]

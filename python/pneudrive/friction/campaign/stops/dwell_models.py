@@ -20,6 +20,7 @@ the scatter.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -186,9 +187,8 @@ def _fit(curve: DwellCurve, form: DwellForm, whitener: Array, reference_s: float
     freedom = max(n - count + 1, 1)
     low, high = limits["s"]
     times = np.geomspace(low, high, int(PER_DECADE * np.log10(high / low)))
-    profile = _at(curve, form, whitener, times)
-    if form.growth:
-        profile = mixed.refined(lambda t: _at(curve, form, whitener, t), times, FINE, lambda s: s.rise(freedom))
+    at = partial(_at, curve, form, whitener)
+    profile = mixed.refined(at, times, FINE, lambda s: s.rise(freedom)) if form.growth else at(times)
     rise, best = profile.rise(freedom), profile.coefficient[profile.best]
     slope = np.zeros_like(profile.coefficient)
     slope[:, -conditions:] = np.array([[form.slope(reference_s, *s)] for s in profile.shape]) / conditions
