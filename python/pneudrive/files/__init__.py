@@ -2,7 +2,7 @@
 
 - `bounds`: largest size, depth and length of input.
 - `content`: bytes and text of a file, JSON, the nesting of JSON and TOML.
-- `tables`: columns of Parquet, netCDF, TDMS, MF4 and MAT files; `reader_process` calls libraries written
-  in C, so that a damaged file never ends this process.
+- `tables`: columns of Parquet, netCDF, TDMS, MF4 and MAT files.
+- `formats`: the process that calls libraries written in C, so that a damaged file never ends this process.
 - `seal`: Parquet files that carry the SHA-256 of their bytes.
 """

@@ -1,17 +1,27 @@
-"""Reading of binary formats by their libraries, in the reader process. Parquet is read by `pneudrive.files.tables`."""
+"""Binary formats read by libraries written in C, in a process of its own. Parquet is read by `pneudrive.files.tables`.
+
+`pneudrive.files.tables` starts the process, and sends requests over a pipe. A damaged file can affect only this
+process. An exception is returned as answer. After a crash, a timeout or exhausted memory, the client starts another
+process.
+"""
 
 from __future__ import annotations
 
 import contextlib
 import math
+import signal
+import sys
+import warnings
 from dataclasses import dataclass, field
+from functools import lru_cache
 from importlib import import_module
+from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pneudrive.errors import RecordingError
+from pneudrive.errors import PneudriveError, RecordingError
 from pneudrive.files.bounds import bound
 from pneudrive.files.content import check_unpacked
 
@@ -24,7 +34,7 @@ if TYPE_CHECKING:
 
     Columns = dict[str, NDArray[Any]]
 
-MEMORY_OF_SMALL = 500_000_000  # bytes that a small MAT file may take: some copies of `packed.SMALL`
+MEMORY_OF_SMALL = 500_000_000  # bytes that a small MAT file may take: some copies of `content.SMALL`
 UNIT_OF = "unit of "  # prefix of a column's name: key of its unit in the file's metadata
 LONGEST_REASON = 200  # characters of what a library says
 CLASSIC_NETCDF = b"CDF"  # first bytes of netCDF 3
@@ -263,3 +273,52 @@ def _optional(module: str, form: str) -> Any:  # noqa: ANN401 - a module
         return import_module(module)
     except ImportError:
         raise RecordingError.of("files.optional-library", form=form, module=module) from None
+
+
+# --- The process that reads.
+
+
+@lru_cache(maxsize=1)
+def _opened(form: str, path: str, _state: tuple[int, int, int]) -> Opened:
+    """Open a file. The last one stays open, because a request for columns usually follows a request for names."""
+    return OPENERS[form][1](Path(path))
+
+
+def answer(request: dict[str, Any]) -> Any:  # noqa: ANN401 - of each request its own
+    """Answer a request for a file. An exception of a library is returned as answer."""
+    form, path = request["form"], request["path"]
+    try:
+        about = Path(path).stat()
+        opened = _opened(form, path, (about.st_mtime_ns, about.st_size, about.st_ino))
+        if request["wanted"] is None:
+            return opened.names, opened.metadata
+        found = opened.get(request["wanted"], request["dates"])
+        _opened.cache_clear()
+        return {name: plain(np.asarray(values)) for name, values in found.items()}
+    except PneudriveError as error:
+        return error
+    except BaseException as error:  # libraries raise any exception
+        if isinstance(error, (KeyboardInterrupt, SystemExit)):
+            raise
+        reason = (str(error).strip() or type(error).__name__).splitlines()[0]
+        if isinstance(error, (KeyError, IndexError, AttributeError, TypeError)):
+            reason = f"{type(error).__name__}: {reason}"
+        _opened.cache_clear()
+        return RecordingError(f"the file cannot be read as {OPENERS[form][0]}", value=reason[:LONGEST_REASON])
+
+
+def main() -> None:
+    """Answer requests until the other side closes the pipe."""
+    import resource
+
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # only the client handles Ctrl-C
+    warnings.simplefilter("ignore")
+    connection, most = Connection(int(sys.argv[1])), int(sys.argv[2])
+    _, hard = resource.getrlimit(resource.RLIMIT_DATA)
+    resource.setrlimit(resource.RLIMIT_DATA, (most if hard < 0 else min(most, hard), hard))
+    with contextlib.suppress(EOFError, OSError):
+        while True:
+            request = connection.recv()
+            signal.alarm(request["seconds"])  # the default handler ends the process, even inside a library
+            connection.send(answer(request))
+            signal.alarm(0)

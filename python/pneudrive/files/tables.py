@@ -1,8 +1,8 @@
 """Columns of binary files, with one clear message for each kind of damage.
 
 Parquet is read in this process. A valid checksum (`pneudrive.files.seal`) shows that a file is unchanged since
-pneudrive wrote it. Formats with libraries in C are read by a child process (`pneudrive.files.reader_process`), so that
-a crash does not end this process. The start of the child takes 0.2 to 0.6 s.
+pneudrive wrote it. Formats with libraries in C are read by a child process (`pneudrive.files.formats`), so that a crash
+does not end this process. The start of the child takes 0.2 to 0.6 s.
 """
 
 from __future__ import annotations
@@ -358,7 +358,7 @@ class _Reader:
         with theirs:
             number = theirs.fileno()
             self._process = subprocess.Popen(
-                child.command("pneudrive.files.reader_process", str(number), str(int(bound("reader_bytes")))),
+                child.command(formats.__name__, str(number), str(int(bound("reader_bytes")))),
                 pass_fds=(number,),
                 stdin=subprocess.DEVNULL,
                 stdout=subprocess.DEVNULL,
