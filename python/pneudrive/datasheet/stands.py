@@ -221,7 +221,7 @@ FIGURES = {
 
 def parts_of(drive: Drive) -> Iterator[Entry]:
     """Yield the parts of the catalogue whose values with a source all occur in the drive."""
-    own = {origin.key: origin.value for origin in drive.origins}
+    own = {key: origin.value for key, origin in drive.origin_of.items()}
     for part in entries().values():
         table = part.kind.partition("/")[0]
         sourced = [value for value in part.values if value.source is not None]

@@ -273,7 +273,7 @@ class Circuit(DescribedSystem):
         """Return a dict or text of start values as a table."""
         return start_values(given)
 
-    @property
+    @cached_property
     def origin_of(self) -> dict[str, Value]:
         """Origins of values by their keys in the circuit file."""
         components = self.components.items()

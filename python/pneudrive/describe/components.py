@@ -164,9 +164,7 @@ class Component(Described):
             if any(sizes[1:]):
                 value = valve_flow.conductance_of([None, *sizes[1:]], *self._values(FLOW))
             if isinstance(value, Pressure):
-                value = value.absolute_pa(ambient_pa)
-                if not value > 0.0:
-                    raise wrong(key, f"{key} is below vacuum", rule="gauge + ambient > 0")
+                value = marks.absolute_above_vacuum(value, ambient_pa, key)
             if value is not None:
                 out[key] = value
         return out

@@ -15,7 +15,7 @@ from pneudrive.describe.files import catalogue, provenance, sourced, toml
 from pneudrive.describe.files.provenance import Origin
 from pneudrive.describe.formulas import written
 from pneudrive.describe.formulas.law import law_of
-from pneudrive.describe.marks import Positions, Signal
+from pneudrive.describe.marks import Positions, Signal, absolute_above_vacuum
 from pneudrive.describe.short import TABLES, expanded, without_other_sizes
 from pneudrive.describe.system import PISTON, DescribedSystem, System, drive_names, short_name
 from pneudrive.describe.tables.dependences import DEPENDENCES
@@ -82,8 +82,7 @@ class Drive(DescribedSystem):
     def _fits_together(self) -> Drive:
         if not self.is_plain:
             assert self.circuit  # raises an error if it is wrong
-        if not self.supply_pressure_pa > 0.0:
-            raise wrong("supply.pressure", "supply.pressure is below vacuum", rule="gauge + ambient > 0")
+        absolute_above_vacuum(self.supply.pressure, self.ambient.pressure_pa, "supply.pressure")
         assert self.dew_point_pressure_pa or self.gas.dew_point_k is None  # raises an error if it is wrong
         provenance.check(self, self.provenance)
         return self
@@ -130,7 +129,7 @@ class Drive(DescribedSystem):
     @classmethod
     def _from_catalogue(cls, reference: str, changes: Plain) -> Drive:
         made = cls.model_validate(merge(catalogue.drive_tables(reference), changes))
-        vars(made)["origins"] = _untouched(catalogue.all_values(catalogue.entry(reference)), changes)
+        vars(made)["origin_of"] = _untouched(catalogue.all_values(catalogue.entry(reference)), changes)
         return made.read_from(reference)
 
     def replace(self, changes: Plain) -> Drive:
@@ -155,7 +154,7 @@ class Drive(DescribedSystem):
         known = provenance.kept(self, after, self.provenance) | origins if self.provenance or origins else {}
         if known:
             after = type(self).model_validate(tables | {"provenance": known})
-        vars(after)["origins"] = _untouched(self.origins, nested)
+        vars(after)["origin_of"] = _untouched(self.origin_of.values(), nested)
         return after.read_from(self.source_file)
 
     @property
@@ -167,16 +166,6 @@ class Drive(DescribedSystem):
     def dew_point_pressure_pa(self) -> float | None:
         """Absolute pressure at which the dew point of the gas is given, Pa; None without a dew point."""
         return self.gas.dew_point_pressure_pa(self.ambient.pressure_pa, self.supply_pressure_pa)
-
-    @cached_property
-    def origins(self) -> tuple[sourced.Value, ...]:
-        """Values of the catalogue with their origin. Comparisons of drives ignore origins."""
-        return ()
-
-    @property
-    def origin_of(self) -> dict[str, sourced.Value]:
-        """Origins of values by their keys in the drive file."""
-        return {origin.key: origin for origin in self.origins}
 
     @property
     def component_places(self) -> list[tuple[str, str]]:
@@ -318,7 +307,7 @@ class Drive(DescribedSystem):
     @cached_property
     def assumptions(self) -> list[tuple[str, str]]:
         """Assumptions as (text, name); only those of a drive with lines have names of components."""
-        out = [f"{v.key} = {inline(v.value)}, {v.assumed}" for v in self.origins if v.assumed is not None]
+        out = [f"{v.key} = {inline(v.value)}, {v.assumed}" for v in self.origin_of.values() if v.assumed is not None]
         if not self.is_plain:
             return [(escaped(line), "") for line in out] + self.circuit.assumptions
         for table, keys in _ASSUMED.items():
@@ -376,15 +365,15 @@ def _kept(table: str, old: Plain, own: Plain) -> Plain:
     return {key: value for key, value in old.items() if key not in dropped}
 
 
-def _untouched(values: Iterable[sourced.Value], changes: Keyed) -> tuple[sourced.Value, ...]:
-    """Return the values of the catalogue that a user's tables do not change."""
+def _untouched(values: Iterable[sourced.Value], changes: Keyed) -> dict[str, sourced.Value]:
+    """Return the values of the catalogue that a user's tables do not change, by their keys in the drive file."""
     touched = {one for key, _ in toml.leaves(changes) for one in toml.above(key)}
     sizes = set(FLOW_KEYS) & set(changes.get("valve", {}))
     other_law = isinstance(changes.get("friction"), dict) and "law" in changes["friction"]
-    return tuple(
-        value
+    return {
+        value.key: value
         for value in values
         if value.key not in touched
         and not (sizes and value.key in {f"valve.{size}" for size in FLOW_KEYS})
         and not (other_law and value.key.startswith("friction."))
-    )
+    }

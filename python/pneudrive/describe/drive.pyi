@@ -19,7 +19,11 @@ from pneudrive.describe.files import catalogue as catalogue, provenance as prove
 from pneudrive.describe.files.provenance import Origin as Origin
 from pneudrive.describe.formulas import written as written
 from pneudrive.describe.formulas.law import law_of as law_of
-from pneudrive.describe.marks import Positions as Positions, Signal as Signal
+from pneudrive.describe.marks import (
+    Positions as Positions,
+    Signal as Signal,
+    absolute_above_vacuum as absolute_above_vacuum,
+)
 from pneudrive.describe.short import TABLES as TABLES, expanded as expanded, without_other_sizes as without_other_sizes
 from pneudrive.describe.system import (
     DescribedSystem as DescribedSystem,
@@ -77,10 +81,6 @@ class Drive(DescribedSystem):
     def supply_pressure_pa(self) -> float: ...
     @property
     def dew_point_pressure_pa(self) -> float | None: ...
-    @cached_property
-    def origins(self) -> tuple[sourced.Value, ...]: ...
-    @property
-    def origin_of(self) -> dict[str, sourced.Value]: ...
     @property
     def component_places(self) -> list[tuple[str, str]]: ...
     @property
@@ -134,4 +134,4 @@ class Drive(DescribedSystem):
 
 def merge(base: Plain, changes: Plain) -> Plain: ...
 def _kept(table: str, old: Plain, own: Plain) -> Plain: ...
-def _untouched(values: Iterable[sourced.Value], changes: Keyed) -> tuple[sourced.Value, ...]: ...
+def _untouched(values: Iterable[sourced.Value], changes: Keyed) -> dict[str, sourced.Value]: ...

@@ -6,6 +6,7 @@ from functools import lru_cache
 from types import MappingProxyType
 from typing import TYPE_CHECKING
 
+from pneudrive import _core
 from pneudrive.describe.tables import valve_flow
 
 if TYPE_CHECKING:
@@ -26,8 +27,6 @@ def component_kinds() -> MappingProxyType[str, Plain]:
 
     Each is a dict with title, doc, sources, ports, parameters, choices, friction, inputs and outputs.
     """
-    from pneudrive import _core
-
     return MappingProxyType({entry["kind"]: dict(entry) for entry in _core.components()})
 
 

@@ -393,6 +393,14 @@ class PressureBetween(StatedPressure):
         return f"{value[0]} .. {value[1]}"
 
 
+def absolute_above_vacuum(pressure: Pressure, ambient_pa: float, key: str, what: str | None = None) -> float:
+    """Return an absolute pressure, Pa, or raise the error of its key; `what` names the value in the message."""
+    absolute_pa = pressure.absolute_pa(ambient_pa)
+    if not absolute_pa > 0.0:
+        raise wrong(key, f"{what or key} is below vacuum", rule="gauge + ambient > 0")
+    return absolute_pa
+
+
 def absolute(ends: tuple[Pressure, Pressure], ambient_pa: float) -> Interval:
     """Return both ends of a range of pressures as absolute pressures, Pa."""
     return ends[0].absolute_pa(ambient_pa), ends[1].absolute_pa(ambient_pa)

@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from pneudrive.describe.connections import ARROW
+from pneudrive.describe.kinds import component_kinds
 from pneudrive.describe.tables.valve_flow import FLOW_KEYS
 from pneudrive.errors import Problems, invalid, nearest, wrong
 
@@ -193,7 +194,6 @@ def _join(short: Short, data: Keyed) -> None:
 
 def _has_ports(table: Keyed, *names: str) -> bool:
     """Return whether a valve has the ports 4 and 2. True for a valve of the catalogue, whose kind is not known yet."""
-    from pneudrive.describe.kinds import component_kinds
-
-    entry = component_kinds().get(table.get("kind", ""))
+    kind = table.get("kind")
+    entry = component_kinds().get(kind) if isinstance(kind, str) else None
     return entry is None or set(names) <= {port["name"] for port in entry["ports"]}

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, ClassVar, Literal, NamedTuple
 
 from pydantic import Field
 
+from pneudrive import _core
 from pneudrive.describe.base import Described, inline, key_of
 from pneudrive.describe.files import toml
 from pneudrive.describe.tables.parts import Ambient, Gas
@@ -17,7 +18,6 @@ from pneudrive.lazy_names import upper
 from pneudrive.references import entries as references
 
 if TYPE_CHECKING:
-    from pneudrive._core import Circuit as CoreCircuit
     from pneudrive.arrays import Keyed, Plain
     from pneudrive.describe.files.sourced import Value
     from pneudrive.describe.tables.starts import StartState
@@ -53,7 +53,7 @@ class System(NamedTuple):
         """Return the system of a drive without lines, from its tables in SI (`Drive.short_form`)."""
         return cls(json.dumps(expanded_drive(form), sort_keys=True), drive_names(only=True))
 
-    def compiled(self) -> CoreCircuit:
+    def compiled(self) -> _core.Circuit:
         """Return the core's circuit; each system is compiled once.
 
         Raises
@@ -70,7 +70,7 @@ def drive_names(*, only: bool) -> ShortNames:
 
 
 @lru_cache(maxsize=256)
-def compiled(core_json: str, names: ShortNames | None = None) -> CoreCircuit:
+def compiled(core_json: str, names: ShortNames | None = None) -> _core.Circuit:
     """Return the core's form of a circuit; each description is compiled once.
 
     Raises
@@ -78,8 +78,6 @@ def compiled(core_json: str, names: ShortNames | None = None) -> CoreCircuit:
     DescriptionError
         The core rejects the circuit.
     """
-    from pneudrive import _core
-
     try:
         return _core.Circuit(core_json, names)
     except ValueError as error:
@@ -164,10 +162,10 @@ class DescribedSystem(Described):
         """Circuit in the core's form, and the names of its variables."""
         raise NotImplementedError
 
-    @property
+    @cached_property
     def origin_of(self) -> dict[str, Value]:
-        """Origins of values by their keys in the file."""
-        raise NotImplementedError
+        """Origins of values by their keys in the file. Comparisons ignore them."""
+        return {}
 
     @cached_property
     def assumptions(self) -> list[tuple[str, str]]:

@@ -5,7 +5,6 @@ Tanks describe tests of leakage, discharge and charging.
 
 from __future__ import annotations
 
-import json
 from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
@@ -15,7 +14,16 @@ from pydantic import BeforeValidator, Field, model_validator
 from pneudrive.describe.base import Described
 from pneudrive.describe.components import Component, component, within_component
 from pneudrive.describe.files import toml
-from pneudrive.describe.marks import NOT_NEGATIVE, POSITIVE, Bounds, Fraction, MaybePressure, MaybeTemperature, Quantity
+from pneudrive.describe.marks import (
+    NOT_NEGATIVE,
+    POSITIVE,
+    Bounds,
+    Fraction,
+    MaybePressure,
+    MaybeTemperature,
+    Quantity,
+    absolute_above_vacuum,
+)
 from pneudrive.describe.system import core_part
 from pneudrive.describe.tables import valve_flow
 from pneudrive.describe.tables.parts import Ambient, Gas
@@ -67,11 +75,10 @@ class TankLine(Described):
 
     def core(self, ambient: Ambient) -> Plain:
         """Return the line in the core's form, with pressure and temperature on the side away from the volume."""
-        stated = ambient.pressure_pa if self.pressure is None else self.pressure.absolute_pa(ambient.pressure_pa)
-        if not stated > 0.0:
-            raise wrong("line.pressure", "line.pressure is below vacuum", rule="gauge + ambient > 0")
-        out = ambient.core() | self.stored() | {"pressure_pa": stated}
-        out.pop("pressure", None)
+        out = ambient.core() | self.stored()
+        if self.pressure is not None:
+            out.pop("pressure")
+            out["pressure_pa"] = absolute_above_vacuum(self.pressure, ambient.pressure_pa, "line.pressure")
         return out
 
 
@@ -159,10 +166,6 @@ class Tank(Described):
             "line": None if line is None else line.core(self.ambient),
             "tube": None if self.tube is None else self.tube.numbers(self.ambient.pressure_pa),
         }
-
-    def core_json(self) -> str:
-        """Return `core_form` as JSON."""
-        return json.dumps(self.core_form(), sort_keys=True)
 
     def expanded(self, leakage_m3_s_pa: float) -> Plain:
         """Return the circuit of the tank in the core's form: volume, tube, line, far side of the line, and leak.

@@ -475,8 +475,7 @@ def write_fmu(plan: FmuPlan, target: Path, version: str) -> FmuFile:
             entry.external_attr = _EXECUTABLE if name == place else 0o644 << 16
             entry.compress_type = zipfile.ZIP_DEFLATED
             archive.writestr(entry, content)
-    kinds = ("input", "output", "parameter")
-    inputs, outputs, parameters = (tuple(one for one in plan.variables if one.causality == kind) for kind in kinds)
+    inputs, outputs, parameters = (tuple(one for one in plan.variables if one.causality == kind) for kind in _SHOWN)
     return FmuFile(target, version, inputs, outputs, parameters, plan.token, plan.notes)
 
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 from pneudrive.describe.components import parameter_quantity
 from pneudrive.describe.drive import Drive
 from pneudrive.describe.kinds import STATED, component_kinds
-from pneudrive.describe.system import short_name
+from pneudrive.describe.system import compiled, short_name
 from pneudrive.errors import DescriptionError
 from pneudrive.free.parameters import component_numbers, side_of
 from pneudrive.simulation.trajectory import meaning
@@ -174,8 +174,6 @@ def plan_of(
     DescriptionError
         The start does not fit, or the description cannot be an actuator.
     """
-    from pneudrive.describe.system import compiled
-
     if actuator:
         if not isinstance(described, Drive):
             raise DescriptionError("an actuator is made of a drive", remedy="Export a drive file.")

@@ -11,7 +11,7 @@ import numpy as np
 from pneudrive import units
 from pneudrive.describe.system import compiled
 from pneudrive.describe.tables.geometry import piston_areas
-from pneudrive.describe.tables.starts import angles, coordinate_keys, coordinates, pose_text, singular_values
+from pneudrive.describe.tables.starts import CLOSED, angles, coordinate_keys, coordinates, pose_text, singular_values
 from pneudrive.errors import CommandError, nearest
 from pneudrive.lazy_names import upper
 from pneudrive.simulation import trajectory
@@ -27,8 +27,6 @@ if TYPE_CHECKING:
 
     Pose = Mapping[str, str | float] | ArrayLike
 
-#: Largest residual of a forward solution, m.
-CLOSED = 1e-9
 #: Finite-difference step for second derivatives of leg positions, m and rad. Their relative error is 1e-9.
 STEP = 1e-5
 #: Largest searched distance from `home`, m and rad (assumed), and number of points of the scan.

@@ -24,6 +24,7 @@ from pneudrive.arrays import Plain
 from pneudrive.describe.base import Described
 from pneudrive.describe.files import sourced, toml
 from pneudrive.describe.files.sourced import Value
+from pneudrive.describe.kinds import component_kinds, is_needed
 from pneudrive.describe.marks import Reads, Text
 from pneudrive.describe.tables.valve_flow import FLOW_KEYS, conductance_of
 from pneudrive.errors import DescriptionError, Problems, WrongValueError, invalid, nearest, together, warn, wrong
@@ -76,7 +77,6 @@ class Entry(Described):
     def open(self) -> list[str]:
         """Keys that the user of a part must give."""
         from pneudrive.describe.components import component_class
-        from pneudrive.describe.kinds import component_kinds, is_needed
 
         entry = component_kinds()[self.kind]
         kind = component_class(self.kind)
@@ -216,7 +216,6 @@ def check(part: Entry) -> None:
         The part is not valid; the message gives file and line.
     """
     from pneudrive.describe.components import component_class
-    from pneudrive.describe.kinds import component_kinds
 
     kinds, errors = component_kinds(), list[DescriptionError]()
     values = toml.nested((v.key, v.value) for v in part.values if v.key != "kind")

@@ -8,11 +8,11 @@ from __future__ import annotations
 import json
 from functools import cached_property, lru_cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, TypeVar
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, TypeVar
 
 from pydantic import Field, model_validator
 
-from pneudrive import units
+from pneudrive import _core, units
 from pneudrive.describe.base import Described
 from pneudrive.describe.files import toml
 from pneudrive.describe.marks import Quantity, Reads, Text
@@ -79,7 +79,7 @@ class Written(Described):
 
     called: ClassVar[str]
     plain_tables: ClassVar[tuple[str, ...]] = ("parameters", "let")
-    schema_version: int = Field(default=1, alias="schema")
+    schema_version: Literal[1] = Field(default=1, alias="schema")
     name: str
     title: str = ""
     source: str = ""
@@ -88,8 +88,6 @@ class Written(Described):
 
     @model_validator(mode="after")
     def _checked(self) -> Written:
-        if self.schema_version != 1:
-            raise wrong("schema", f"schema = {self.schema_version} is not known", rule="schema = 1")
         self.check_names()
         for message in self.entry["warnings"]:
             warn(f'{self.called} "{self.name}": {message}')
@@ -228,8 +226,6 @@ def core_entry(read: str, outputs: tuple[str, ...], *texts: str) -> Plain:
     DescriptionError
         The core rejects the formulas.
     """
-    from pneudrive import _core
-
     try:
         return getattr(_core, read)(*texts)
     except ValueError as error:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, get_args
 
 from pydantic import ModelWrapValidatorHandler, model_validator
 
-from pneudrive import units
+from pneudrive import _core, units
 from pneudrive.describe import marks
 from pneudrive.describe.base import Described, as_tables
 from pneudrive.describe.formulas.law import FrictionLaw, law_of
@@ -30,8 +30,6 @@ def friction_laws() -> MappingProxyType[str, Plain]:
 
     Each is a dict with title, source, states and parameters (key, unit, bounds, default, meaning).
     """
-    from pneudrive import _core
-
     return MappingProxyType({law["name"]: law for law in _core.friction_laws()})
 
 

@@ -17,7 +17,7 @@ from pneudrive.describe.tables.dependences import Wear
 from _typeshed import Incomplete
 from collections.abc import Callable as Callable, Iterable, Iterator, Mapping
 from functools import cached_property
-from pneudrive import units as units
+from pneudrive import _core as _core, units as units
 from pneudrive.arrays import NamedNumbers as NamedNumbers, Plain as Plain
 from pneudrive.describe import marks as marks
 from pneudrive.describe.base import Described as Described, as_tables as as_tables

@@ -115,12 +115,11 @@ class Gas(Described):
             if stated is not None:
                 raise wrong(key, f"{key} = {stated} has no effect without gas.dew_point", remedy="Add dew_point.")
             return None
-        pressure = supply_pa if stated is None else stated.absolute_pa(ambient_pa)
-        if pressure is None:
+        if stated is not None:
+            return marks.absolute_above_vacuum(stated, ambient_pa, key, f"{key} = {stated}")
+        if supply_pa is None:
             raise invalid("gas.dew_point", "describe.dew-point-alone")
-        if not pressure > 0.0:
-            raise wrong(key, f"{key} = {stated} is below vacuum", rule="gauge + ambient > 0")
-        return pressure
+        return supply_pa
 
 
 class Ambient(Described):

@@ -7,10 +7,13 @@ from contextlib import suppress
 from math import degrees
 from typing import TYPE_CHECKING, Any, TypeAlias
 
+import numpy as np
+
 from pneudrive import units
 from pneudrive.describe.connections import Joint, Port, Wiring, is_platform
 from pneudrive.describe.files.toml import leaves
-from pneudrive.describe.marks import NOT_NEGATIVE, POSITIVE, Quantity, StatedPressure
+from pneudrive.describe.marks import NOT_NEGATIVE, POSITIVE, Quantity, StatedPressure, absolute_above_vacuum
+from pneudrive.describe.tables.parts import Initial
 from pneudrive.errors import CommandError, DescriptionError, Problems, invalid, nearest, wrong
 
 if TYPE_CHECKING:
@@ -18,7 +21,7 @@ if TYPE_CHECKING:
     from pneudrive._core import Platform
     from pneudrive.arrays import Array, Keyed, NamedNumbers, Plain
     from pneudrive.describe.components import Component
-    from pneudrive.describe.tables.parts import Ambient, Initial
+    from pneudrive.describe.tables.parts import Ambient
 
 #: A start state as users give it.
 StartState: TypeAlias = "Initial | Keyed | str | None"
@@ -39,6 +42,11 @@ def coordinate_keys(platform: Platform) -> list[str]:
     return [name.removesuffix(_METRES) for name in platform.coordinates]
 
 
+def is_length(platform: Platform) -> list[bool]:
+    """Return whether each coordinate of a platform is a displacement, m, rather than an angle."""
+    return [name.endswith(_METRES) for name in platform.coordinates]
+
+
 def coordinates(platform: Platform, pose: Array) -> Array:
     """Convert displacements, m, and angles, rad, to coordinates of the core. A coordinate e means a tilt of 2 asin(e).
 
@@ -47,17 +55,12 @@ def coordinates(platform: Platform, pose: Array) -> Array:
     platform : Platform
     pose : array, shape (..., n)
     """
-    import numpy as np
-
-    lengths = [name.endswith(_METRES) for name in platform.coordinates]
-    return np.where(lengths, pose, np.sin(0.5 * pose))
+    return np.where(is_length(platform), pose, np.sin(0.5 * pose))
 
 
 def angles(platform: Platform, q: Array) -> Array:
     """Convert coordinates of the core to displacements, m, and angles, rad."""
-    import numpy as np
-
-    lengths = [name.endswith(_METRES) for name in platform.coordinates]
+    lengths = is_length(platform)
     return np.where(lengths, q, 2.0 * np.arcsin(np.where(lengths, 0.0, q)))
 
 
@@ -72,11 +75,8 @@ def start_place(initial: Keyed, name: str) -> NamedNumbers:
 
 def pose_text(platform: Platform, pose: Array) -> str:
     """Return a pose (m, rad) of a platform as text, in mm and degrees."""
-    each = zip(coordinate_keys(platform), pose, platform.coordinates, strict=True)
-    shown = (
-        (key, 1e3 * value, "mm") if name.endswith(_METRES) else (key, degrees(value), "deg")
-        for key, value, name in each
-    )
+    each = zip(coordinate_keys(platform), pose, is_length(platform), strict=True)
+    shown = ((key, 1e3 * value, "mm") if long else (key, degrees(value), "deg") for key, value, long in each)
     return ", ".join(f"{key} = {round(value, 6) + 0.0:.4g} {unit}" for key, value, unit in shown)
 
 
@@ -85,8 +85,6 @@ def singular_values(platform: Platform, q: Array) -> Array:
 
     The angular velocity in the twist is multiplied by the mean radius of the joints. The values therefore have no unit.
     """
-    import numpy as np
-
     own = platform.evaluate(q, np.zeros_like(q))
     radius = float(np.mean(np.linalg.norm(np.asarray(platform.joints[1]), axis=1)))
     twist = own["twist"] * np.array([1.0, 1.0, 1.0, radius, radius, radius])[:, None]
@@ -209,7 +207,7 @@ class Starts:
         own: dict[str, dict[int, float]] = {}
         for key in filter(self.coordinates.__contains__, table):
             platform, k = self.coordinates[key]
-            mark = _LENGTH if platform.coordinates[k].endswith(_METRES) else _ANGLE
+            mark = _LENGTH if is_length(platform)[k] else _ANGLE
             own.setdefault(platform.name, {})[k] = mark.read_at(key, table[key], "initial.")
         legs = {f"{leg}.position": platform for platform in self.platforms for leg in platform.legs}
         for key, platform in ((key, legs[key]) for key in table if key in legs):
@@ -229,8 +227,6 @@ class Starts:
         DescriptionError
             A leg would leave its stroke.
         """
-        import numpy as np
-
         q, _ = platform.locate(np.array([[self._moved(leg, POSITION, {}) for leg in platform.legs]]))
         pose = angles(platform, np.asarray(q)[0])
         pose[list(given)] = list(given.values())
@@ -278,8 +274,6 @@ class Starts:
         DescriptionError
             No pose has these positions, or the pose is singular.
         """
-        import numpy as np
-
         own = [f"{leg}.position" for leg in platform.legs]
         own += [key for key, (guide, _) in self.coordinates.items() if guide is platform]
         key = next((f"initial.{key}" for key in own if key in given), f"components.{platform.name}")
@@ -288,10 +282,7 @@ class Starts:
         q, residuals = platform.locate(x)
         found = platform.evaluate(q, np.zeros_like(q))["positions"][0]
         pose = angles(platform, q)[0]
-        about = {
-            "name": platform.name,
-            "pose": pose_text(platform, pose),
-        }
+        about = {"name": platform.name, "pose": pose_text(platform, pose)}
         if not np.all(np.isfinite(found)):
             i = int(np.argmin(np.isfinite(found)))
             raise invalid(key, "describe.arm-too-short", leg=platform.legs[i], at_mm=1e3 * x[0, i], **about)
@@ -318,10 +309,7 @@ class Starts:
         of, _, last = name.rpartition(".")
         value = start_mark(last)[1].read_at(key, given, "initial.")
         if isinstance(value, units.Pressure):
-            absolute = value.absolute_pa(self.ambient.pressure_pa)
-            if not absolute > 0.0:
-                raise wrong(f"initial.{key}", f"{key} = {value} is below vacuum", rule="gauge + ambient > 0")
-            return absolute
+            return absolute_above_vacuum(value, self.ambient.pressure_pa, f"initial.{key}", f"{key} = {value}")
         stroke = self._stroke(of) if last == POSITION else None
         if stroke is not None and not 0.0 <= value <= stroke:
             what = f"{key} = {value * 1e3:g} mm lies outside the stroke"
@@ -415,8 +403,6 @@ def read_initial(given: StartState) -> Initial | None:
     >>> read_initial({"position": "50 mm"}) == read_initial("position = 50 mm")
     True
     """
-    from pneudrive.describe.tables.parts import Initial
-
     if given is None or isinstance(given, Initial):
         return given
     return Initial.model_validate(dict(start_values(given)))
