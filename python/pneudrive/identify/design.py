@@ -353,7 +353,7 @@ class Prior(Shown):
         The measurements of the fit are counted.
         """
         centre = fit.coordinates
-        to_internal = np.linalg.pinv(fit.model.natural_jacobian(centre))
+        to_internal = np.linalg.pinv(fit.model.transforms.jacobian(centre))
         covariance = to_internal @ fit.covariance @ to_internal.T
         deviation = np.sqrt(np.diag(covariance))
         size = np.outer(deviation, deviation)
@@ -596,7 +596,7 @@ def _half_widths(prior: Prior, matrix: Array, values: int) -> NamedNumbers:
         if not (size > 0.0).all() or np.linalg.cond(m / np.outer(size, size)) > 1e12:
             found.append(np.full(q.size, np.inf))
             continue
-        jac = prior.model.natural_jacobian(q)
+        jac = prior.model.transforms.jacobian(q)
         inner = np.linalg.inv(m / np.outer(size, size)) / np.outer(size, size)
         found.append(np.sqrt(np.diag(jac @ inner @ jac.T)))
     reach = student(free) if free > 0 else np.inf

@@ -136,14 +136,14 @@ NATURAL = {
 @pytest.mark.parametrize("model", MODELS, ids=str)
 def test_internal_coordinates_and_back(model):
     theta = np.array([NATURAL[n] for n in model.names])
-    np.testing.assert_allclose(model.natural(model.internal(theta)), theta, rtol=1e-14)
+    np.testing.assert_allclose(model.transforms.natural(model.internal(theta)), theta, rtol=1e-14)
 
 
 @pytest.mark.parametrize("model", MODELS, ids=str)
 def test_jacobian_is_the_derivative(model):
     q = model.internal(np.array([NATURAL[n] for n in model.names]))
     _, jac = model.value_and_jacobian(q, DATA)
-    natural = model.natural_jacobian(q)
+    natural = model.transforms.jacobian(q)
     for k in range(q.size):
         h = 1e-6 * max(abs(q[k]), 1e-6)
         up, down = q.copy(), q.copy()
@@ -151,7 +151,7 @@ def test_jacobian_is_the_derivative(model):
         down[k] -= h
         slope = (model.value(up, DATA) - model.value(down, DATA)) / (2.0 * h)
         np.testing.assert_allclose(jac[:, k], slope, rtol=2e-6, atol=2e-8 * np.abs(slope).max())
-        slope = (model.natural(up) - model.natural(down)) / (2.0 * h)
+        slope = (model.transforms.natural(up) - model.transforms.natural(down)) / (2.0 * h)
         np.testing.assert_allclose(natural[:, k], slope, rtol=1e-6, atol=1e-9)
 
 

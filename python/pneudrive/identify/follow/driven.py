@@ -266,12 +266,10 @@ class DrivenCircuit:
         FitError
             A name is not known, or does not belong to this circuit.
         """
-        found: list[Number] = []
+        found: dict[str, Number] = {}
         for name in asked:
-            for number in self._group(name) if name in GROUPS else [self._one(name)]:
-                if number.name not in [known.name for known in found]:
-                    found.append(number)
-        return found
+            found |= {number.name: number for number in (self._group(name) if name in GROUPS else [self._one(name)])}
+        return list(found.values())
 
     def _group(self, name: str) -> list[Number]:
         kind, _, side = name.partition("_")

@@ -9,7 +9,7 @@ import numpy as np
 
 from pneudrive.errors import FitError
 from pneudrive.estimate.autocorrelation import HUBER, LINEAR, distinct_levels, projection, weak_coordinates
-from pneudrive.estimate.estimates import changed, student
+from pneudrive.estimate.estimates import CHANCE, changed, student
 from pneudrive.identify.base import Undetermined
 from pneudrive.identify.identified import stated
 from pneudrive.identify.static.robust import RobustEstimate, estimate, profile_intervals, with_scatter
@@ -31,8 +31,6 @@ TAIL = 2.0
 #: Multiple of vs above which a speed level is needed, to reach the plateau Fc + Fv v. 2.8 vs is the support point of
 #: the optimal design with four speeds.
 PLATEAU = 2.8
-#: p-value above which a falling part counts as not significant.
-CHANCE = 0.05
 #: Half width of the viscous part's interval, as a fraction of friction, above which this part cannot be distinguished
 #: from the Coulomb force.
 VISCOUS_REACH = 0.5

@@ -255,7 +255,7 @@ def fit_any_law(
         counts = f"{len(data)} values, {len(model.names)} parameters"
         raise FitError("the friction map has too few values for this law", value=counts)
     found = estimate(model, data)
-    matrix, theta = found.covariance, model.natural(found.q)
+    matrix, theta = found.covariance, model.transforms.natural(found.q)
     reach = student(found.dof) * np.sqrt(np.diag(matrix))
     low, high = intervals(theta, reach, model.transforms.lower)
     lost = weak_coordinates(found.jacobian) | found.active
@@ -279,7 +279,7 @@ def fit_any_law(
 
 def _profile(found: RobustEstimate, name: str) -> Interval:
     """Return the interval of one parameter by profile likelihood, on the pseudo-values of the estimate."""
-    model, theta = found.model, found.model.natural(found.q)
+    model, theta = found.model, found.model.transforms.natural(found.q)
     k = model.names.index(name)
     is_positive, spread = bool(model.positive[k]), float(np.sqrt(found.covariance[k, k]))
     reach, upper = student(found.dof), float(model.uppers[k])
@@ -293,7 +293,7 @@ def _profile(found: RobustEstimate, name: str) -> Interval:
         if tried.names:
             q = found.pseudo_fit(tried, [q]).q
         cost = float(np.sum(((found.pseudo - tried.value(q, data)) / data.stderr_n) ** 2))
-        return cost, np.insert(tried.natural(q), k, natural(coordinate))
+        return cost, np.insert(tried.transforms.natural(q), k, natural(coordinate))
 
     at, step = (np.log(theta[k]), spread / theta[k]) if is_positive else (float(theta[k]), spread)
     farthest = FARTHEST_LOG if is_positive else np.inf
@@ -309,7 +309,7 @@ def _with_sizes(model: sliding.AnyLaw, data: sliding.Observations) -> sliding.An
         return model
     q = model.internal(start)
     value, jac = model.value_and_jacobian(q, data)
-    slope = np.abs(jac).max(axis=0) / np.diag(model.natural_jacobian(q))
+    slope = np.abs(jac).max(axis=0) / np.diag(model.transforms.jacobian(q))
     sizes = 0.1 * np.median(np.abs(value)) / np.where(slope > 0.0, slope, np.inf)
     return replace(model, start=tuple(np.where(zero, np.minimum(sizes, 0.5 * model.uppers), start).tolist()))
 

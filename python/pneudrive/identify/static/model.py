@@ -115,26 +115,18 @@ class StaticLaw:
     starting_points: Any  # values -> start coordinates, best first
     force_and_slopes: Any  # parameters, values -> friction (n,) and its derivatives with respect to parameters (n, p)
 
-    def natural(self, q: Array) -> Array:
-        """Convert internal coordinates to parameters."""
-        return self.transforms.natural(q)
-
     def internal(self, theta: Array) -> Array:
         """Convert parameters to internal coordinates."""
         return self.transforms.internal(theta)
 
-    def natural_jacobian(self, q: Array) -> Array:
-        """Differentiate parameters by internal coordinates, shape (p, p)."""
-        return self.transforms.jacobian(q)
-
     def value(self, q: Array, data: Observations) -> Array:
         """Return the friction at the rows of `data`, shape (n,), N."""
-        return self.force_and_slopes(self.natural(q), data)[0]
+        return self.force_and_slopes(self.transforms.natural(q), data)[0]
 
     def value_and_jacobian(self, q: Array, data: Observations) -> ArrayPair:
         """Return friction and its derivatives with respect to the internal coordinates, shapes (n,) and (n, p)."""
-        force, slopes = self.force_and_slopes(self.natural(q), data)
-        return force, slopes @ self.natural_jacobian(q)
+        force, slopes = self.force_and_slopes(self.transforms.natural(q), data)
+        return force, slopes @ self.transforms.jacobian(q)
 
 
 @dataclass(frozen=True)

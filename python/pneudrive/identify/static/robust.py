@@ -94,7 +94,7 @@ class RobustEstimate:
     @property
     def natural(self) -> NamedNumbers:
         """Parameters by name, SI."""
-        return by_name(self.model.names, map(float, self.model.natural(self.q)))
+        return by_name(self.model.names, map(float, self.model.transforms.natural(self.q)))
 
     @property
     def deviance(self) -> float:
@@ -112,7 +112,7 @@ class RobustEstimate:
     @property
     def covariance(self) -> Array:
         """Covariance in natural units, without directions that the data do not determine (open intervals)."""
-        to_natural = self.model.natural_jacobian(self.q)
+        to_natural = self.model.transforms.jacobian(self.q)
         matrix = to_natural @ covariance_of(self.jacobian, self.variance) @ to_natural.T
         return 0.5 * (matrix + matrix.T)
 
@@ -120,7 +120,7 @@ class RobustEstimate:
     def systematic(self) -> NamedNumbers:
         """Standard uncertainty of each parameter from errors shared by all rows, to first order."""
         shift = shift_of(self.jacobian, self.data.u_systematic_n / self.data.stderr_n)
-        sizes = np.abs(self.model.natural_jacobian(self.q) @ shift)
+        sizes = np.abs(self.model.transforms.jacobian(self.q) @ shift)
         return by_name(self.model.names, sizes)
 
     def pseudo_fit(self, model: StaticLaw, starts: Sequence[Array] = ()) -> RobustEstimate:
