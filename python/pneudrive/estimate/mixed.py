@@ -36,9 +36,16 @@ if TYPE_CHECKING:
 NEGLIGIBLE = 1e-10
 
 
-@dataclass(frozen=True, eq=False)
 class Scan:
     """Linear fits for each point of a grid of g nonlinear (shape) parameter sets.
+
+    Parameters
+    ----------
+    shape : ndarray, shape (g, k)
+    designs : ndarray, shape (g, n, p)
+        Whitened design matrix of each shape.
+    values : ndarray, shape (n,)
+        Whitened observations.
 
     Attributes
     ----------
@@ -48,12 +55,28 @@ class Scan:
     coefficient : ndarray, shape (g, p)
     covariance : ndarray, shape (g, p, p)
         Covariance of the coefficients, for unit variance.
+
+    Examples
+    --------
+    A decay over a length of 2, among three lengths:
+
+    >>> x, lengths = np.arange(6.0), np.array([[1.0], [2.0], [4.0]])
+    >>> found = Scan(lengths, np.exp(-x / lengths)[:, :, None], 3.0 * np.exp(-x / 2.0))
+    >>> found.shape[found.best].tolist(), found.coefficient[found.best].round(6).tolist()
+    ([2.0], [3.0])
     """
 
-    shape: Array
-    cost: Array
-    coefficient: Array
-    covariance: Array
+    def __init__(self, shape: Array, designs: Array, values: Array) -> None:
+        size = np.linalg.norm(designs, axis=1, keepdims=True)
+        size[size == 0.0] = 1.0
+        scaled = designs / size
+        q, r = np.linalg.qr(scaled)  # r has the singular values of the design, and is small
+        inverse = np.linalg.pinv(r, rcond=NEGLIGIBLE)
+        found = (inverse @ (q.swapaxes(1, 2) @ values)[:, :, None])[:, :, 0]
+        rest = values - np.einsum("gnp,gp->gn", scaled, found)
+        factor = size[:, 0, :]
+        self.shape, self.cost, self.coefficient = shape, np.einsum("gn,gn->g", rest, rest), found / factor
+        self.covariance = (inverse @ inverse.swapaxes(1, 2)) / (factor[:, :, None] * factor[:, None, :])
 
     @property
     def best(self) -> int:
@@ -96,38 +119,6 @@ class Scan:
             0.0 if low <= sought[0] * (1.0 + 1e-9) else low,
             np.inf if high >= sought[1] * (1.0 - 1e-9) else high,
         )
-
-
-def scan(shape: Array, designs: Array, values: Array) -> Scan:
-    """Fit at every shape.
-
-    Parameters
-    ----------
-    shape : ndarray, shape (g, k)
-    designs : ndarray, shape (g, n, p)
-        Whitened design matrix of each shape.
-    values : ndarray, shape (n,)
-        Whitened observations.
-
-    Examples
-    --------
-    A decay over a length of 2, among three lengths:
-
-    >>> x, lengths = np.arange(6.0), np.array([[1.0], [2.0], [4.0]])
-    >>> found = scan(lengths, np.exp(-x / lengths)[:, :, None], 3.0 * np.exp(-x / 2.0))
-    >>> found.shape[found.best].tolist(), found.coefficient[found.best].round(6).tolist()
-    ([2.0], [3.0])
-    """
-    size = np.linalg.norm(designs, axis=1, keepdims=True)
-    size[size == 0.0] = 1.0
-    scaled = designs / size
-    q, r = np.linalg.qr(scaled)  # r has the singular values of the design, and is small
-    inverse = np.linalg.pinv(r, rcond=NEGLIGIBLE)
-    found = (inverse @ (q.swapaxes(1, 2) @ values)[:, :, None])[:, :, 0]
-    rest = values - np.einsum("gnp,gp->gn", scaled, found)
-    factor = size[:, 0, :]
-    covariance = (inverse @ inverse.swapaxes(1, 2)) / (factor[:, :, None] * factor[:, None, :])
-    return Scan(shape, np.einsum("gn,gn->g", rest, rest), found / factor, covariance)
 
 
 def refined(at: Callable[[Array], Scan], coarse: Array, count: int, rise: Callable[[Scan], float]) -> Scan:

@@ -11,6 +11,7 @@ from pneudrive import _core
 from pneudrive.estimate.autocorrelation import (
     cells,
     centred_walk,
+    corrected_criterion,
     gaussian,
     integrated_wiener,
     levels,
@@ -18,7 +19,7 @@ from pneudrive.estimate.autocorrelation import (
     stderr_of_mean,
 )
 from pneudrive.estimate.estimates import Estimate, Transforms, intervals, mean_estimate, profile_interval, student
-from pneudrive.estimate.mixed import corrected_criterion, refined, scan
+from pneudrive.estimate.mixed import Scan, refined
 
 RNG = np.random.default_rng(4)
 ONE, TWO = RNG.normal(0.4, 1.0, 9), RNG.normal(0.0, 2.0, 14)
@@ -180,7 +181,7 @@ LENGTHS = np.geomspace(0.05, 50.0, 60)
 
 
 def decays(x, y, noise):
-    return lambda lengths: scan(lengths[:, None], np.exp(-x / lengths[:, None])[:, :, None] / noise, y / noise)
+    return lambda lengths: Scan(lengths[:, None], np.exp(-x / lengths[:, None])[:, :, None] / noise, y / noise)
 
 
 def test_shape_and_coefficient_of_a_decay_lie_in_their_intervals():
@@ -197,7 +198,7 @@ def test_shape_and_coefficient_of_a_decay_lie_in_their_intervals():
 
 def test_at_a_known_shape_the_interval_is_that_of_a_mean():
     y = np.array([1.0, 2.0, 3.0])
-    found = scan(np.zeros((1, 0)), np.ones((1, 3, 1)), y)
+    found = Scan(np.zeros((1, 0)), np.ones((1, 3, 1)), y)
     low, high = found.interval(np.array([1.0]), found.rise(2))
     assert (low, high) == pytest.approx((2.0 - 4.302653 / np.sqrt(3.0), 2.0 + 4.302653 / np.sqrt(3.0)), abs=1e-6)
 

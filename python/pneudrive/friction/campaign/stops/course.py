@@ -32,7 +32,7 @@ from pneudrive.campaign.storage.folder import RESTS, CycleFile, recording_of, sp
 from pneudrive.errors import RecordingError
 from pneudrive.estimate.autocorrelation import cells, corrected_criterion, means
 from pneudrive.estimate.estimates import NORMAL_95, rms, student
-from pneudrive.estimate.mixed import Scan, refined, scan
+from pneudrive.estimate.mixed import Scan, refined
 from pneudrive.friction.bins import profile_stderr
 from pneudrive.friction.campaign.reading import condition_of, read_each
 from pneudrive.friction.friction_map import Condition, Skipped
@@ -478,7 +478,7 @@ def recover(bins: Array, running_stderr_n: float, speed_m_s: float) -> Row:
 
     def at(lengths: Array) -> Scan:
         decay = np.exp(-s / lengths[:, None])
-        return scan(lengths[:, None], np.stack([decay, np.ones_like(decay)], axis=2) / sigma[:, None], y / sigma)
+        return Scan(lengths[:, None], np.stack([decay, np.ones_like(decay)], axis=2) / sigma[:, None], y / sigma)
 
     found = refined(at, coarse, LENGTHS, lambda one: one.rise(freedom, 1.0))
     lengths = found.shape[:, 0]
@@ -590,7 +590,7 @@ def _forms(time: Array, force: Array, variance: Array) -> Row:
         ratio = time[None, :, None] / shape[:, None, :]  # of times (n,) to time constants (g, k), shape (g, n, k)
         relaxed = np.log10(1.0 + ratio) if form == "log" else -np.expm1(-ratio)
         columns = np.concatenate([np.ones((len(shapes), time.size, 1)), -relaxed], axis=2)
-        fits[form] = scan(shape, columns * root[:, None], force * root)
+        fits[form] = Scan(shape, columns * root[:, None], force * root)
         aicc[form] = corrected_criterion(fits[form].cost.min(), 1 + 2 * shape.shape[1], time.size)
     form = min(aicc, key=lambda name: aicc[name])
     best, log, freedom = fits[form], fits["log"], max(time.size - 3, 1)

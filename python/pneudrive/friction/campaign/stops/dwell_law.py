@@ -24,7 +24,7 @@ import numpy as np
 from pneudrive.arrays import Array, Row, by_name
 from pneudrive.estimate.autocorrelation import levels
 from pneudrive.estimate.estimates import Estimate, mean_estimate, student
-from pneudrive.estimate.mixed import Scan, refined, scan
+from pneudrive.estimate.mixed import Scan, refined
 from pneudrive.friction.campaign.stops import dwell_models
 from pneudrive.friction.campaign.stops.course import BACK
 from pneudrive.friction.campaign.stops.stop import SPOILING
@@ -263,7 +263,7 @@ def fit_contact_age(
             distance = np.array([np.mean(lengths(t)) for t in times])
         both = zip(times, distance, strict=True)
         aged = np.array([form.psi(dwell, t, exponent) - form.psi(length / speed, t, exponent) for t, length in both])
-        return scan(np.column_stack([times, distance]), aged[:, :, None] * columns, increment)
+        return Scan(np.column_stack([times, distance]), aged[:, :, None] * columns, increment)
 
     freedom = max(len(stops) - columns.shape[1] - 1, 1)
     limits = (dwell.min() / REACH[0], dwell.max() * REACH[1])

@@ -224,7 +224,7 @@ def _at(curve: DwellCurve, form: DwellForm, whitener: Array, times: Array) -> mi
         dwell = data["dwell_s"]
         psi = np.array([form.psi(dwell, *shape) for shape in shapes])
         designs = np.concatenate([designs, own * psi[:, :, None]], axis=2)
-    return mixed.scan(shapes, whitener @ designs, whitener @ data["increment_n"])
+    return mixed.Scan(shapes, whitener @ designs, whitener @ data["increment_n"])
 
 
 #: Correlation length of each bend in decades (the known laws bend within one or two), and its prior size as a fraction

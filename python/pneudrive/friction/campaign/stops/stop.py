@@ -33,7 +33,7 @@ from pneudrive.arrays import Array, ArrayPair, Bools, Pair, Row, evenly
 from pneudrive.batching import share_out
 from pneudrive.campaign.storage.folder import Campaign, CycleFile, recording_of, steps_of
 from pneudrive.estimate.estimates import robust_deviation
-from pneudrive.estimate.mixed import Scan, scan
+from pneudrive.estimate.mixed import Scan
 from pneudrive.friction.campaign.reading import condition_of, read_each
 from pneudrive.friction.campaign.stops import course
 from pneudrive.friction.friction_map import TABLES, Condition, Skipped
@@ -374,7 +374,7 @@ def _places(friction: Array, top: int, many_n: float) -> tuple[Scan, Array]:
     while True:
         places = np.linspace(low, high, PLACES)
         grid = np.column_stack([np.tile(places, len(ROUNDNESS)), np.repeat(ROUNDNESS, PLACES)])
-        found = scan(grid, _columns(np.arange(friction.size, dtype=float), grid), friction)
+        found = Scan(grid, _columns(np.arange(friction.size, dtype=float), grid), friction)
         weight = np.exp(-0.5 * (found.cost - found.cost[found.best]) / many_n**2)
         share, step, corner = weight / weight.sum(), (high - low) / (PLACES - 1), found.shape[:, 0]
         middle = share @ corner
