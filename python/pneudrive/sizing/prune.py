@@ -52,8 +52,7 @@ class SafeBounds:
         self.low = task.supply_pa - task.supply.spread_pa
         self.gauge = self.high - ambient
         weight = task.static_force_n - task.external_force_n
-        light = 1.0 - task.spread.mass
-        heavy = 1.0 + task.spread.mass
+        light, heavy = 1.0 - task.spread.mass, 1.0 + task.spread.mass
         out, back = (min(sign * weight * one for one in (light, heavy)) for sign in (1.0, -1.0))
         self.against = {True: out + task.external_force_n, False: back - task.external_force_n}
 

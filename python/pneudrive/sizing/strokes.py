@@ -159,7 +159,39 @@ class DriveStrokes:
     def circuit(self, setting: Setting = OPEN) -> Circuit:
         """Return the circuit: supply, valve, tubes, flow controls, cylinder and load, with its settings."""
         valve = {"valve": dict(self.choice.valve.table)}
-        return _around(self.choice, self.task, setting, valve, ("supply -> valve.1",), ("valve.4", "valve.2"))
+        return self._around(valve, ("supply -> valve.1",), ("valve.4", "valve.2"), setting)
+
+    def _around(self, valve: Keyed, joined: tuple[str, ...], ends: tuple[str, str], setting: Setting = OPEN) -> Circuit:
+        """Return the circuit around a valve, whose two ends lead to chambers a and b."""
+        choice, task = self.choice, self.task
+        cylinder = dict(choice.cylinder.table)
+        components: Plain = {
+            "supply": {"kind": "reservoir", "pressure": str(task.supply.pressure)},
+            **valve,
+            "tube_a": dict(choice.tube.table),
+            "tube_b": dict(choice.tube.table),
+            "cylinder": cylinder,
+            "load": {"kind": "load", "mass": f"{task.mass_kg!r} kg", "force": f"{-task.external_force_n!r} N"},
+        }
+        connections = list(joined)
+        for side, start, (needle, cushion) in zip("ab", ends, (setting[2:], setting[:2]), strict=True):
+            line = [start, f"tube_{side}"]
+            if choice.is_throttled:
+                of, key = choice.flow_control, "needle_conductance"
+                table = {name: one for name, one in of.table.items() if not name.startswith("needle_")}
+                components[f"flow_control_{side}"] = table | {key: _opened_value(of.numbers[key], needle)}
+                line.append(f"flow_control_{side}")
+            if choice.is_cushioned:
+                key = f"cushion_{side}_needle_conductance"
+                cylinder[key] = _opened_value(choice.cylinder.numbers[key], cushion)
+            connections.append(" -> ".join((*line, f"cylinder.{side}")))
+        return Circuit(
+            name=f"{task.name}: {choice.name}",
+            ambient=task.ambient,
+            components=components,
+            connections=(*connections, "cylinder.rod -> load"),
+            initial={"cylinder.position": "0 mm", "cylinder.b": str(task.supply.pressure)},
+        )
 
     def template_key(self, outward: bool) -> tuple[Any, ...]:
         """Return the structure of the circuit of a stroke, without numbers.
@@ -179,7 +211,7 @@ class DriveStrokes:
                 paths[name] = {"kind": "fitting", **of, "conductance": conductance}
             ends = ("feed.2", "vent.1") if outward else ("vent.1", "feed.2")
             joined = ("supply -> feed.1", "vent.2 -> ambient")
-            circuit = _around(self.choice, self.task, OPEN, paths, joined, ends)
+            circuit = self._around(paths, joined, ends)
             at = units.UnitFloat(0.0 if outward else self.task.stroke_m, "m", "mm")
             full, empty = ("b", "a") if outward else ("a", "b")
             pressures = {full: self.task.supply_pa, empty: self.task.ambient.pressure_pa}
@@ -419,42 +451,6 @@ def _between(ends: Iterable[float], draws: Array, name: str) -> Array:
 
 def _both_ways(share: Array) -> Array:
     return 2.0 * share - 1.0
-
-
-def _around(
-    choice: DriveChoice,
-    task: SizingTask,
-    setting: Setting,
-    valve: Keyed,
-    joined: tuple[str, ...],
-    ends: tuple[str, str],
-) -> Circuit:
-    """Return the circuit around a valve with two ends."""
-    cylinder = dict(choice.cylinder.table)
-    components: Plain = {
-        "supply": {"kind": "reservoir", "pressure": str(task.supply.pressure)},
-        **valve,
-        "tube_a": dict(choice.tube.table),
-        "tube_b": dict(choice.tube.table),
-        "cylinder": cylinder,
-        "load": {"kind": "load", "mass": f"{task.mass_kg!r} kg", "force": f"{-task.external_force_n!r} N"},
-    }
-    for end, (needle, cushion) in (("a", setting[2:]), ("b", setting[:2])):
-        if choice.is_throttled:
-            of, key = choice.flow_control, "needle_conductance"
-            table = {name: one for name, one in of.table.items() if not name.startswith("needle_")}
-            components[f"flow_control_{end}"] = table | {key: _opened_value(of.numbers[key], needle)}
-        if choice.is_cushioned:
-            key = f"cushion_{end}_needle_conductance"
-            cylinder[key] = _opened_value(choice.cylinder.numbers[key], cushion)
-    way = {end: f"tube_{end} -> " + f"flow_control_{end} -> " * choice.is_throttled + f"cylinder.{end}" for end in "ab"}
-    return Circuit(
-        name=f"{task.name}: {choice.name}",
-        ambient=task.ambient,
-        components=components,
-        connections=(*joined, f"{ends[0]} -> {way['a']}", f"{ends[1]} -> {way['b']}", "cylinder.rod -> load"),
-        initial={"cylinder.position": "0 mm", "cylinder.b": str(task.supply.pressure)},
-    )
 
 
 def _opened_value(whole: float, share: float) -> dict[str, str]:

@@ -10,13 +10,14 @@ from difflib import get_close_matches
 from fnmatch import fnmatchcase
 from itertools import product
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, NamedTuple
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
 from pydantic import Field, model_validator
 
 from pneudrive import units
 from pneudrive.constants import IMPACT_ENERGY_J_M2, STANDARD_GRAVITY_M_S2
 from pneudrive.describe import marks
+from pneudrive.describe.all_values import DescribedValue
 from pneudrive.describe.base import Described, inline
 from pneudrive.describe.components import component_class
 from pneudrive.describe.files import toml
@@ -193,7 +194,8 @@ class SizingTask(Described):
 
     def excludes(self, name: str, kind: str) -> bool:
         """Return whether a part of the catalogue is excluded."""
-        return any(fnmatchcase(name, word) or fnmatchcase(kind, word) for word in self.exclude)
+        is_servo = kind == PROPORTIONAL and not self.servo_valves
+        return is_servo or any(fnmatchcase(name, word) or fnmatchcase(kind, word) for word in self.exclude)
 
     @property
     def template_key(self) -> str:
@@ -246,24 +248,15 @@ def task_schema() -> Plain:
     return {"$schema": "https://json-schema.org/draft/2020-12/schema", **schema, "oneOf": timed}
 
 
-class TaskValue(NamedTuple):
-    """One value of a task: key, text, whether it is given or a default, and meaning."""
-
-    key: str
-    text: str
-    is_given: bool
-    meaning: str
-
-
-def values_of(task: SizingTask) -> list[TaskValue]:
-    """Return every value of a task, including defaults, in the order of its file."""
-    given = dict(toml.leaves(task.to_dict()))
-    meanings = dict(_meanings(task))
-    return [
-        TaskValue(key, _brief(value) if isinstance(value, str) else inline(value), key in given, meanings.get(key, ""))
-        for key, value in toml.leaves(task.with_defaults())
-        if key != "schema"
-    ]
+def values_of(task: SizingTask) -> list[DescribedValue]:
+    """Return every value of a task as text, defaults included, in the order of its file, with its meaning as origin."""
+    given, meanings, out = dict(toml.leaves(task.to_dict())), dict(_meanings(task)), []
+    for key, value in toml.leaves(task.with_defaults()):
+        if key != "schema":
+            text = _brief(value) if isinstance(value, str) else inline(value)
+            kind = "given" if key in given else "default"
+            out.append(DescribedValue(key, text, meanings.get(key, ""), kind))
+    return out
 
 
 def _brief(text: str) -> str:
@@ -418,13 +411,8 @@ class DriveChoice:
     def valve_paths(self) -> dict[str, NamedNumbers]:
         """Paths from the supply and to the exhaust that the valve opens for a stroke: name -> numbers, SI."""
         valve = self.valve.numbers
-        alike = {key: valve[key] for key in ("subsonic_index", "linear_above")}
-        ends = {"feed": ("conductance", "critical_pressure_ratio")}
-        ends["vent"] = ("exhaust_conductance", "exhaust_critical_pressure_ratio")
-        return {
-            name: alike | {own: valve.get(key, valve[own]) for own, key in zip(ends["feed"], keys, strict=True)}
-            for name, keys in ends.items()
-        }
+        feed = {key: valve[key] for key in ("subsonic_index", "linear_above", "conductance", "critical_pressure_ratio")}
+        return {"feed": feed, "vent": {key: valve.get(f"exhaust_{key}", size) for key, size in feed.items()}}
 
     def exhaust_sizes(self, tube_m3_s_pa: float) -> list[float]:
         """Return the conductances on the way out of the cylinder, needle fully open, m3/(s Pa).
@@ -460,8 +448,6 @@ def choices(task: SizingTask) -> dict[str, list[PartChoice]]:
     found: dict[str, list[PartChoice]] = {}
     for slot, kinds in SLOTS.items():
         chosen = [one for one in known if one.kind in kinds and not task.excludes(one.name, one.kind)]
-        if not task.servo_valves:
-            chosen = [one for one in chosen if one.kind != PROPORTIONAL]
         found[slot] = [_MAKERS[slot](one, task) for one in sorted(chosen, key=lambda one: one.name)]
     for slot, parts in found.items():
         if not parts and slot != "flow_control":
@@ -636,11 +622,11 @@ def _tube(entry: Entry, task: SizingTask) -> PartChoice:
 
 
 def _flow_control(entry: Entry, _task: SizingTask) -> PartChoice:
-    own = {value.key: value for value in entry.values}
-    keys = [key for key in own if key.startswith("needle_")]
-    free = {key.replace("needle", "check"): (own[key].value, "equal to the fully open needle") for key in keys}
-    has = any(key.startswith("check_") for key in own)
-    return _choice(entry, {}, {} if has else free)
+    if any(own.key.startswith("check_") for own in entry.values):
+        return _choice(entry, {}, {})
+    needle = {own.key: own.value for own in entry.values if own.key.startswith("needle_")}
+    why = "equal to the fully open needle"
+    return _choice(entry, {}, {key.replace("needle", "check"): (size, why) for key, size in needle.items()})
 
 
 _MAKERS = {"cylinder": _cylinder, "valve": _valve, "tube": _tube, "flow_control": _flow_control}

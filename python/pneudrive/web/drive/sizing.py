@@ -39,8 +39,7 @@ def checked_or_first(text: str | None = None) -> Plain:
         "problems": [],
         "name": task.name,
         "values": [
-            {"key": key, "text": text, "kind": "given" if is_given else "default", "origin": meaning}
-            for key, text, is_given, meaning in values_of(task)
+            {"key": key, "text": text, "kind": kind, "origin": origin} for key, text, origin, kind in values_of(task)
         ],
         "follows": [by_name(("what", "value", "unit"), row) for row in follows_from(task)],
     }
