@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import combinations
 from pathlib import Path
 from types import SimpleNamespace
@@ -215,10 +216,7 @@ class Characterisation(Viewed):
 
     results: tuple[RecordingResult, ...]
     friction_map: xr.Dataset
-    closures: tuple[pressure.ClosureFit, ...]
-    pressure_lines: tuple[pressure.PressureLine, ...]
     table: pl.DataFrame
-    run_spread: pressure.RunSpread | None
     notes: tuple[str, ...]
     skipped: tuple[tuple[str, str], ...]
     protocol: str
@@ -238,6 +236,21 @@ class Characterisation(Viewed):
     def synthetic(self) -> bool:
         """Whether any recording comes from a simulated rig."""
         return any(recording.synthetic for recording in self.recordings)
+
+    @cached_property
+    def closures(self) -> tuple[pressure.ClosureFit, ...]:
+        """Effective areas and force zero of each seal."""
+        return tuple(pressure.fit_closures(self.table))
+
+    @cached_property
+    def pressure_lines(self) -> tuple[pressure.PressureLine, ...]:
+        """Friction over pressure of each seal."""
+        return tuple(pressure.fit_pressure_lines(self.table))
+
+    @cached_property
+    def run_spread(self) -> pressure.RunSpread | None:
+        """Spread between runs."""
+        return pressure.run_spread(self.table)
 
     @property
     def points(self) -> tuple[SimpleNamespace, ...]:
@@ -330,10 +343,7 @@ def characterise_recordings(
     found = Characterisation(
         results=tuple(results),
         friction_map=friction_map,
-        closures=tuple(pressure.fit_closures(table)),
-        pressure_lines=tuple(pressure.fit_pressure_lines(table)),
         table=table,
-        run_spread=pressure.run_spread(table),
         notes=(),
         skipped=tuple(skipped),
         protocol=choice.name,
