@@ -15,7 +15,7 @@ from pneudrive.cli.main import run as command
 from pneudrive.describe.components import USUAL, unusual_sizes
 from pneudrive.describe.files import toml
 from pneudrive.errors import DescriptionError, PneudriveWarning, warn
-from pneudrive.report.page import Items, Report, Section
+from pneudrive.report.page import Paragraph, Report, Section
 from pneudrive.report.sizing import sizing_sheet
 from pneudrive.sizing import checks
 from pneudrive.sizing.result import SizingResult
@@ -176,7 +176,7 @@ def test_a_severe_finding_is_never_folded_or_counted(capsys):
         pn.simulate(drive, "0 s: 1", "0.5 s")
     names = ["provenance", "budget", *map(str, range(9))]
     texts = dict.fromkeys(names, "as usual") | {"provenance": "Hazard: the piston has met the cover"}
-    parts = [Section(name, name, (Items((texts[name],)), ShownTable("", ("a",), (("b",),)))) for name in names]
+    parts = [Section(name, name, (Paragraph((texts[name],)), ShownTable("", ("a",), (("b",),)))) for name in names]
     page = Report("report", ["Fine.", "Hazard: it falls"], parts).html()
     assert page.index("Hazard: it falls") < page.index("Fine.")
     assert page.count("<details>") == 1  # that of the budget

@@ -16,7 +16,7 @@ from pneudrive.errors import CommandError
 from pneudrive.figures import MODEL, Axis, Band, Bars, Figure, Line, Markers, Panel, look
 from pneudrive.numbers import plain
 from pneudrive.report.circuit.svg import circuit_figure
-from pneudrive.report.page import Items, Report, Section, Topic, figure_of, references, view_section, write_pdf
+from pneudrive.report.page import Paragraph, Report, Section, Topic, figure_of, references, view_section, write_pdf
 from pneudrive.report.render import DrawnFigure, draw_figure
 from pneudrive.report.validation import MOST_SHOWN, channel_figure, friction_figure
 from pneudrive.simulation.trajectory import check_target, write_whole
@@ -279,8 +279,8 @@ def _definitions(found: Datasheet) -> Section:
     shown = [known[name] for name in found.results if name in known]
     keys = dict.fromkeys(key for one in shown for key in one.cites)
     return Topic("datasheet", "definitions").section(
-        Items([f"assumed: {one}" for one in found.assumed]),
-        Items([f"{one.title}: {one.definition} ({one.algorithm})" for one in shown]),
-        Items(references(keys)),
+        Paragraph([f"assumed: {one}" for one in found.assumed]),
+        Paragraph([f"{one.title}: {one.definition} ({one.algorithm})" for one in shown]),
+        Paragraph(references(keys)),
         synthetic=False,
     )

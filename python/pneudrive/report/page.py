@@ -46,7 +46,7 @@ Fits: TypeAlias = "Mapping[str, Mapping[str, FrictionFit]]"
 TEMPLATE, TYPST = (Path(__file__).with_name(f"report.{kind}.j2") for kind in ("html", "typ"))
 FIGURES, REPORT = "figures", "report.html"
 #: Sections with details that few readers need. A long report folds them.
-DETAILS = ("record", "closure", "reversals", "flags", "budget", "drift", "recovered", "provenance")
+DETAILS = ("record", "reversals", "flags", "budget", "drift", "recovered", "provenance")
 DETAILS += ("stick-slip-of-strokes", "stick-slip-over-speed", "budget-over-speed")
 DETAILS += ("paper", "stick-slip", "chambers", "controlled-axis")
 MOST_OPEN = 8
@@ -57,17 +57,12 @@ POLICY = "default-src 'none'; style-src 'unsafe-inline'; img-src data:; base-uri
 
 @dataclass(frozen=True)
 class Paragraph:
-    """A paragraph; `kind` is "plain", "note" (a caution), "code", or "holds" / "fails" of a check."""
+    """A paragraph, or a list if `text` is a sequence.
 
-    text: str
-    kind: str = "plain"
+    `kind` is "plain", "note" (a caution), "code", or "holds" / "fails" of a check.
+    """
 
-
-@dataclass(frozen=True)
-class Items:
-    """A list of sentences; `kind` as for a paragraph."""
-
-    items: Sequence[str]
+    text: str | Sequence[str]
     kind: str = "plain"
 
 
@@ -79,7 +74,7 @@ def drawn(shown: ShownFigure, synthetic: bool) -> DrawnFigure:
     return figure
 
 
-Block: TypeAlias = Paragraph | Items | ShownTable | ShownFigure
+Block: TypeAlias = Paragraph | ShownTable | ShownFigure
 
 
 @dataclass(frozen=True)
@@ -99,7 +94,7 @@ def view_section(key: str, view: View, *, synthetic: bool | None = None) -> Sect
         kind = {"bad": "fails", "open": "note"}.get(finding.state, "plain")
         facts[kind].append(f"{finding.text} {finding.remedy}".strip())
     facts["plain"] += view.notes
-    lists = (Items(items, kind) for kind, items in facts.items() if items)
+    lists = (Paragraph(items, kind) for kind, items in facts.items() if items)
     values = (("Values", *table) for table in view.value_tables())
     tables = [ShownTable(*table) for table in (*values, ("Curves", *view.curve_table())) if table[2]]
     return Section(key, view.title, (*lists, *view.figures, *tables, *view.tables), synthetic)
@@ -123,8 +118,10 @@ def _has_severe(part: Section) -> bool:
     """Return whether a section has a severe finding; such a section is not folded."""
     texts: list[str] = []
     for block in part.blocks:
-        texts += [block.text] if isinstance(block, Paragraph) else block.items if isinstance(block, Items) else ()
-        texts += [cell for row in block.rows for cell in row] if isinstance(block, ShownTable) else ()
+        if isinstance(block, Paragraph):
+            texts += [block.text] if isinstance(block.text, str) else block.text
+        elif isinstance(block, ShownTable):
+            texts += [cell for row in block.rows for cell in row]
     return any(map(is_severe, texts))
 
 
@@ -160,20 +157,19 @@ class Report:
         figures = Path(folder) / FIGURES
         make_subfolder(figures)
         self.draw(figures)
-        for name, svg in self.pictures.items():
-            write_whole(figures / f"{name}.svg", svg)
         return write_whole(Path(folder) / REPORT, self.html())
 
     @applied()
     def draw(self, folder: Path | None = None) -> None:
-        """Draw the figures of all sections, and write them as PNG if a folder is given."""
+        """Draw the figures of all sections, and write them as PNG and SVG if a folder is given."""
         for part in self.sections:
             for block in (block for block in part.blocks if isinstance(block, ShownFigure)):
                 figure = drawn(block, bool(part.synthetic))
+                self.pictures[block.name] = svg_text(figure)
                 if folder is not None:
+                    write_whole(folder / f"{block.name}.svg", self.pictures[block.name])
                     with whole(folder / f"{block.name}.png") as temporary:
                         figure.savefig(temporary, format="png", dpi=PNG_DPI)
-                self.pictures[block.name] = svg_text(figure)
 
     def alone(self) -> str:
         """Return the page with embedded pictures, without a folder of figures."""
@@ -370,7 +366,7 @@ class Topic:
     def listed(self, items: Iterable[str], name: str = "") -> tuple[Block, ...]:
         """Return a paragraph with a list of sentences; empty without sentences."""
         lines, lead = list(items), (self.text(name),) if name else ()
-        return (*lead, Items(lines)) if lines else ()
+        return (*lead, Paragraph(lines)) if lines else ()
 
     def figure(self, name: str, figure: Figure, /, **values: object) -> ShownFigure:
         """Return a figure with its caption."""
@@ -399,7 +395,7 @@ class Topic:
     def section(self, *blocks: Block | None, synthetic: bool | None = None, **values: object) -> Section:
         """Return a section of the blocks that are not None."""
         there = tuple(block for block in blocks if block is not None)
-        return Section(self.texts.get("key", self.key), self.say("title", **values), there, synthetic)
+        return Section(self.key, self.say("title", **values), there, synthetic)
 
 
 # --- A report as a PDF, set by typst (extra ``pdf``).
@@ -552,7 +548,7 @@ def provenance_section(found: Characterisation | None, study: Addition) -> Secti
     rows = [("pneudrive", __version__), *software(), *(row for part in parts for row in part.settings)]
     keys = dict.fromkeys(key for part in parts for key in part.cited)
     blocks = [topic.table(rows), *(block for part in parts for block in part.sources)]
-    lines = Items([part.validity for part in parts if part.validity])
+    lines = Paragraph([part.validity for part in parts if part.validity])
     return topic.section(lines, *blocks, *topic.listed(references(keys), "sources"), synthetic=False)
 
 

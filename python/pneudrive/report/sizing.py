@@ -17,7 +17,7 @@ from pneudrive.figures import Figure, Line, Look, Markers, Panel, Rule
 from pneudrive.files.writing import make_subfolder
 from pneudrive.report.circuit.svg import circuit_figure
 from pneudrive.report.layout_figure import sketch
-from pneudrive.report.page import Items, Paragraph, Report, Section, Topic, figure_of, references, view_section
+from pneudrive.report.page import Paragraph, Report, Section, Topic, figure_of, references, view_section
 from pneudrive.report.render import DrawnFigure, draw_figure
 from pneudrive.sizing.checks import READ, SizedDrive, read
 from pneudrive.sizing.result import WRITTEN, SizingResult, in_words, maker_type, yearly
@@ -25,7 +25,7 @@ from pneudrive.sizing.result import values_of as drive_values
 from pneudrive.sizing.search import MOST, is_of_command
 from pneudrive.sizing.task import GUIDES, WITHOUT, follows_from
 from pneudrive.sizing.task import values_of as task_values
-from pneudrive.views import Finding, LeadingValue, ShownFigure, ShownTable, ShownValue, View
+from pneudrive.views import Finding, LeadingValue, ShownTable, ShownValue, View
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -52,7 +52,6 @@ def sizing_view(found: SizingResult) -> View:
         _ranges(best or cheaper, Topic("sizing", "limits").say("table")),
         topic.table(cheaper, "missed", which=topic.say("cheaper" if best else "nearest")),
     )
-    figure = ShownFigure("candidates", topic.texts["pictures"]["candidates"], candidate_figure(found))
     return View(
         found.answer,
         [value for place, drive in enumerate(best, 1) for value in drive_values(drive, place)],
@@ -61,7 +60,7 @@ def sizing_view(found: SizingResult) -> View:
         findings=found.findings,
         notes=found.remarks,
         tables=[table for table in tables if table.rows],
-        figures=(figure,) if found.simulated else (),
+        figures=(topic.figure("candidates", candidate_figure(found)),) if found.simulated else (),
     )
 
 
@@ -191,7 +190,7 @@ def write_sizing_report(found: SizingResult, folder: str | Path) -> Path:
     verdict = [Finding(view.title, view.state), *view.findings, *map(Finding, view.notes)]
     lines = [replace(line, text=f"{line.text[:1].upper()}{line.text[1:]}") for line in verdict]
     if found.best is not None:
-        parts.append(Topic("sizing", "sources").section(Items(_cited(found)), synthetic=False))
+        parts.append(Topic("sizing", "sources").section(Paragraph(_cited(found)), synthetic=False))
         sheet = Path(folder) / SHEET
         make_subfolder(sheet)
         sheet_report(found).write(sheet)
@@ -230,9 +229,9 @@ def sheet_report(found: SizingResult) -> Report:
     """Return the sheet as a report: state, task, order, ranges, and sources."""
     topic, view = Topic("sizing", "sheet"), sizing_sheet(found)
     verdict = [Finding(found.answer, view.state), *view.findings]
-    given = "; ".join(f"{one.key} {one.value}" for one in task_values(found.task) if one.kind == "given")
+    given = "; ".join(f"{one.key} {one.text}" for one in task_values(found.task) if one.is_given)
     note = topic.text(version=__version__, sources="; ".join(_cited(found)) or "none")
-    parts = topic.section(Paragraph(given), *view.figures, *view.tables, Items(view.notes), note)
+    parts = topic.section(Paragraph(given), *view.figures, *view.tables, Paragraph(view.notes), note)
     return Report(view.title, verdict, [parts], synthetic=True)
 
 
@@ -270,8 +269,8 @@ def _best(found: SizingResult) -> list[Section]:
     topic, sourced = Topic("sizing", "best"), Topic("sizing", "values")
     drawing = topic.figure("circuit", circuit_figure(circuit), parts=best.part_names)
     return [
-        topic.section(Items((*parts, best.needles)), drawing, synthetic=False),
-        sourced.section(sourced.table(values), Items(rest), synthetic=False),
+        topic.section(Paragraph((*parts, best.needles)), drawing, synthetic=False),
+        sourced.section(sourced.table(values), Paragraph(rest), synthetic=False),
     ]
 
 
@@ -283,10 +282,10 @@ def _origin(kind: str, said: str) -> str:
 
 def _task(found: SizingResult) -> Section:
     topic, guide = Topic("sizing", "task"), found.task.guide
-    rows = ((one.key, one.value, one.kind, one.origin) for one in task_values(found.task))
+    rows = ((one.key, one.text, "given" if one.is_given else "default", one.meaning) for one in task_values(found.task))
     follows = [f"{what}: {value:.4g} {unit}" for what, value, unit in follows_from(found.task)]
     follows += [topic.say("guide", name=guide, friction=GUIDES[guide])] if GUIDES[guide] else []
-    return topic.section(topic.table(rows), Items(follows), synthetic=False)
+    return topic.section(topic.table(rows), Paragraph(follows), synthetic=False)
 
 
 def _method(found: SizingResult) -> Section:
@@ -298,7 +297,7 @@ def _method(found: SizingResult) -> Section:
         options += f" --max-candidates {asked['most']}" if asked["most"] != MOST else ""
         lines.insert(0, f"pneudrive size task.toml {options} --out out")
     return topic.section(
-        Items((found.extent, topic.say("moments"), topic.say("stroke"))),
+        Paragraph((found.extent, topic.say("moments"), topic.say("stroke"))),
         topic.text(version=__version__, python=platform.python_version()),
         *(Paragraph(line, "code") for line in (*lines, toml.write(found.task.to_dict()).strip())),
         synthetic=False,

@@ -316,7 +316,7 @@ def stick_slip(found: Characterisation) -> Section | None:
     slipping = [item for item in every if item[2].found and "stick_slip" in item[1].flags]
     if not every or (found.synthetic and not slipping):
         return None
-    topic, strokes = Topic("recordings", "stick-slip"), plural(len(every), "stroke")
+    topic, strokes = Topic("recordings", "stick-slip-of-strokes"), plural(len(every), "stroke")
     if not slipping:  # the text names the shortest visible period
         jumps = [s for *_, s in every if s.found]
         text = topic.say("nothing", strokes=strokes, finest=float(np.median([s.resolution_s for *_, s in every])))
