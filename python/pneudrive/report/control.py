@@ -14,7 +14,7 @@ from pneudrive.figures import MODEL, Axis, Figure, Line, Look, Panel, Rule, look
 from pneudrive.report.page import Topic, plural, view_report
 from pneudrive.report.render import DrawnFigure, box_marks, draw_figure
 from pneudrive.simulation.trajectory import attributes, check_si
-from pneudrive.views import MOST_LEADING, Finding, LeadingValue, ShownFigure, ShownTable, ShownValue, View
+from pneudrive.views import MOST_LEADING, Finding, LeadingValue, ShownFigure, ShownValue, View
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterator, Sequence
@@ -175,8 +175,7 @@ def controllers_view(found: ControlComparison, measures: Collection[str] = ()) -
     total = found.count * len(found.references) * len(found.laws)
     if not found.is_finished:
         findings.append(Finding(f"{len(found.runs)} of {total} runs are done.", "open", "Repeat the command."))
-    truth = [(name, f"{low:.4g}", f"{high:.4g}") for name, (low, high) in found.truth.items()]
-    about = Topic("control", "true")
+    truth = ((name, *ends) for name, ends in found.truth.items())
     return View(
         f"{found.drive} under {plural(len(found.laws), 'law')} of control, {plural(len(found.runs), 'simulated run')}",
         [value for along in found.references for value in found.values(along, measures)],
@@ -184,7 +183,7 @@ def controllers_view(found: ControlComparison, measures: Collection[str] = ()) -
         state="bad" if failed else "good" if found.is_finished else "open",
         leading=leading[:MOST_LEADING],
         findings=findings,
-        tables=(ShownTable(about.say("text"), about.texts["head"], truth),) if truth else (),
+        tables=(Topic("control", "true").table(truth),) if found.truth else (),
         figures=tuple(
             figure for number in range(len(found.references)) for figure in _reference_figures(found, number)
         ),

@@ -17,7 +17,7 @@ from pneudrive.platforms.kinematics import LEAST_SINGULAR_VALUE, Platform, motio
 from pneudrive.report.page import Topic, figure_of, view_report
 from pneudrive.report.render import DrawnFigure, applied, draw_figure, film
 from pneudrive.simulation.trajectory import check_target, columns_in, read_columns, whole, write_whole
-from pneudrive.views import LeadingValue, ShownFigure, ShownTable, ShownValue, View, worst
+from pneudrive.views import LeadingValue, ShownFigure, ShownValue, View, worst
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -382,17 +382,15 @@ def platform_view(platform: Platform) -> View:
             pose[k] = limit.value
             ends += [platform.text(pose).split(", ")[k].partition(" = ")[2], limit.reason]
         least = float(platform.singular_values(poses)[:, -1].min())
-        table.append((key, *ends, f"{least:.3g}", f"{float(abs(platform.load(poses)).max()):.4g}"))
+        table.append((key, *ends, least, float(abs(platform.load(poses)).max())))
     values = ", ".join(f"{value:.4g}" for value in platform.singular_values(home))
-    head = ("coordinate", "from", "limited by", "to", "limited by", "singular value", "largest load N")
-    caption = "One coordinate moves at a time, the others stay at half strokes. Loads hold the platform at rest."
     scene = platform_scene(platform, np.atleast_2d(home))
     picture = ShownFigure(platform.name, f"{platform.name}, every leg at half of its stroke.", _paper(scene, -1))
     return View(
         f"{platform.name}: {platform.text(home)}, with every leg at half of its stroke",
         rows,
         notes=(f"singular values, without unit: {values}",),
-        tables=(ShownTable(caption, head, table),),
+        tables=(Topic("trajectory", "platform").table(table),),
         figures=(picture,),
     )
 
@@ -404,15 +402,14 @@ def platform_run_view(platform: Platform, columns: Columns) -> View:
     for label, each in _panels(platform, found):
         for name, curve in each.items():
             ends = (round(float(end), 6) + 0.0 for end in Axis(label).shown((curve.min(), curve.max())))
-            rows.append((name, label, *(f"{end:.4g}" for end in ends)))
+            rows.append((name, label, *ends))
     caption = f"{platform.name} at the end of the run with the path of its origin, and the curves of the run."
     sentences, leading = _answer(platform, found)
-    state = worst(leading)
     return View(
         " ".join(sentences),
         leading=leading,
-        state=state,
-        tables=(ShownTable("Ranges of the run.", ("", "quantity", "least", "most"), rows),),
+        state=worst(leading),
+        tables=(Topic("trajectory", "legs").table(rows),),
         figures=(ShownFigure(platform.name, caption, run_figure(platform, found)),),
         notes=(f"{len(time)} samples to {time[-1]:g} s",),
     )
@@ -432,11 +429,10 @@ def _answer(platform: Platform, columns: Columns) -> tuple[list[str], tuple[Lead
         error = float(np.max(errors))
         sentences.append(f"The path is kept within {1e3 * error:.3g} mm.")
         leading.append(LeadingValue(ShownValue("path error", own, "largest error of the path", error, "m")))
-    places = [columns[name] for leg in legs if (name := f"{leg.name}.position_m") in columns]
     margins = [
         float(np.minimum(x, leg.stroke_m - x).min())
-        for leg, x in zip(legs, places, strict=False)
-        if np.isfinite(leg.stroke_m)
+        for leg in legs
+        if np.isfinite(leg.stroke_m) and (x := columns.get(f"{leg.name}.position_m")) is not None
     ]
     if margins:
         margin, hit = max(min(margins), 0.0), sum(one <= 0.0 for one in margins)
@@ -446,8 +442,7 @@ def _answer(platform: Platform, columns: Columns) -> tuple[list[str], tuple[Lead
         leading.append(LeadingValue(value, 0.0, "open" if hit else "good"))
     singular = float(columns[f"{own}.smallest_singular_value"].min())
     is_regular = singular >= LEAST_SINGULAR_VALUE
-    far = "No pose is singular." if is_regular else "The platform passes a nearly singular pose."
-    sentences.append(far)
+    sentences.append("No pose is singular." if is_regular else "The platform passes a nearly singular pose.")
     value = ShownValue("singular value", own, "smallest singular value", singular)
     leading.append(LeadingValue(value, LEAST_SINGULAR_VALUE, "good" if is_regular else "bad"))
     forces = np.column_stack([columns[f"{own}.leg_{i}_force_n"] for i in range(1, len(legs) + 1)])

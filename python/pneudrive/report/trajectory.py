@@ -285,19 +285,14 @@ def ensemble_view(found: xr.Dataset) -> View:
     failed = np.flatnonzero(status)[:1]
     words = (str(found["reason"].to_numpy()[i]) if "reason" in found else "see the table of members" for i in failed)
     reasons = [Finding(f"member {i}: {reason}", "bad") for i, reason in zip(failed, words, strict=True)]
-    drawn = (
-        ("fan", "Median of the members over time, and the ranges of 50 and 90 % of them.", fans),
-        ("members", "Distribution of each output over the members.", counts),
-    )
+    topic, drawn = Topic("trajectory", "ensemble"), {"fan": fans, "members": counts}
     before = f"{found.attrs['title']}: " if "title" in found.attrs else ""
     return View(
         f"{before}{found.sizes['member']} members, {np.count_nonzero(status)} failed",
         rows,
         state="bad" if failed.size else "open" if missing else "good",
         findings=(*reasons, *missing),
-        figures=[
-            ShownFigure(key, caption, figure_of("ensemble", each[:MOST_PANELS])) for key, caption, each in drawn if each
-        ],
+        figures=[topic.figure(key, figure_of("ensemble", each[:MOST_PANELS])) for key, each in drawn.items() if each],
     )
 
 
