@@ -38,7 +38,7 @@ from pneudrive.studies.bracha.friction_curves import figure_5, figure_6, figure_
 from pneudrive.views import ShownFigure
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Iterator, Sequence
+    from collections.abc import Callable, Iterator, Sequence
 
     import xarray as xr
 
@@ -370,12 +370,10 @@ class Reproduction:
 
     Attributes
     ----------
-    rig : SimulatedRig
-        Rig of the recordings with known true values.
     figures : dict of PaperFigure
         Figures by number in the source paper.
     rigs : tuple of RigDescription
-        Rigs of the figures.
+        Default rig, which made the recordings with known true values, and rigs of the figures.
     found : Characterisation
         Result of simulated recordings with known true values.
     chambers : ChamberComparison
@@ -384,7 +382,6 @@ class Reproduction:
         All checkable sentences of the paper, with verdicts.
     """
 
-    rig: SimulatedRig
     figures: Mapping[int, PaperFigure]
     rigs: tuple[RigDescription, ...]
     found: Characterisation
@@ -409,7 +406,7 @@ class Reproduction:
             sections=tuple(part for part in parts if part is not None),
             validity=Topic(PAGE, "provenance").say("validity"),
             settings=(("solver of the simulations", solver), ("seed of the simulated sensors", str(SEED))),
-            sources=tuple(values(self.rig.description, self.rigs)),
+            sources=tuple(values(self.rigs)),
             cited=("bracha", *cited, *(friction_laws()[name]["source"] for name in ("lugre", "stribeck"))),
         )
 
@@ -436,11 +433,11 @@ def reproduce(into: str | Path) -> Reproduction:
     recordings = sweep(rig, np.geomspace(*RECOVERY_SPEEDS_M_S), RECOVERY_GAUGES_PA, count=RECOVERY_CYCLES, seed=SEED)
     found = characterise_recordings(recordings)
     names = dict.fromkeys(name for _, name in EXPERIMENTS.values())
-    rigs = tuple(SimulatedRig.load(shipped_rigs()[name]).description for name in names)
+    rigs = rig.description, *(SimulatedRig.load(shipped_rigs()[name]).description for name in names)
     figures, chamber_laws = paper_figures(runs), compare_chamber_laws()
     claims = tuple(claim for figure in figures.values() for claim in figure.claims)
     claims += general_claims(chamber_laws, figures)
-    return Reproduction(rig, figures, rigs, found, chamber_laws, claims)
+    return Reproduction(figures, rigs, found, chamber_laws, claims)
 
 
 # --- Additions of the study to a report: verdict, sections, provenance.
@@ -570,10 +567,10 @@ def draw_chambers(compared: ChamberComparison) -> Figure:
     return figure_of("paper-chambers", panels)
 
 
-def values(rig: RigDescription, rigs: Iterable[RigDescription]) -> Iterator[Block]:
-    """Return the values of the default rig, the values that differ in other rigs, and the values of the drives."""
-    topic, base = Topic(PAGE, "provenance"), rig.sources
-    for name, sources in {rig.name: base, **{one.name: one.sources for one in rigs}}.items():
+def values(rigs: Sequence[RigDescription]) -> Iterator[Block]:
+    """Yield the values of the default rig, the values that differ in other rigs, and the values of the drives."""
+    topic, base = Topic(PAGE, "provenance"), rigs[0].sources
+    for name, sources in {rig.name: rig.sources for rig in rigs}.items():
         own = sources if sources is base else {k: s for k, s in sources.items() if s != base.get(k)}
         only = "" if sources is base else topic.say("only")
         yield topic.text("values", rig=f"{name[0].lower()}{name[1:]}", only=only)

@@ -158,12 +158,9 @@ def sticks(found: StickSlip) -> bool:
 
 
 def _quantities(found: StickSlip) -> Row:
-    names = ("period_s", "step_m", "mean_speed_m_s", "peak_speed_m_s", "stuck_share")
-    return {
-        "periods": found.periods,
-        **{name: getattr(found, name) for name in names},
-        "peak_ratio": found.peak_speed_m_s / found.mean_speed_m_s,
-    }
+    names = ("periods", "period_s", "step_m", "mean_speed_m_s", "peak_speed_m_s", "stuck_share")
+    ratio = found.peak_speed_m_s / found.mean_speed_m_s
+    return {name: getattr(found, name) for name in names} | {"peak_ratio": ratio}
 
 
 # --- Figure 9 of the source paper: effect of a stop of 15 s in the middle of a stroke on friction.
