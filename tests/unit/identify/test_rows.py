@@ -7,7 +7,7 @@ import pytest
 
 from pneudrive.errors import FitError
 from pneudrive.estimate.autocorrelation import distinct_levels, moderate
-from pneudrive.identify import fit_friction
+from pneudrive.identify import fit_any_law, fit_friction
 from pneudrive.results import compare_results
 
 SPEED = np.geomspace(1e-3, 0.45, 20)
@@ -93,16 +93,16 @@ def test_u_contains_the_shape_of_the_curve(make_map, friction_of):
     assert 2.0 * fit.standard_errors["breakaway"] < off < fit.expanded_uncertainty("breakaway")
 
 
-def test_flagged_and_broken_rows_are_left_out_and_counted(make_map, friction_of):
+def test_flagged_and_broken_rows_are_left_out_and_counted(make_map, friction_of, drive):
     friction = friction_of(SPEED)
     flags = np.array([""] * 20, dtype=object)
     flags[:2] = "stick_slip, ripple"
     friction[:2] += 50.0
     friction[19] = np.nan
-    fit = fit_friction(make_map(SPEED, friction, 0.3, flags=flags))
-    assert fit.statistics["values"] == 17
-    assert any("4 rows left out for their flags (stick_slip)" in note for note in fit.notes)
-    assert any("2 rows left out: a value is not finite" in note for note in fit.notes)
+    curves = make_map(SPEED, friction, 0.3, flags=flags)
+    for fit in (fit_friction(curves), fit_any_law(curves, drive.friction)):
+        assert fit.statistics["values"] == 17
+        assert [note[:20] for note in fit.notes[:2]] == ["2 rows left out: a v", "4 rows left out for "]
 
 
 def test_variances_of_few_strokes_shrink_to_their_trend():

@@ -103,7 +103,6 @@ def fit_friction(
     data, notes, provenance = sliding.selected(
         friction_map, direction, exclude_flags, needs_ambient=pressure_dependence
     )
-    notes += sliding.simulated(friction_map)
     form = pressure if pressure_dependence else None
     wanted = replace(sliding.CANDIDATES[sliding.NAMES[law]], viscous=viscous)
     options = {"pressure_dependence": pressure_dependence} | provenance
@@ -239,7 +238,7 @@ def fit_any_law(
     -------
     LawFit
     """
-    data, _, provenance = sliding.selected(friction_map)
+    data, notes, provenance = sliding.selected(friction_map)
     known = tuple(friction.parameters)
     unknown = [n for n in free or () if n not in known]
     if unknown:
@@ -269,7 +268,7 @@ def fit_any_law(
         systematic=found.systematic,
         undetermined=tuple(n for n, is_lost in zip(model.names, lost, strict=True) if is_lost),
         unseen=tuple(n for n in known if n not in seen),
-        notes=tuple(sliding.simulated(friction_map)),
+        notes=tuple(notes),
         statistics=found.statistics(),
         provenance={"version": __version__, "map_sha256": sliding.fingerprint(data)} | provenance,
         observations=data,

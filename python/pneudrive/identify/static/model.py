@@ -650,7 +650,7 @@ def selected(
         "recordings": recordings_of(friction_map),
         INPUTS: [stored_input("friction map", "friction map", friction_map.attrs.get(FILE), fingerprint(data))],
     }
-    return data, notes, provenance
+    return data, notes + [SIMULATED] * bool(friction_map.attrs.get("synthetic", False)), provenance
 
 
 #: Largest number of listed recordings. More recordings are given by their number, first and last name.
@@ -663,11 +663,6 @@ def recordings_of(friction_map: xr.Dataset) -> list[str]:
         return []
     names = list(dict.fromkeys(str(name) for name in friction_map["recording"].to_numpy()))
     return names if len(names) <= MOST_RECORDINGS else [f"{len(names)} recordings from {names[0]} to {names[-1]}"]
-
-
-def simulated(friction_map: xr.Dataset) -> list[str]:
-    """Return a note if the map is known to come from simulated recordings."""
-    return [SIMULATED] if friction_map.attrs.get("synthetic", False) else []
 
 
 def fingerprint(data: Observations) -> str:
