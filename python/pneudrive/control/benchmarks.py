@@ -562,17 +562,15 @@ def benchmark(
     }
     store = Store(folder, keeps=own is None, mark=mark_of(folder, tunings))
     truths = _truths(first := next(iter(prepared.values())), own)
-    keys = [key_of(one._replace(truth=truths(1)), 1, store.mark) for one in prepared.values()]
+    keys = "".join(key_of(one._replace(truth=truths(1)), 1, store.mark) for one in prepared.values())
     about = {"drive": drive.name, "setup": name, "setup_about": read.about, "mismatch": first.mismatch}
     about |= {"spread": own[1] if own else "", "count": count, "rtol": RTOL, **_references_told(to_follow)}
-    digest = hashlib.sha256("".join(keys).encode()).hexdigest()
-    about |= assumptions(tunings) | {"mark": store.mark, "keys": digest}
+    about |= assumptions(tunings) | {"mark": store.mark, "keys": hashlib.sha256(keys.encode()).hexdigest()}
     inputs = [one for tuning in tunings.values() for one in inputs_of(tuning.belief)]
     about |= stored_beside({INPUTS: inputs}, folder)
     asked = {"drive": named, "laws": laws, "references": references, "setup": setup, "mismatch": mismatch}
     asked |= {"spread": spread, "count": count}
-    request = json.loads(json.dumps(asked, default=lambda _: None))
-    store_about(folder, about | {"asked": request if named else None})
+    store_about(folder, about | {"asked": json.loads(json.dumps(asked, default=lambda _: None)) if named else None})
 
     (folder / SO_FAR).unlink(missing_ok=True)
     # Members outermost, so that each of their circuits is compiled once.
