@@ -482,26 +482,6 @@ def circuit_numbers(circuit: Circuit) -> dict[str, Parameter]:
 # --- Exact derivatives of a trajectory by numbers of the drive: those of the numerical solution, including events.
 
 
-@dataclass(frozen=True)
-class Sensitivities:
-    """Columns of a trajectory and their derivatives with respect to numbers of the drive.
-
-    Attributes
-    ----------
-    columns : list of str
-        Names as in a trajectory file.
-    values : ndarray, shape (n, c)
-    derivatives : ndarray, shape (n, c, p)
-        SI, by each parameter, including its effect on derived values (`pneudrive.describe.tables.derived`).
-    parameters : list of Parameter
-    """
-
-    columns: list[str]
-    values: Array
-    derivatives: Array
-    parameters: list[Parameter]
-
-
 class Differentiator:
     """Simulation of a drive as a function of some of its numbers, with derivatives.
 
@@ -554,7 +534,7 @@ class Differentiator:
         *,
         derivatives: bool = True,
         watch: Watch = UNWATCHED,
-    ) -> Sensitivities:
+    ) -> ArrayPair:
         """Simulate the drive.
 
         Parameters
@@ -569,6 +549,12 @@ class Differentiator:
             False: no derivatives; their last axis has length 0.
         watch : Watch
             Its cancel flag can end the run.
+
+        Returns
+        -------
+        values : ndarray, shape (n, c)
+        derivatives : ndarray, shape (n, c, p)
+            SI, by each parameter, including its effect on derived values (`pneudrive.describe.tables.derived`).
 
         Raises
         ------
@@ -598,4 +584,4 @@ class Differentiator:
         by_free = found["sensitivities"]
         if derivatives:
             by_free = by_free @ family.by_free(numbers)
-        return Sensitivities(list(columns), found["values"], by_free, self.parameters)
+        return found["values"], by_free

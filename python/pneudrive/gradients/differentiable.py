@@ -10,7 +10,7 @@ import numpy as np
 
 from pneudrive.ensemble.outputs import Output, Reduction, SignalNames, reductions
 from pneudrive.errors import CommandError, SimulationError
-from pneudrive.free.parameters import Differentiator, Sensitivities
+from pneudrive.free.parameters import Differentiator
 from pneudrive.simulation.simulate import positive
 from pneudrive.simulation.start import DriveOrCircuit, StartState, start
 
@@ -173,25 +173,25 @@ class Differentiable:
 
         return TorchRun.apply
 
-    def _run(self, values: ArrayLike, *, derivatives: bool) -> tuple[Array, Sensitivities]:
-        """Run the drive, with more samples near level crossings and extremes."""
+    def _run(self, values: ArrayLike, *, derivatives: bool) -> tuple[Array, ArrayPair]:
+        """Return times, values and derivatives of a run, with more samples near level crossings and extremes."""
         searches = [one for one in self._reductions if one.word in SOUGHT]
         times, given = self._times, self._times
         if searches:
-            coarse = self._of.run(values, given, self._columns, derivatives=False)
+            coarse, _ = self._of.run(values, given, self._columns, derivatives=False)
             for one in searches:
-                k = _sample(one, coarse.values[:, self._columns.index(one.columns[0])])
+                k = _sample(one, coarse[:, self._columns.index(one.columns[0])])
                 first = k if one.word == "time_when" else max(k - 1, 0)
                 last = min(k + 1, given.size - 1)
                 times = np.union1d(times, np.linspace(given[first], given[last], _BETWEEN * (last - first) + 1))
         return times, self._of.run(values, times, self._columns, derivatives=derivatives)
 
-    def _reduce(self, ran: tuple[Array, Sensitivities]) -> ArrayPair:
-        times, found = ran
+    def _reduce(self, ran: tuple[Array, ArrayPair]) -> ArrayPair:
+        times, (signals, slopes) = ran
         given, parts = np.searchsorted(times, self._times), []
         for one in self._reductions:
             column = self._columns.index(one.columns[0])
-            x, by = found.values[:, column], found.derivatives[:, column]
+            x, by = signals[:, column], slopes[:, column]
             is_search = one.word in SOUGHT
             parts.append(
                 SOUGHT[one.word](one, times, x, by) if is_search else _reduced(one, self._times, x[given], by[given])

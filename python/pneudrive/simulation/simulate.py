@@ -26,8 +26,8 @@ if TYPE_CHECKING:
     import xarray as xr
 
     from pneudrive._core import SimulationResult
-    from pneudrive.arrays import Array, Plain
-    from pneudrive.free.parameters import Sensitivities
+    from pneudrive.arrays import Columns, Plain
+    from pneudrive.free.parameters import Parameter
 
 MOST_BUDGET = 10**15
 #: Residual of a ledger above which a warning is given: absolute, and as a multiple of the tolerance (assumed).
@@ -43,10 +43,11 @@ UNDIFFERENTIATED = ("time_s", "command")
 class Run(Shown):
     """Trajectory in the form of the core: columns of a file (SI, absolute pressure) and provenance."""
 
-    columns: dict[str, Array]
+    columns: Columns
     provenance: Plain
     meanings: Mapping[str, str] = field(default_factory=dict)  # of columns of a circuit
-    sensitivities: Sensitivities | None = None
+    parameters: Sequence[Parameter] = ()
+    derivatives: Columns = field(default_factory=dict)  # of columns with respect to the parameters, shape (n, p)
 
     def dataset(self) -> xr.Dataset:
         """Return a labelled dataset: dimension time, a unit and a long name for each variable."""
@@ -56,21 +57,21 @@ class Run(Shown):
         for column, values in self.columns.items():
             name, attrs = _label(column, self.meanings.get(column))
             variables[name] = xr.Variable(("time",), values, dict(attrs), fastpath=True)
-        made, found = _dataset(variables, dict(self.provenance)), self.sensitivities
-        if found is None:
+        made = _dataset(variables, dict(self.provenance))
+        if not self.parameters:
             return made
         out: Plain = {
-            "parameter": ("parameter", [parameter.name for parameter in found.parameters]),
-            "parameter_units": ("parameter", [parameter.unit for parameter in found.parameters]),
+            "parameter": ("parameter", [parameter.name for parameter in self.parameters]),
+            "parameter_units": ("parameter", [parameter.unit for parameter in self.parameters]),
         }
-        for i, column in enumerate(found.columns):
+        for column, derivatives in self.derivatives.items():
             name, attrs = _label(column, self.meanings.get(column))
             said = dict(attrs)
             about = {
                 "units": f"{said['units']} per unit of the parameter",
                 "long_name": f"derivative: {said['long_name']}",
             }
-            out[f"sensitivity_{name}"] = (("parameter", "time"), found.derivatives[:, i].T, about)
+            out[f"sensitivity_{name}"] = (("parameter", "time"), derivatives.T, about)
         return made.assign(out)
 
 
@@ -231,16 +232,18 @@ def run(
     result["warnings"] += _open_ledger(result["ledger"], rtol) + run_limits.warnings(drive, result["columns"])
     for message in result["warnings"]:
         warn(message)
-    by_numbers = None
+    parameters, derivatives = (), {}
     if sensitivities:  # by a second simulation with the same command, start and tolerance
         from pneudrive.free.parameters import Differentiator
 
         differentiator = Differentiator(drive, sensitivities, command, initial, rtol)
-        values = [parameter.value for parameter in differentiator.parameters]
+        parameters = differentiator.parameters
         names = [name for name in result["columns"] if name not in UNDIFFERENTIATED]
-        by_numbers = differentiator.run(values, result["columns"]["time_s"], names, watch=watch)
+        values = [parameter.value for parameter in parameters]
+        _, by_numbers = differentiator.run(values, result["columns"]["time_s"], names, watch=watch)
+        derivatives = {name: by_numbers[:, i] for i, name in enumerate(names)}
     known = {} if drive.system.names is None else _steps(*plans[0][1])
-    return Run(result["columns"], _provenance(drive, result, rtol) | known, drive.meanings, by_numbers)
+    return Run(result["columns"], _provenance(drive, result, rtol) | known, drive.meanings, parameters, derivatives)
 
 
 def _steps(times: Sequence[float], values: Sequence[float]) -> dict[str, list[list[float]]]:
