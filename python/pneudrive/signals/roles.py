@@ -79,13 +79,18 @@ NO_OTHER = "no other candidate"
 class RoleSearch:
     """Columns of a table with guesses and questions about their roles.
 
-    ``taken`` has the numbers of columns whose role is decided, or that certainly have no role.
+    ``taken`` has the numbers of columns whose role is decided, or that certainly have no role. ``time`` has the times
+    of the samples, or their numbers without a time column. ``of_time`` has the columns of the time, and ``rate_hz`` a
+    rate that the file states in their place. ``clocks`` maps columns with another time to the column of that time.
     """
 
     form: FileForm
     columns: list[FileColumn]
-    times: Times
     taken: set[int]
+    time: Array
+    of_time: tuple[int, ...] = ()
+    rate_hz: float = 0.0
+    clocks: dict[int, int] = field(default_factory=dict)
     guesses: list[Guess] = field(default_factory=list)
     questions: list[Question] = field(default_factory=list)
     directions: Directions | None = None
@@ -95,9 +100,9 @@ class RoleSearch:
     def of(cls, form: FileForm, columns: Sequence[Array]) -> RoleSearch:
         """Guess the role and unit of each relevant column by name, unit and signal."""
         read = [file_column(form, index, values) for index, values in enumerate(columns)]
-        taken = {*form.words}
-        search = cls(form, read, find_times(form, read, taken), taken)
         raw = [column.values for column in read]
+        search = cls(form, read, {*form.words}, np.arange(raw[0].size, dtype=float))
+        search._find_time()
         for column in read:
             column.values = search._on_time(column, raw)
         search._position()
@@ -105,7 +110,7 @@ class RoleSearch:
             search._settle("command", named)
         search._force()
         search._pressures()
-        search._time()
+        search._unit_of_time()
         search._other_lengths()
         return search
 
@@ -127,7 +132,7 @@ class RoleSearch:
     def unused(self) -> list[FileColumn]:
         """Columns of numbers that have no role and are in no question."""
         listed = [*self.guesses, *(choice for question in self.questions for choice in question.choices)]
-        used = {guess.index for guess in listed} | {*self.times.used, *self.times.clocks.values(), *self.form.words}
+        used = {guess.index for guess in listed} | {*self.of_time, *self.clocks.values(), *self.form.words}
         return [one for one in self.columns if one.index not in used and np.isfinite(one.values).any()]
 
     def ask_chambers(self) -> None:
@@ -180,19 +185,116 @@ class RoleSearch:
 
         A slow column is filled, and a column with a separate clock or start is aligned.
         """
-        times = self.times
         if column.index in self.taken:
             return column.values
         values, _ = unwrapped(column.values, COUNTERS)
-        if (clock := times.clocks.get(column.index)) is not None:
-            return on_clock(times.values, raw[clock], values)
+        if (clock := self.clocks.get(column.index)) is not None:
+            return on_clock(self.time, raw[clock], values)
         if late := self._late(column):
-            return on_clock(times.values, times.values + late * times.rate_hz, values)
-        return filled(times.values, values)
+            return on_clock(self.time, self.time + late * self.rate_hz, values)
+        return filled(self.time, values)
 
     def _late(self, column: FileColumn) -> float:
         """Return the start of a channel without times, s after the start of the first channel."""
-        return 0.0 if self.times.used else self.form.starts_s.get(column.index, 0.0)
+        return 0.0 if self.of_time else self.form.starts_s.get(column.index, 0.0)
+
+    def _find_time(self) -> None:
+        """Find the time, and take its columns, other dates and row counters."""
+        dates_of = self.form.dates
+        found: list[Candidate] = []
+        dates, numbered = list[FileColumn](), list[FileColumn]()
+        for column in self.columns:
+            some, unit = column.values[np.isfinite(column.values)], column.unit
+            is_other = unit is not None and unit.si != "s"
+            if column.index in self.taken or is_other or some.size < FEWEST:
+                continue
+            is_date = column.index in dates_of
+            if is_date and len(dates_of) > 1 and (some % 86400.0 == 0).all():
+                dates.append(column)
+                continue
+            is_named, has_unit = column.role == "time", is_date or unit is not None
+            score = NAME * is_named + UNIT * has_unit
+            evidence = ("name",) * is_named + ("unit",) * has_unit
+            if _rises(some, clocks_of(dates_of[column.index]) if is_date else COUNTERS):
+                steps = np.diff(some)
+                usual = np.median(steps)
+                if score == 0 and ((steps == 1.0).mean() >= INDEX_SHARE or headers.INDEX.match(words_of(column.name))):
+                    numbered.append(column)
+                    continue
+                if score == 0 and (np.abs(steps - usual) <= EVEN * usual).mean() <= EVEN_STEPS:  # a signal that drifts
+                    continue
+                score, evidence = score + PHYSICS, (*evidence, "even steps")
+            elif not is_named:
+                continue
+            if column.role not in (None, "time") and not has_unit:
+                continue
+            # Among equal candidates, the finer one is better: fewer samples share a stamp.
+            found.append(Candidate(column, score - 0.5 * (samples_of_a_stamp(some) > 1.0), evidence))
+        self.taken |= {one.column.index for one in found if one.score >= NAME}
+        self.taken |= {one.index for one in (*dates, *numbered)}
+        if not found:
+            self._time_without_column(numbered)
+            return
+        # A column that only rises is the time if nothing has its name; without names the first one.
+        best, *rest = sorted(found, key=lambda one: -one.score)
+        self._time_of(best, dates, f"next: column {rest[0].column.place!r}" if rest else NO_OTHER)
+        column = best.column
+        if best.score > PHYSICS:
+            clocks = [one.column for one in (best, *rest) if one.score >= best.score]
+            other = {one.index for one in clocks if one is not column and not self._is_same_clock(column, one)}
+            # The clock of a column is the nearest one to its left.
+            left = [max((one.index for one in clocks if one.index < at), default=-1) for at in range(len(self.columns))]
+            self.clocks |= {at: nearest for at, nearest in enumerate(left) if nearest in other}
+        self.taken.add(column.index)
+
+    def _time_of(self, best: Candidate, dates: Sequence[FileColumn], rank: str) -> None:
+        """Add the guess of a time column, which may have its date in another one."""
+        column, dates_of = best.column, self.form.dates
+        unit, moduli = "", COUNTERS
+        if column.index in dates_of:
+            unit, moduli = DATE_TIME, clocks_of(dates_of[column.index])
+        elif column.unit is not None:
+            unit = column.unit.unit
+        values, used = unwrapped(column.values, moduli, forward=True)[0], (column.index,)
+        keys = [f'format = "{written}"'] if (written := dates_of.get(column.index)) else []
+        if unit == DATE_TIME and dates:
+            date = dates[0]
+            values, used = column.values + date.values, (column.index, date.index)
+            keys.append(f"date = {value_text(date.place)}")
+            keys += [f'date_format = "{written}"'] if (written := dates_of[date.index]) else []
+        count = samples_of_a_stamp(values)
+        if count != 1.0:
+            self._ask("time", f"{count:g} samples share each stamp of column {column.place!r}: {ASK_RATE}", [])
+            return
+        self.time, self.of_time = values, used
+        reason = f"{', '.join(best.evidence)}; {rank}{', unit as named' if unit else ''}"
+        self.guesses.append(Guess("time", column, unit, reason, keys=", ".join(keys)))
+
+    def _time_without_column(self, numbered: Sequence[FileColumn]) -> None:
+        """Add the guess of a time from the rate in the file, otherwise a question."""
+        steps_s = sorted(set(self.form.steps_s))
+        if len(steps_s) > 1:
+            shown = ", ".join(f"{step:g} s" for step in steps_s)
+            self._ask("time", f"the channels have different rates ({shown}): resample them, or export one rate", [])
+        elif any(steps_s):
+            self.rate_hz = 1.0 / steps_s[0]
+            reason = f"the file states the rate: {' '.join(self.form.source.split())[:40]}"
+            self.guesses.append(Guess("time", None, "", reason, keys=f'rate = "{self.rate_hz:.6g} Hz"'))
+        else:
+            only = f", column {numbered[0].place!r} numbers the rows" if numbered else ""
+            self._ask("time", f"no column increases like a time{only}: {ASK_RATE}", [])
+
+    def _is_same_clock(self, first: FileColumn, second: FileColumn) -> bool:
+        """Return whether two columns show the same clock, possibly in different units or resolutions."""
+        a, b = (one.values * (1.0 if one.unit is None else converter(one.unit.unit, "s")[0]) for one in (first, second))
+        both = np.isfinite(a) & np.isfinite(b)
+        if both.sum() < max(FEWEST, 0.9 * min(np.isfinite(a).sum(), np.isfinite(b).sum())):
+            return False
+        a, b = a[both], b[both]
+        if {first.index, second.index} & set(self.form.dates):  # dates count from the first one
+            a, b = a - a[0], b - b[0]
+        quantum = max(float(np.min(steps[steps > 0], initial=np.inf)) for steps in (np.diff(a), np.diff(b)))
+        return bool(np.abs(b - a).max() <= 1.01 * quantum)
 
     def _position(self) -> None:
         """Find the position by name, otherwise as the signal that moves evenly, with few small reversals."""
@@ -319,24 +421,19 @@ class RoleSearch:
             return side, f"the force towards +x {'grows' if strongest > 0 else 'falls'} with this pressure"
         return "", ASK_CHAMBER
 
-    def _time(self) -> None:
-        """Add the guess of the time, or a question, before all others."""
-        found = self.times.found
-        if isinstance(found, Guess) and found.source is not None:
-            unit, reason, metres = found.unit, "unit as named", None
-            position = self.guess("position")
-            if position is not None and position.source is not None and position.unit:
-                metres = position.source.values * converter(position.unit, "m")[0]
-            if not unit:
-                unit, reason = unit_by_size(self.times.values, metres)
-            if unit:
-                found = replace(found, unit=unit, reason=f"{found.reason}, {reason}")
-            else:
-                found = Question("time", reason, (replace(found, unit="s", reason=reason),))
-        if isinstance(found, Question):
-            self.questions.insert(0, found)
+    def _unit_of_time(self) -> None:
+        """Find the unit of the time, which is the first guess, if the file does not state it; otherwise ask."""
+        time, position, metres = self.guess("time"), self.guess("position"), None
+        if time is None or time.source is None or time.unit:
+            return
+        if position is not None and position.source is not None and position.unit:
+            metres = position.source.values * converter(position.unit, "m")[0]
+        unit, reason = unit_by_size(self.time, metres)
+        if unit:
+            self.guesses[0] = replace(time, unit=unit, reason=f"{time.reason}, {reason}")
         else:
-            self.guesses.insert(0, found)
+            del self.guesses[0]
+            self.questions.insert(0, Question("time", reason, (replace(time, unit="s", reason=reason),)))
 
     def _other_lengths(self) -> None:
         """Ask for channels whose names state an open role, but whose lengths differ from the others."""
@@ -393,7 +490,7 @@ class RoleSearch:
         if not unit and role != "command":  # volts or counts
             unit, keys = ROLES[role.partition("_")[0]].get("scaled", ""), ["scale = 1.0"]
             keys += ["offset = 0.0"] if column.unit is not None and column.unit.si != "count" else []
-        if (clock := self.times.clocks.get(column.index)) is not None:
+        if (clock := self.clocks.get(column.index)) is not None:
             keys.append(f"clock = {value_text(self.columns[clock].place)}")
         if late := self._late(column):
             keys.append(f'delay = "{-late:.9g} s"')
@@ -457,7 +554,7 @@ def file_column(form: FileForm, index: int, values: Array) -> FileColumn:
     return FileColumn(index, name if is_unique else index, name, bare, unit, unknown, values)
 
 
-# --- The time of a foreign table: its column, its unit, and other clocks.
+# --- The time of a foreign table: usual steps and speeds, and the unit that follows from them.
 
 #: Candidate units of a time without a unit, s. A unit is assumed if it is the only one within the bounds below.
 UNITS_S = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "day": 86400.0}
@@ -469,69 +566,6 @@ EVEN, EVEN_STEPS = 0.2, 0.9  # largest deviation of an even step; least share of
 INDEX_SHARE = 0.99  # least share of steps of exactly 1 of an index
 
 
-@dataclass
-class Times:
-    """The time of a table.
-
-    ``found`` is the guess of the time column or rate, or the question to the user. An unstated unit is empty. ``used``
-    has the numbers of the time columns. Without a time column, ``values`` are sample numbers. ``clocks`` maps columns
-    with another time to the column of that time.
-    """
-
-    values: Array
-    found: Guess | Question
-    used: tuple[int, ...] = ()
-    rate_hz: float = 0.0
-    clocks: dict[int, int] = field(default_factory=dict)
-
-
-def find_times(form: FileForm, columns: Sequence[FileColumn], taken: set[int]) -> Times:
-    """Find the time of a table, and remove its columns, other dates and row counters from the others."""
-    found: list[Candidate] = []
-    dates, numbered = list[FileColumn](), list[FileColumn]()
-    for column in columns:
-        some, unit = column.values[np.isfinite(column.values)], column.unit
-        is_other = unit is not None and unit.si != "s"
-        if column.index in taken or is_other or some.size < FEWEST:
-            continue
-        is_date = column.index in form.dates
-        if is_date and len(form.dates) > 1 and (some % 86400.0 == 0).all():
-            dates.append(column)
-            continue
-        is_named, has_unit = column.role == "time", is_date or unit is not None
-        score = NAME * is_named + UNIT * has_unit
-        evidence = ("name",) * is_named + ("unit",) * has_unit
-        if _rises(some, clocks_of(form.dates[column.index]) if is_date else COUNTERS):
-            steps = np.diff(some)
-            usual = np.median(steps)
-            if score == 0 and ((steps == 1.0).mean() >= INDEX_SHARE or headers.INDEX.match(words_of(column.name))):
-                numbered.append(column)
-                continue
-            if score == 0 and (np.abs(steps - usual) <= EVEN * usual).mean() <= EVEN_STEPS:  # a signal that drifts
-                continue
-            score, evidence = score + PHYSICS, (*evidence, "even steps")
-        elif not is_named:
-            continue
-        if column.role not in (None, "time") and not has_unit:
-            continue
-        # Among equal candidates, the finer one is better: fewer samples share a stamp.
-        found.append(Candidate(column, score - 0.5 * (samples_of_a_stamp(some) > 1.0), evidence))
-    taken |= {one.column.index for one in found if one.score >= NAME} | {one.index for one in (*dates, *numbered)}
-    if not found:
-        return _without_column(form, columns[0].values.size, numbered)
-    # A column that only rises is the time if nothing has its name; without names the first one.
-    best, *rest = sorted(found, key=lambda one: -one.score)
-    times = _time(form, best, dates, f"next: column {rest[0].column.place!r}" if rest else NO_OTHER)
-    if best.score > PHYSICS:
-        clocks = [one.column for one in (best, *rest) if one.score >= best.score]
-        other = {one.index for one in clocks if one is not best.column and not _is_same_clock(form, best.column, one)}
-        # The clock of a column is the nearest one to its left.
-        left = [max((one.index for one in clocks if one.index < at), default=-1) for at in range(len(columns))]
-        times.clocks |= {at: nearest for at, nearest in enumerate(left) if nearest in other}
-    taken.add(best.column.index)
-    return times
-
-
 def _rises(some: Array, moduli: Iterable[float]) -> bool:
     """Return whether finite values rise like a time, after unwrapping by a modulus."""
     some, _ = unwrapped(some, moduli, forward=True)
@@ -540,59 +574,6 @@ def _rises(some: Array, moduli: Iterable[float]) -> bool:
         return False
     is_coarse = samples_of_a_stamp(some) > 1.0
     return bool((steps >= 0).mean() > RISING and (np.median(steps) > 0 or is_coarse))
-
-
-def _is_same_clock(form: FileForm, first: FileColumn, second: FileColumn) -> bool:
-    """Return whether two columns show the same clock, possibly in different units or resolutions."""
-    a, b = (one.values * (1.0 if one.unit is None else converter(one.unit.unit, "s")[0]) for one in (first, second))
-    both = np.isfinite(a) & np.isfinite(b)
-    if both.sum() < max(FEWEST, 0.9 * min(np.isfinite(a).sum(), np.isfinite(b).sum())):
-        return False
-    a, b = a[both], b[both]
-    if {first.index, second.index} & set(form.dates):  # dates count from the first one
-        a, b = a - a[0], b - b[0]
-    quantum = max(float(np.min(steps[steps > 0], initial=np.inf)) for steps in (np.diff(a), np.diff(b)))
-    return bool(np.abs(b - a).max() <= 1.01 * quantum)
-
-
-def _time(form: FileForm, best: Candidate, dates: Sequence[FileColumn], rank: str) -> Times:
-    """Return the time of a column."""
-    column, evidence = best.column, ", ".join(best.evidence)
-    unit, moduli = "", COUNTERS
-    if column.index in form.dates:
-        unit, moduli = DATE_TIME, clocks_of(form.dates[column.index])
-    elif column.unit is not None:
-        unit = column.unit.unit
-    values, used = unwrapped(column.values, moduli, forward=True)[0], (column.index,)
-    keys = [f'format = "{written}"'] if (written := form.dates.get(column.index)) else []
-    if unit == DATE_TIME and dates:
-        date = dates[0]
-        values, used = column.values + date.values, (column.index, date.index)
-        keys.append(f"date = {value_text(date.place)}")
-        keys += [f'date_format = "{written}"'] if (written := form.dates[date.index]) else []
-    count = samples_of_a_stamp(values)
-    if count == 1.0:
-        return Times(values, Guess("time", column, unit, f"{evidence}; {rank}", keys=", ".join(keys)), used)
-    return _asked(values.size, f"{count:g} samples share each stamp of column {column.place!r}: {ASK_RATE}")
-
-
-def _asked(count: int, why: str) -> Times:
-    """Return numbers of samples, and the question to the user."""
-    return Times(np.arange(count, dtype=float), Question("time", why))
-
-
-def _without_column(form: FileForm, count: int, numbered: Sequence[FileColumn]) -> Times:
-    """Return the time of a table without a column of times: from the rate in the file, otherwise a question."""
-    steps_s = sorted(set(form.steps_s))
-    if len(steps_s) > 1:
-        shown = ", ".join(f"{step:g} s" for step in steps_s)
-        return _asked(count, f"the channels have different rates ({shown}): resample them, or export one rate")
-    if any(steps_s):
-        source, rate_hz = " ".join(form.source.split())[:40], 1.0 / steps_s[0]
-        reason, keys = f"the file states the rate: {source}", f'rate = "{rate_hz:.6g} Hz"'
-        return Times(np.arange(count, dtype=float), Guess("time", None, "", reason, keys=keys), rate_hz=rate_hz)
-    only = f", column {numbered[0].place!r} numbers the rows" if numbered else ""
-    return _asked(count, f"no column increases like a time{only}: {ASK_RATE}")
 
 
 def unit_by_size(time: Array, position_m: Array | None) -> tuple[str, str]:
