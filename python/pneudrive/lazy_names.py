@@ -20,7 +20,7 @@ def upper(name: str) -> Any:  # noqa: ANN401 - any function
     from pneudrive.errors import package_table
 
     module = next(module for module, names in package_table(__file__, "upper.toml").items() if name in names)
-    return getattr(import_module(f"pneudrive.{module}"), name)
+    return getattr(import_module(module), name)
 
 
 @contextmanager
