@@ -5,11 +5,12 @@ from __future__ import annotations
 import re
 from difflib import get_close_matches
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
-from pydantic import BaseModel, ConfigDict, ValidationError, model_validator
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from pneudrive import units
+from pneudrive.describe.files import toml
 from pneudrive.describe.marks import Mark, Quantity, StatedPressure
 from pneudrive.errors import DescriptionError, nearest, together, wrong
 from pneudrive.repr_tables import Card, Shown
@@ -260,6 +261,16 @@ class Described(Shown, BaseModel):
 
     def __str__(self) -> str:
         return repr(self)
+
+
+class DescribedFile(Described):
+    """Base of descriptions that are a file of their own."""
+
+    schema_version: Literal[1] = Field(default=1, alias="schema")
+
+    def to_toml(self) -> str:
+        """Write the description as a file that `load` reads back to the same bits."""
+        return toml.write({"schema": self.schema_version} | self.to_dict())
 
 
 def mark_of(field: FieldInfo) -> Mark | None:

@@ -146,8 +146,7 @@ class Wiring:
     def ports(self, component: str) -> list[Port]:
         """Return the ports of a component in their order."""
         entry = self.parts[component].entry or {"ports": ()}
-        about = ((p["name"], p["kind"], p["holds"], p["exhaust"], p["optional"]) for p in entry["ports"])
-        return [Port(component, *one) for one in about]
+        return [Port(component, **port) for port in entry["ports"]]
 
     def core(self) -> list[list[str]]:
         """Return the joints in the core's form."""

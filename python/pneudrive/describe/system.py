@@ -5,13 +5,10 @@ from __future__ import annotations
 import json
 import re
 from functools import cached_property, lru_cache
-from typing import TYPE_CHECKING, ClassVar, Literal, NamedTuple
-
-from pydantic import Field
+from typing import TYPE_CHECKING, ClassVar, NamedTuple
 
 from pneudrive import _core
-from pneudrive.describe.base import Described, inline, key_of
-from pneudrive.describe.files import toml
+from pneudrive.describe.base import DescribedFile, inline, key_of
 from pneudrive.describe.tables.parts import Ambient, Gas
 from pneudrive.errors import DescriptionError, package_table
 from pneudrive.lazy_names import upper
@@ -145,14 +142,13 @@ def short_name(name: str, piston: str = PISTON) -> str:
     return _OUTSIDE.get(name, name)
 
 
-class DescribedSystem(Described):
+class DescribedSystem(DescribedFile):
     """Base of drives and circuits: form of the file, gas, ambient air, and the sources of values."""
 
     #: Prefix of component names in the keys of the file.
     key_prefix: ClassVar[str] = ""
     picture: ClassVar[str] = "circuit_svg"
 
-    schema_version: Literal[1] = Field(default=1, alias="schema")
     name: str
     gas: Gas = Gas()
     ambient: Ambient = Ambient()
@@ -225,7 +221,3 @@ class DescribedSystem(Described):
     def cited(self) -> list[str]:
         """Keys of references.bib that are sources of values."""
         return sorted(references().keys() & {value.source for value in self.origin_of.values()})
-
-    def to_toml(self) -> str:
-        """Write the description as a file that `load` reads back to the same bits."""
-        return toml.write({"schema": self.schema_version} | self.to_dict())

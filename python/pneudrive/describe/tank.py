@@ -7,11 +7,11 @@ from __future__ import annotations
 
 from contextlib import suppress
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, ClassVar, Literal
+from typing import TYPE_CHECKING, Annotated, ClassVar
 
 from pydantic import BeforeValidator, Field, model_validator
 
-from pneudrive.describe.base import Described
+from pneudrive.describe.base import Described, DescribedFile
 from pneudrive.describe.components import Component, component, within_component
 from pneudrive.describe.files import toml
 from pneudrive.describe.marks import (
@@ -94,7 +94,7 @@ def _tube(table: object) -> object:
         raise within_component(error, "tube", table, above="") from None
 
 
-class Tank(Described):
+class Tank(DescribedFile):
     """Fixed volume on a line; without a line it is closed. A tube may connect line and volume.
 
     Examples
@@ -104,7 +104,6 @@ class Tank(Described):
     0.002
     """
 
-    schema_version: Literal[1] = Field(default=1, alias="schema")
     name: str = "unnamed tank"
     gas: Gas = Gas()
     ambient: Ambient = Ambient()
@@ -143,10 +142,6 @@ class Tank(Described):
         for key, value in changes.items():
             toml.put(tables, key, value)
         return type(self).model_validate(tables)
-
-    def to_toml(self) -> str:
-        """Write the tank as a file that `load` reads back to the same bits."""
-        return toml.write({"schema": self.schema_version} | self.to_dict())
 
     @property
     def start_temperature_k(self) -> float:

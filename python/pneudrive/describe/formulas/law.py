@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
 from pydantic import Field
 
-from pneudrive.describe.files import toml
 from pneudrive.describe.formulas import written
 from pneudrive.describe.marks import Reads
 from pneudrive.describe.tables.dependences import DEPENDENCES
@@ -153,12 +152,6 @@ class FrictionLaw(written.Written):
         odd = {"odd": True} if self.odd else {}
         output = {key: value for key in OUTPUTS if (value := getattr(self, key)) is not None}
         return super().to_dict() | odd | {"output": output}
-
-    def to_toml(self) -> str:
-        """Write the law as a file that `load` reads back."""
-        return toml.write({"schema": self.schema_version} | self.to_dict())
-
-    __hash__ = written.Written.__hash__
 
 
 def law_of(given: object) -> FrictionLaw | None:

@@ -8,12 +8,12 @@ from __future__ import annotations
 import json
 from functools import cached_property, lru_cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, TypeVar
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, TypeVar
 
 from pydantic import Field, model_validator
 
 from pneudrive import _core, units
-from pneudrive.describe.base import Described
+from pneudrive.describe.base import Described, DescribedFile
 from pneudrive.describe.files import toml
 from pneudrive.describe.marks import Quantity, Reads, Text
 from pneudrive.errors import DescriptionError, WrongValueError, invalid, nearest, warn, within, wrong
@@ -74,12 +74,11 @@ def core_of(table: str, key: str, about: object, kind: type[WrittenParameter] = 
         raise within(error, f"{table}.{key}") from None
 
 
-class Written(Described):
+class Written(DescribedFile):
     """Base of friction laws and components that are written as formulas."""
 
     called: ClassVar[str]
     plain_tables: ClassVar[tuple[str, ...]] = ("parameters", "let")
-    schema_version: Literal[1] = Field(default=1, alias="schema")
     name: str
     title: str = ""
     source: str = ""
