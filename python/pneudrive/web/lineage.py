@@ -6,7 +6,7 @@ import hashlib
 import json
 from collections.abc import Callable, Collection
 from contextlib import suppress
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from itertools import count
 from pathlib import Path
@@ -36,6 +36,7 @@ from pneudrive.simulation.trajectory import columns_in
 from pneudrive.web.drive.run_request import Described, described_at
 from pneudrive.web.jobs import RESULTS
 from pneudrive.web.measured.recordings import by_stem, layout_in, needs_none
+from pneudrive.web.messages import OF_DAMAGE
 from pneudrive.web.workspace import Listed, Workspace, is_in_catalogue
 
 MOST_CHECKED, MOST_TRACED = 300, 3000  # newest files that are read: for all results, for one result
@@ -71,12 +72,11 @@ class Edge:
 _EDGES = TypeAdapter(list[Edge])
 
 
-@dataclass
 class Lineage:
     """The files of a workspace in their present state, and their lineage."""
 
-    workspace: Workspace
-    _edges: dict[str, list[Edge]] = field(default_factory=dict)
+    def __init__(self, workspace: Workspace) -> None:
+        self.workspace, self._edges = workspace, dict[str, list[Edge]]()
 
     @cached_property
     def files(self) -> dict[str, Listed]:
@@ -258,7 +258,7 @@ def _inputs(path: Path, kind: str) -> tuple[Edge, ...]:
     try:
         about = ABOUT[kind](path) if kind in ABOUT else {}
         inputs = _EDGES.validate_python(about.get(INPUTS, []))
-    except (PneudriveError, LookupError, TypeError, ValueError, AttributeError):
+    except (PneudriveError, *OF_DAMAGE):
         return ()
     return tuple(dict.fromkeys(inputs))[:MOST_INPUTS]
 

@@ -80,8 +80,8 @@ def problems_of(error: PneudriveError) -> list[Plain]:
     return out
 
 
-#: Exceptions caused by a missing key, a value of another kind, or damaged bytes.
-_OF_CONTENT = (LookupError, TypeError, ValueError, AttributeError, ArithmeticError, EOFError, zlib.error, struct.error)
+#: Exceptions caused by a missing key, a value of another kind, or damaged bytes of a file.
+OF_DAMAGE = (LookupError, TypeError, ValueError, AttributeError, ArithmeticError, EOFError, zlib.error, struct.error)
 
 
 def page_error(error: BaseException, path: str = "") -> PneudriveError:
@@ -97,7 +97,7 @@ def page_error(error: BaseException, path: str = "") -> PneudriveError:
     if isinstance(error, PneudriveError):
         return error
     text = f"{type(error).__name__}: {error}"
-    if path and isinstance(error, _OF_CONTENT):
+    if path and isinstance(error, OF_DAMAGE):
         value = f"{error.args[0]} is missing" if isinstance(error, KeyError) and error.args else text
         return CommandError.of("web.damaged", value=value, path=path[:LONGEST_NAME])
     print_exception(error)

@@ -17,9 +17,10 @@ from pneudrive.fmu.package import read_fmu
 from pneudrive.friction.friction_map import ALL_RECORDINGS, group_of
 from pneudrive.sizing.result import SUMMARY, SizingResult
 from pneudrive.sizing.task import SizingTask
-from pneudrive.views import State, View
+from pneudrive.views import State
 from pneudrive.web.drive.run_request import described_at
 from pneudrive.web.measured.recordings import layout_in
+from pneudrive.web.messages import OF_DAMAGE
 from pneudrive.web.workspace import DESCRIPTIONS, Workspace, is_in_catalogue
 
 
@@ -42,25 +43,9 @@ def load_at(workspace: Workspace, path: str) -> Any:  # noqa: ANN401 - any resul
     return results.load(place)
 
 
-def view_at(workspace: Workspace, path: str) -> View:
-    """Return the view of a result.
-
-    Raises
-    ------
-    PneudriveError
-        The file is not a result, or is incomplete.
-    """
-    try:
-        return results.view_of(load_at(workspace, path))
-    except PneudriveError:
-        raise
-    except (LookupError, TypeError, ValueError, AttributeError) as error:
-        raise CommandError.of("web.incomplete", value=str(error), path=path) from None
-
-
 def sent_view(workspace: Workspace, path: str) -> Plain:
     """Return the view of a result as data."""
-    return view_at(workspace, path).data()
+    return results.view_of(load_at(workspace, path)).data()
 
 
 # --- Contents of each file of the overview in a line: size of a drive, values of a fit, verdict of a check.
@@ -73,7 +58,7 @@ def headlines(workspace: Workspace) -> Plain:
     """Return a line for each of the newest files, by their names."""
     out = {}
     for one in sorted(workspace.files(), key=lambda one: -one.changed)[:MOST_FILES]:
-        with suppress(PneudriveError):  # the view of the file says why
+        with suppress(PneudriveError, *OF_DAMAGE):  # the view of the file says why
             if line := LINES.get(one.kind):
                 out[one.path] = line(workspace, one.path)
     return out
@@ -96,7 +81,7 @@ def _of_recording(workspace: Workspace, path: str) -> str:
 
 def _of_view(workspace: Workspace, path: str) -> str:
     """Return the first leading values of a result with their limits, or its headline, and its verdict in one word."""
-    view = view_at(workspace, path)
+    view = results.view_of(load_at(workspace, path))
     is_judged = view.state != "good" or any(one.limit is not None for one in view.leading)
     word = f": {VERDICTS[view.state]}" if is_judged else ""
     return (", ".join(one.text for one in view.leading[:MOST_VALUES]) or view.title) + word

@@ -56,14 +56,16 @@ def shown_sizing(workspace: Workspace, path: str) -> Plain:
         The folder does not contain a sizing.
     """
     folder = workspace.folder(path)
-    is_empty = all(one.name == sized.LOCK for one in folder.glob("*"))
-    if is_empty or (is_held(folder / sized.LOCK) and not (folder / sized.ABOUT).is_file()):
-        return {"waits": True}
-    about, early = _json(folder / sized.ABOUT, path, "task", "draws"), folder / sized.PROVISIONAL
+    if not (folder / sized.ABOUT).is_file():
+        if is_held(folder / sized.LOCK) or all(one.name == sized.LOCK for one in folder.glob("*")):
+            return {"waits": True}
+        raise CommandError(f"{path} holds no sizing", remedy="Size a task first.")
+    about, early = read_json(folder / sized.ABOUT, CommandError), folder / sized.PROVISIONAL
+    draws, table = about["draws"][0], about["task"]
     done = sized.SizingResult.load(folder) if (folder / sized.SUMMARY).is_file() else None
     simulated, short = sized.read_choices(folder / sized.LINES)
     places = {} if done is None else {drive.name: place for place, drive in enumerate(done.ranked)}
-    task = SizingTask.model_validate(about["task"])
+    task = SizingTask.model_validate(table)
     ranked = sorted(
         simulated, key=lambda drive: (places.get(drive.name, len(places)), not drive.is_feasible, drive.rank)
     )
@@ -71,7 +73,7 @@ def shown_sizing(workspace: Workspace, path: str) -> Plain:
         "name": task.name,
         "words": _in_words(task),
         "task": _file_of(workspace, task),
-        "draws": about["draws"][0],
+        "draws": draws,
         "candidates": [_candidate(drive, places.get(drive.name), path) for drive in ranked],
         "view": done and done.view().data(),
         "sheet": done and done.best and upper("sizing_sheet")(done).data(),
@@ -93,15 +95,6 @@ def _in_words(task: SizingTask) -> str:
         f"{mass} kg by {stroke} mm in {out} s, back in {back} s; incline {incline} deg, {gauge} bar gauge, "
         f"tubes of {tube} m"
     )
-
-
-def _json(path: Path, name: str, *keys: str) -> Plain:
-    if not path.is_file():
-        raise CommandError(f"{name} holds no sizing", remedy="Size a task first.")
-    found = read_json(path, CommandError)
-    if not isinstance(found, dict) or not all(found.get(key) for key in keys):
-        raise CommandError(f"{path.name} in {name} is damaged", remedy="Size the task again.")
-    return found
 
 
 def _candidate(drive: SizedDrive, place: int | None, folder: str) -> Plain:

@@ -267,10 +267,10 @@ def _profiles(fit: FrictionFit, found: Columns) -> ShownFigure:
 
 def _ellipses(fit: AnyFit) -> list[ShownFigure]:
     panels = []
-    for pair in ellipses(fit):
-        (x_size, x), (y_size, y) = _axis(fit, pair.x), _axis(fit, pair.y)
-        line = Line(*(pair.points / [x_size, y_size]).T)
-        panels.append(Panel([line], f"{pair.y} over {pair.x}: correlation {pair.correlation:.2g}", x, y))
+    for (x_name, y_name), correlation, points in ellipses(fit):
+        (x_size, x), (y_size, y) = _axis(fit, x_name), _axis(fit, y_name)
+        line = Line(*(points / [x_size, y_size]).T)
+        panels.append(Panel([line], f"{y_name} over {x_name}: correlation {correlation:.2g}", x, y))
     return [ShownFigure("Values that change together", ELLIPSES, Figure(panels, columns=3))] if panels else []
 
 

@@ -62,8 +62,10 @@ def shown_validation(workspace: Workspace, path: str) -> Plain:
         record["file"] = files.get(record["sha256"], "")
         record["span"] = [0.0, record["duration_s"]]
     return {
-        **{key: content[key] for key in ("window_s", "synthetic", "record", "diagnosis")},
+        **{key: content[key] for key in ("window_s", "synthetic", "notes", "verdict", "record", "condition")},
+        "diagnosis": content["diagnosis"],
         "name": provenance["drive"],
+        "version": provenance["version"],
         "drive": place,
         "editable": drive is not None and (is_in_catalogue(place) or lineage.files[place].kind != "fit"),
         "suspects": _suspects(drive, content["diagnosis"]),
@@ -106,7 +108,10 @@ def _suspects(drive: Drive | None, diagnosis: Keyed) -> list[Plain]:
 def _values(inputs: list[Edge], drive: Drive | None, recordings: Mapping[str, str], identified: Keyed) -> list[Plain]:
     """Return the values of the drive with their sources; without the drive, return the identified values."""
     known = identified if drive is None else {key: one.to_dict() for key, one in drive.provenance.items()}
-    out = [] if drive is None else [field_of(one) for one in values_of(drive)]
+    out: list[Plain] = [
+        {"key": one.key, "text": str(one.value), "kind": one.kind, "origin": one.origin}
+        for one in (() if drive is None else values_of(drive))
+    ]
     fits = {edge.sha256: edge.path for edge in inputs if edge.kind == "fit"}
     out = out or [{"key": key, "text": "", "kind": "identified", "origin": ""} for key in known]
     for value in out:
