@@ -11,22 +11,16 @@ import numpy as np
 import polars as pl
 import pytest
 import xarray as xr
-from rich.table import Table
 
 import pneudrive as pn
 from pneudrive.cli import main
-from pneudrive.cli.terminal import console
+from pneudrive.cli.terminal import show_table
 from pneudrive.errors import CommandError, PneudriveWarning, warn
 from pneudrive.simulation import trajectory
 
 
 def test_names_with_brackets_are_shown_as_they_are(capsys):
-    table = Table()
-    table.add_column("seal")
-    table.add_row("NBR [/dry]")
-    shown = console()
-    shown.print(table)
-    shown.print("! [/dry]: [1, 2]")
+    show_table(("seal", "<runs"), [("NBR [/dry]", "! [/dry]: [1, 2], " * 20)])  # wider than the terminal
     said = capsys.readouterr().out
     assert "NBR [/dry]" in said
     assert "! [/dry]: [1, 2]" in said

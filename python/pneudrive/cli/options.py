@@ -41,7 +41,6 @@ with used_later(__name__):
 
 
 Value = TypeVar("Value")
-Switch = Annotated[bool, typer.Option()]  # also with the opposite, --no-...
 Count = Annotated[int, typer.Option(min=0)]
 Port = Annotated[int, typer.Option(min=0, max=65535)]
 

@@ -10,7 +10,7 @@ import sys
 import time
 from tempfile import TemporaryFile
 from textwrap import fill
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING
 
 import typer
 
@@ -27,8 +27,6 @@ with used_later(__name__):
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Sequence
     from pathlib import Path
-
-    from rich.console import Console
 
     from pneudrive.identify.base import Fit
 
@@ -58,13 +56,6 @@ def writable_folder(out: Path) -> Path:
     return out
 
 
-def console() -> Console:
-    """Return a console without markup, because names of recordings and seals may contain brackets."""
-    from rich.console import Console
-
-    return Console(width=_width(), highlight=False, markup=False)
-
-
 def _width() -> int:
     return shutil.get_terminal_size().columns if sys.stdout.isatty() else WIDTH
 
@@ -84,15 +75,16 @@ def show_table(heads: Sequence[str], rows: Iterable[Sequence[str]]) -> None:
     if max(map(len, lines)) <= _width():
         typer.echo("\n".join([typer.style(lines[0], bold=True), *lines[1:]]))
         return
+    from rich.console import Console
     from rich.table import Table
 
     table = Table(box=None, pad_edge=False, header_style="bold")
     for index, name in enumerate(names):
-        side: Literal["left", "right"] = "left" if index in to_left else "right"
-        table.add_column(name, justify=side, no_wrap=index == 0)
+        table.add_column(name, justify="left" if index in to_left else "right", no_wrap=index == 0)
     for row in rows:
         table.add_row(*row)
-    console().print(table)
+    # Without markup: names of recordings and seals may contain brackets.
+    Console(width=_width(), highlight=False, markup=False).print(table)
 
 
 def show_lines(*lines: object) -> None:
