@@ -229,7 +229,7 @@ def sheet_report(found: SizingResult) -> Report:
     """Return the sheet as a report: state, task, order, ranges, and sources."""
     topic, view = Topic("sizing", "sheet"), sizing_sheet(found)
     verdict = [Finding(found.answer, view.state), *view.findings]
-    given = "; ".join(f"{one.key} {one.text}" for one in task_values(found.task) if one.is_given)
+    given = "; ".join(f"{one.key} {one.value}" for one in task_values(found.task) if one.kind == "given")
     note = topic.text(version=__version__, sources="; ".join(_cited(found)) or "none")
     parts = topic.section(Paragraph(given), *view.figures, *view.tables, Paragraph(view.notes), note)
     return Report(view.title, verdict, [parts], synthetic=True)
@@ -282,7 +282,7 @@ def _origin(kind: str, said: str) -> str:
 
 def _task(found: SizingResult) -> Section:
     topic, guide = Topic("sizing", "task"), found.task.guide
-    rows = ((one.key, one.text, "given" if one.is_given else "default", one.meaning) for one in task_values(found.task))
+    rows = ((one.key, one.value, one.kind, one.origin) for one in task_values(found.task))
     follows = [f"{what}: {value:.4g} {unit}" for what, value, unit in follows_from(found.task)]
     follows += [topic.say("guide", name=guide, friction=GUIDES[guide])] if GUIDES[guide] else []
     return topic.section(topic.table(rows), Paragraph(follows), synthetic=False)
