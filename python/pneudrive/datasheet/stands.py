@@ -11,6 +11,7 @@ from pneudrive.constants import ANR_DENSITY_KG_M3
 from pneudrive.datasheet.characteristic import Found, ResultValue, characteristic
 from pneudrive.datasheet.characteristics.steady import full_force, least_pressure
 from pneudrive.datasheet.plant import HeldDrive
+from pneudrive.describe.drive import Drive
 from pneudrive.describe.files.catalogue import Entry, entries
 from pneudrive.describe.tables.valve_flow import path_of
 from pneudrive.errors import CommandError
@@ -20,7 +21,6 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator
 
     from pneudrive.arrays import Array
-    from pneudrive.describe import Drive
 
 
 # --- Virtual test stands: flow of the paths (C and b), leakage of shut chambers, times of a valve.
@@ -261,7 +261,7 @@ def _published(plant: HeldDrive) -> Found:
     """  # noqa: D401 - a title
     drive: Any = plant.described
     rows = []
-    for part in parts_of(drive) if hasattr(drive, "origins") else ():
+    for part in parts_of(drive) if isinstance(drive, Drive) else ():
         for figure in part.printed:
             if figure.key in FIGURES:
                 one, printed = FIGURES[figure.key], figure.value
