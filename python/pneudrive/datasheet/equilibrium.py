@@ -423,11 +423,11 @@ def linear_model(plant: HeldDrive, command: float, position: float, gas: Array, 
 
 def _linear(plant: HeldDrive, session: Session, command: float) -> Linear:
     """Return the linear model of a session. Its inputs are valve signal, load and supply pressure."""
-    found = session.linearise((*plant.commands, plant.load, plant.supply))
+    found = session.linearise((*(f"{name}.command" for name in plant.valves), plant.load, plant.supply))
     full = plant.actuation.out if command >= 0.0 else plant.actuation.back
     slopes = np.array([math.copysign(1.0, command) * full[name] for name in plant.valves])
     if len(slopes) == 1 and slopes[0] == 1.0:
         return found
     count = len(slopes)
     b, d = (np.c_[matrix[:, :count] @ slopes, matrix[:, count:]] for matrix in (found.B, found.D))
-    return replace(found, B=b, D=d, inputs=(plant.commands[0], *found.inputs[count:]))
+    return replace(found, B=b, D=d, inputs=(found.inputs[0], *found.inputs[count:]))

@@ -16,7 +16,7 @@ from pneudrive import units
 from pneudrive.datasheet.characteristics.air import drawn_mass
 from pneudrive.datasheet.plant import HeldDrive
 from pneudrive.datasheet.strokes import STROKE_MEANING, StrokeNumbers, litres_anr, moving_mass, stroke_numbers
-from pneudrive.errors import CampaignError, LayoutError, PneudriveError, RecordingError
+from pneudrive.errors import CampaignError, LayoutError, PneudriveError, RecordingError, package_table
 from pneudrive.friction.characterisation import characterise_recordings
 from pneudrive.friction.friction_map import write_map
 from pneudrive.signals.drive_recording import VolumeRecording, read_volume_recordings
@@ -104,19 +104,8 @@ def _at_rest(recording: VolumeRecording) -> Pair:
 
 LEAST_WAY = 0.05  # of the stroke: a shorter motion is no stroke
 AGREES = 0.05  # relative difference up to which a number without repeats agrees (assumed)
-SHOWN = (
-    "stroke_time",
-    "time_99",
-    "dead_time",
-    "rise_time",
-    "mean_speed",
-    "top_speed",
-    "end_speed",
-    "settling_time",
-    "overshoot",
-    "peak_pressure_a",
-    "peak_pressure_b",
-)
+#: Numbers of a stroke that are compared.
+COMPARED: tuple[str, ...] = tuple(package_table(__file__, "sheet.toml")["compared"])
 LEAST_CHANGES = 50  # of the command in a recording from which a frequency response is taken
 SEGMENTS = 8  # parts of such a recording, half overlapping
 SYNTHETIC = "synthetic"  # label of recordings of another model
@@ -264,7 +253,7 @@ def _numbers(drive: Drive, records: Iterable[RecordResult]) -> Iterable[Compared
         for command, seen, simulated in strokes_of(drive, record):
             groups[f"command {command:+.3g}"].append((seen, simulated))
     for stroke, pairs in groups.items():
-        for name in SHOWN:
+        for name in COMPARED:
             seen, told = (np.array([getattr(pair[side], name) for pair in pairs]) for side in (0, 1))
             both = np.isfinite(seen) & np.isfinite(told)
             unit = STROKE_MEANING[name][0]

@@ -333,11 +333,6 @@ class HeldDrive:
         return self.has_line("b") and node.partition(".")[0] in {name for name, *_ in self.line("b")[1]}
 
     @property
-    def commands(self) -> tuple[str, ...]:
-        """Names of the inputs that are commands."""
-        return tuple(f"{name}.command" for name in self.valves)
-
-    @property
     def name(self) -> str:
         """Name of the drive."""
         return self.circuit.name

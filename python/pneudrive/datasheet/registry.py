@@ -156,11 +156,11 @@ def with_intervals(plain: xr.Dataset, ends: Sequence[Ends], moved: Sequence[Sequ
     confidence = min(one.confidence for one in ends)
     plain.attrs |= {"interval": SAID, "confidence": confidence, "interval_of": [one.name for one in ends]}
     for name, value in list(plain.data_vars.items()):
-        said = {"units": value.attrs["units"], "long_name": f"{value.attrs['long_name']}, {{}} end of the interval"}
         away = np.array([[np.asarray(other[name]) - np.asarray(value) for other in pair] for pair in moved])
         low, high = np.asarray(value) - together(-away, shared), np.asarray(value) + together(away, shared)
         for end, bound, word in (("low", low, "lower"), ("high", high, "upper")):
-            plain[f"{name}_{end}"] = (value.dims, bound, said | {"long_name": said["long_name"].format(word)})
+            meaning = f"{value.attrs['long_name']}, {word} end of the interval"
+            plain[f"{name}_{end}"] = (value.dims, bound, {"units": value.attrs["units"], "long_name": meaning})
         plain[name].attrs |= {"interval": f"{name}_low, {name}_high", "confidence": confidence}
     return plain
 
@@ -277,7 +277,7 @@ def characteristic_named(name: str) -> Characteristic:
 
 
 #: Unit of each setting that is a quantity.
-_UNITS = {"position": "m", "half_period": "s", "duration": "s", "speed": "m/s", "end_speed": "m/s", "volume": "m3"}
+_UNITS = {"position": "m", "half_period": "s", "end_speed": "m/s"}
 _SIGNED = ("position", "command")  # other settings are greater than 0
 
 

@@ -74,10 +74,7 @@ def written_value(value: float, unit: str, low: float | None = None, high: float
 
 
 #: Characteristics of a sheet, in the order of display.
-OF_A_SHEET = (
-    *("velocity", "force-speed", "minimum-pressure", "square-response", "impact", "stiffness", "natural-frequency"),
-    *("bode", "air", "exergy", "flow", "leakage", "published"),
-)
+OF_A_SHEET: tuple[str, ...] = tuple(package_table(__file__, "sheet.toml")["characteristics"])
 
 
 class SheetNumber(NamedTuple):
@@ -260,7 +257,7 @@ def energy_limit_j(bore_m: float) -> float:
 
 def _numbers(results: dict[str, xr.Dataset]) -> list[SheetNumber]:
     out = []
-    for name, headlines in package_table(__file__, "headlines.toml").items():
+    for name, headlines in package_table(__file__, "sheet.toml")["headlines"].items():
         for title, result in headlines.items():
             if name in results and result in results[name]:
                 found, standard = results[name], characteristics()[name].standard

@@ -248,13 +248,6 @@ def _load_harmonics(plant: HeldDrive, amplitude: float, frequency: float, gas: A
 # --- Importance of the numbers of a drive: relative sensitivities of its characteristics.
 
 SHARE = 1e-3  # of a number, to both sides
-_RESULTS = {
-    "steady_speed": "steady speed at full command",
-    "stall_force": "largest load that the resting piston can move",
-    "natural_frequency": "natural frequency at mid stroke",
-    "stroke_time": "time of a full stroke from rest",
-    "end_speed": "speed at the end of that stroke",
-}
 
 
 def moved(drive: Drive, name: str, factor: float) -> Drive:
@@ -269,18 +262,12 @@ def moved(drive: Drive, name: str, factor: float) -> Drive:
     return drive.replace({name: units.UnitFloat(value, unit, given.mark.written) if unit else value})  # type: ignore[union-attr]
 
 
-def _of(plant: HeldDrive) -> NamedNumbers:
-    """Return the results of one drive."""
-    x = plant.middle_m
-    spring = adiabatic_stiffness(plant.static, x, "3 bar abs")
+def _of(plant: HeldDrive) -> list[float]:
+    """Return steady speed, stall force, natural frequency, stroke time and end speed of one drive."""
+    spring = adiabatic_stiffness(plant.static, plant.middle_m, "3 bar abs")
     stroke = run_strokes(plant, [1.0], 0.0, plant.before(1.0)).strokes[0]
-    return {
-        "steady_speed": steady_state(plant.static, 1.0, 0.0).velocity_m_s,
-        "stall_force": full_force(plant.static, 1.0)[1],
-        "natural_frequency": math.sqrt(spring / plant.mass) / (2.0 * math.pi),
-        "stroke_time": stroke.stroke_time,
-        "end_speed": stroke.end_speed,
-    }
+    speed, stall = steady_state(plant.static, 1.0, 0.0).velocity_m_s, full_force(plant.static, 1.0)[1]
+    return [speed, stall, math.sqrt(spring / plant.mass) / (2.0 * math.pi), stroke.stroke_time, stroke.end_speed]
 
 
 @characteristic(
@@ -298,6 +285,21 @@ def _tornado(plant: HeldDrive, numbers: Any = None) -> Found:  # noqa: ANN401 - 
     --------
     numbers
         of the drive file; default: all
+
+    Results
+    -------
+    parameter : 1
+        number of the drive file
+    steady_speed_sensitivity : 1 over parameter
+        relative change of the steady speed at full command, over that of the number
+    stall_force_sensitivity : 1 over parameter
+        relative change of the largest load that the resting piston can move, over that of the number
+    natural_frequency_sensitivity : 1 over parameter
+        relative change of the natural frequency at mid stroke, over that of the number
+    stroke_time_sensitivity : 1 over parameter
+        relative change of the time of a full stroke from rest, over that of the number
+    end_speed_sensitivity : 1 over parameter
+        relative change of the speed at the end of that stroke, over that of the number
     """
     drive: Any = plant.described
     if not hasattr(drive, "cylinder"):
@@ -316,15 +318,10 @@ def _tornado(plant: HeldDrive, numbers: Any = None) -> Found:  # noqa: ANN401 - 
             continue
         width = math.log1p(SHARE) - math.log1p(-SHARE)
         names.append(name)
-        rows.append([math.log(high[key] / low[key]) / width for key in _RESULTS])
+        rows.append([math.log(after / before) / width for before, after in zip(low, high, strict=True)])
     table = np.array(rows)
     order = np.argsort(-np.nanmax(np.abs(table), axis=1))
-    over, relative = ("parameter",), "relative change of the {}, over that of the number"
-    found = {
-        f"{key}_sensitivity": ResultValue(over, table[order, number], "1", relative.format(words))
-        for number, (key, words) in enumerate(_RESULTS.items())
-    }
-    return found | {"parameter": ResultValue(over, [names[k] for k in order], "1", "number of the drive file")}
+    return [names[k] for k in order], *table[order].T
 
 
 # --- Study of the tubes between valve and cylinder: speed and stroke time of a drive over their length and bore.

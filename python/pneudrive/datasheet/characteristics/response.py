@@ -147,8 +147,8 @@ def trace(motion: StrokeRun) -> dict[str, ResultValue]:
 
 def _numbers(motion: StrokeRun, dims: tuple[str, ...]) -> dict[str, ResultValue]:
     rows = [stroke.to_dict() for stroke in motion.strokes]
-    pick = (lambda name: [row[name] for row in rows]) if dims else (lambda name: rows[0][name])
-    return {name: ResultValue(dims, pick(name), unit, meaning) for name, (unit, meaning) in STROKE_MEANING.items()}
+    values = {name: [row[name] for row in rows] if dims else rows[0][name] for name in STROKE_MEANING}
+    return {name: ResultValue(dims, values[name], unit, meaning) for name, (unit, meaning) in STROKE_MEANING.items()}
 
 
 @characteristic(

@@ -313,18 +313,14 @@ def _stiffness(plant: HeldDrive, pressures: Any = None) -> Found:  # noqa: ANN40
     middle = _at(plant, plant.middle_m, level)
     over = np.asarray([dynamic_stiffness(plant, middle, 2j * math.pi * f) for f in FREQUENCIES])
     loss = np.imag(over) / np.real(over)
+    meaning = f"real part at mid stroke, {1e-5 * level:g} bar"
     return {
         "position": positions,
         "pressure": levels,
         "frequency": FREQUENCIES,
         "adiabatic_stiffness": fast,
         "isothermal_stiffness": slow,
-        "stiffness": ResultValue(
-            ("frequency",),
-            np.real(over),
-            "N/m",
-            f"real part at mid stroke, {1e-5 * level:g} bar",
-        ),
+        "stiffness": ResultValue(("frequency",), np.real(over), "N/m", meaning),
         "loss_factor": loss,
         "largest_loss_factor": loss.max(),
         "loss_frequency": FREQUENCIES[int(loss.argmax())],
