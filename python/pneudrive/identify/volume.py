@@ -280,8 +280,10 @@ def _problem(tank: Tank, records: list[VolumeRecording], names: list[str], watch
     """Return the fit problem, and the start point from the tank's values."""
     family = TankFamily(tank, names, max(r.duration_s for r in records))
     values = [family.get(path) for path in family.paths]
+    line = tank.core_form()["line"]
+    upper = {} if line is None else {"line.critical_pressure_ratio": line["linear_above"]}
     parameters = [
-        Parameter(name, path, NUMBERS[name][1], value, 0.0, _upper(tank, name), value)
+        Parameter(name, path, NUMBERS[name][1], value, 0.0, upper.get(name, np.inf), value)
         for name, path, value in zip(names, family.paths, values, strict=True)
     ]
     experiments, nowhere = [], np.full(2, np.inf)
@@ -294,11 +296,6 @@ def _problem(tank: Tank, records: list[VolumeRecording], names: list[str], watch
     transforms = Transforms([p.lower for p in parameters], [p.upper for p in parameters])
     starts = [np.array([[np.median(r.pressure_pa[:3]), tank.start_temperature_k]]) for r in records]
     return FitProblem(parameters, [], transforms, experiments), Iterate(transforms.internal(values), starts)
-
-
-def _upper(tank: Tank, name: str) -> float:
-    is_ratio = name == "line.critical_pressure_ratio" and tank.line is not None
-    return tank.core_form()["line"]["linear_above"] if is_ratio else np.inf
 
 
 def _is_apart(one: Joined, other: Joined) -> bool:
@@ -350,7 +347,8 @@ def _result(
     for name in problem.names if solved.converged else ():  # over all minima, relative to the cost of the best one
         ends = [profile(minimum, name, least=solved.at.cost) for minimum in (solved, *others)]
         intervals[name] = min(low for low, _ in ends), max(high for _, high in ends)
-    lost = [u for n in intervals if (u := _lost(tank, records, n, values[n], *intervals[n]))]
+    known = [p for p in problem.parameters if p.name in intervals]
+    lost = [u for p in known if (u := _lost(tank, records, p, values[p.name], *intervals[p.name]))]
     fitted, rests, shares = {}, [], []
     for experiment, residual, record in zip(problem.experiments, solved.at.residuals, records, strict=True):
         experiment.watch = UNWATCHED
@@ -364,7 +362,7 @@ def _result(
     tau = float(np.median([tau for _, tau in solved.inflation.values()]))
     return VolumeFit(
         values=values,
-        units={name: NUMBERS[name][1] for name in values},
+        units={p.name: p.unit for p in problem.parameters},
         free=tuple(values),
         covariance=solved.covariance,
         intervals=intervals,
@@ -403,16 +401,16 @@ def _stated(tank: Tank, name: str) -> float:
 
 
 def _lost(
-    tank: Tank, records: list[VolumeRecording], name: str, value: float, low: float, high: float
+    tank: Tank, records: list[VolumeRecording], number: Parameter, value: float, low: float, high: float
 ) -> Undetermined | None:
     """Return the statement on an undetermined value, with a limit if the recordings give one."""
-    upper = _upper(tank, name)
+    name, upper = number.name, number.upper
     is_ratio = name == "line.critical_pressure_ratio"
     if max(value - low, high - value) <= LARGEST_REACH * (1.0 if is_ratio else value):
         return None
     if low == 0.0 and high < LARGEST_REACH * _stated(tank, name):
         return None  # next to nothing: the recordings exclude the start value, which must not stay
-    factor, unit = readable(NUMBERS[name][1])
+    factor, unit = readable(number.unit)
     ends = {"below": plain(low / factor), "above": plain(high / factor), "unit": unit}
     known = "upper" if low == 0.0 else "lower"  # limit that the recordings give, if they give only one
     key = "both" if low > 0.0 and high < upper else "none" if low == 0.0 and high == upper else known
@@ -426,8 +424,7 @@ def _alternatives(others: list[Solved]) -> list[str]:
     """Return a note on values that fit as well as the best values."""
     notes = []
     for minimum in others:
-        problem = minimum.problem
-        values = zip(problem.parameters, minimum.values, strict=True)
+        values = zip(minimum.problem.parameters, minimum.values, strict=True)
         words = ", ".join(named_value(p.name, value, p.unit, 3) for p, value in values)
         notes.append(f"other values fit as well: {words}; the intervals include both; also record with the line shut")
     return notes

@@ -451,7 +451,6 @@ def assembled(drive: Drive | Circuit, solved: Solved, options: SearchOptions, st
             high[k] = end
             sizes[k] = p.value
     intervals = by_name(names, zip(low.tolist(), high.tolist(), strict=True))
-    statistics = _statistics(solved, steps)
     fit = DriveFit(
         values=by_name(names[: problem.drive_size], values[: problem.drive_size]),
         units={p.name: p.unit for p in every},
@@ -461,8 +460,8 @@ def assembled(drive: Drive | Circuit, solved: Solved, options: SearchOptions, st
         intervals=intervals,
         details={n: {"sources": [r.name for r in records]} for n in names[: problem.drive_size]},
         undetermined=(),
-        notes=tuple(_notes(drive, options, solved, statistics)),
-        statistics=statistics,
+        notes=tuple(_notes(drive, options, solved)),
+        statistics=_statistics(solved, steps),
         converged=solved.converged,
         fits=not solved.missed,
         model_errors=model_errors(drive, solved),
@@ -488,7 +487,7 @@ def assembled(drive: Drive | Circuit, solved: Solved, options: SearchOptions, st
     return replace(fit, undetermined=(*options.lost, *lost), notes=notes)
 
 
-def _notes(drive: Drive | Circuit, options: SearchOptions, solved: Solved, statistics: NamedNumbers) -> list[str]:
+def _notes(drive: Drive | Circuit, options: SearchOptions, solved: Solved) -> list[str]:
     notes, problem = list(options.notes), solved.problem
     if not solved.converged:
         if not options.interrupted:

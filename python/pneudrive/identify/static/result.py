@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from itertools import combinations
-from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
@@ -586,34 +586,22 @@ def profiles(fit: FrictionFit, friction_map: xr.Dataset) -> Columns:
     return {name: np.array([one[name] for one in each]) for name in fit.free}
 
 
-class Ellipse(NamedTuple):
-    """The first-order 95 % confidence ellipse of two values. Its projections are value ± t times standard error.
-
-    Attributes
-    ----------
-    x, y : str
-        Names of the values.
-    correlation : float
-    points : ndarray, shape (n, 2)
-        Closed outline of the ellipse, SI.
-    """
-
-    x: str
-    y: str
-    correlation: float
-    points: Array
-
-
 MOST_PAIRS, OUTLINE = 6, 73  # ellipses, and points of the outline of one
 
 
-def ellipses(fit: Fit) -> list[Ellipse]:
-    """Return the ellipses of the `MOST_PAIRS` pairs of determined values with the largest correlations.
+def ellipses(fit: Fit) -> list[tuple[tuple[str, str], float, Array]]:
+    """Return the first-order 95 % confidence ellipses of the `MOST_PAIRS` pairs with the largest correlations.
 
     Parameters
     ----------
     fit : Fit
         Fit of any kind, also from a file.
+
+    Returns
+    -------
+    list of ((str, str), float, ndarray)
+        Names of both values, their correlation, and the closed outline of the ellipse, SI, shape (n, 2). Its
+        projections are value ± t times standard error.
     """
     turn = np.linspace(0.0, 2.0 * np.pi, OUTLINE)
     circle = np.stack([np.cos(turn), np.sin(turn)])
@@ -626,5 +614,5 @@ def ellipses(fit: Fit) -> list[Ellipse]:
         centre, size = (np.array([[known[name]] for name in names]) for known in (values, errors))
         rho = float(np.clip(fit.correlation[i, j], -1.0, 1.0))
         root = np.array([[1.0, 0.0], [rho, np.sqrt(1.0 - rho * rho)]])
-        out.append(Ellipse(*names, rho, (centre + fit.reach * size * (root @ circle)).T))
+        out.append((names, rho, (centre + fit.reach * size * (root @ circle)).T))
     return out
