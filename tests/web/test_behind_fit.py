@@ -78,14 +78,14 @@ def test_residuals_profiles_and_ellipses_are_those_of_the_fit(fitted: Served, mo
 def test_an_ellipse_is_that_of_the_normal_equations() -> None:
     """Of a straight line through values of one precision: covariance (X'X)^-1, and t standard errors as its shadow."""
     fit = pn.fit_friction(friction_map(coulomb(30.0), WIDE, noise_n=0.1), "coulomb")
-    (pair,) = ellipses(fit)
+    ((names, _, points),) = ellipses(fit)
     columns = np.column_stack([np.ones(2 * len(WIDE)), np.tile(WIDE, 2)])
     shape = columns.T @ columns
-    away = pair.points - [fit.values[name] for name in (pair.x, pair.y)]
+    away = points - [fit.values[name] for name in names]
     size = np.einsum("ni,ij,nj->n", away, shape, away)
     assert np.allclose(size, size[0], rtol=1e-6)
     assert np.sqrt(size[0]) / fit.reach == pytest.approx(0.1, rel=0.5)  # the noise of one value, N
-    assert np.ptp(pair.points[:, 0]) == pytest.approx(2.0 * fit.reach * fit.standard_errors["coulomb"], rel=2e-3)
+    assert np.ptp(points[:, 0]) == pytest.approx(2.0 * fit.reach * fit.standard_errors["coulomb"], rel=2e-3)
 
 
 def test_a_map_that_changed_shows_no_residuals(fitted: Served) -> None:
