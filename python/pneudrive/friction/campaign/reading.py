@@ -205,7 +205,7 @@ def read_campaign(campaign: Campaign, choice: SampleChoice, processes: int | Non
     rows = {file.head.cycle.key: one for file, one in zip(wanted, read, strict=True)}
     plans = _plans(files, rows)
     whole = [plans[key] | row for key, (_, row) in rows.items() if isinstance(row, dict)]
-    table = cycles.CycleTable.of(sorted(whole, key=lambda row: row["index"]), BINS)
+    table = cycles.CycleTable.of(whole, BINS)
     skipped += [data for _, data in rows.values() if isinstance(data, Skipped)]
     kinds = table["kind"]
     tares = table.at(kinds == "tare")

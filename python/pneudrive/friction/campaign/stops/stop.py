@@ -236,7 +236,7 @@ def find_stops(
         return pl.DataFrame(), ()
     others = course.read_strokes(_comparable(files, stops), campaign.identity)
     found = share_out(read_each, stops, _read, campaign.identity, others, least=WORTH_WORKERS, processes=processes)
-    rows = sorted((s for s in found if isinstance(s, dict)), key=lambda row: row["index"])
+    rows = [row for row in found if isinstance(row, dict)]
     skipped = sorted((s for s in found if isinstance(s, Skipped)), key=lambda s: s.file)
     texts = {"flags": pl.List(pl.String)}
     return pl.DataFrame(rows, schema_overrides=texts, infer_schema_length=None), tuple(skipped)
