@@ -140,10 +140,9 @@ class Pneu:
         """
         if "characteristic" in self._run.attrs:
             return upper("characteristic_view")(self._run)
-        if "member" in self._run.dims or "number" in self._run.dims:
-            return upper("ensemble_view" if "member" in self._run.dims else "sensitivity_view")(self._run)
-        if "row" in self._run.dims:
-            return upper("map_view")(self._run)
+        for dimension, view in (("member", "ensemble_view"), ("number", "sensitivity_view"), ("row", "map_view")):
+            if dimension in self._run.dims:
+                return upper(view)(self._run)
         return upper("view_of_run")(self._run, drive)
 
     def info(self, drive: Drive | Circuit | None = None) -> View:

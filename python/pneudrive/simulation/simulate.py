@@ -65,12 +65,9 @@ class Run(Shown):
             "parameter_units": ("parameter", [parameter.unit for parameter in self.parameters]),
         }
         for column, derivatives in self.derivatives.items():
-            name, attrs = _label(column, self.meanings.get(column))
-            said = dict(attrs)
-            about = {
-                "units": f"{said['units']} per unit of the parameter",
-                "long_name": f"derivative: {said['long_name']}",
-            }
+            name = meaning(column)[0]
+            unit, long_name = made[name].attrs["units"], made[name].attrs["long_name"]
+            about = {"units": f"{unit} per unit of the parameter", "long_name": f"derivative: {long_name}"}
             out[f"sensitivity_{name}"] = (("parameter", "time"), derivatives.T, about)
         return made.assign(out)
 

@@ -157,12 +157,10 @@ def save(run: xr.Dataset, path: str | Path) -> Path:
     if target.suffix.lower() == ".nc":
         flat = run.copy()
         flat.attrs = {key: _flat(value) for key, value in stored_beside(run.attrs, target.parent).items()}
-        checked = {
-            str(name): {"fletcher32": True} for name, v in flat.variables.items() if v.ndim and v.dtype.kind in "iuf"
-        }
-        image = flat.to_netcdf(
-            engine="h5netcdf", encoding=checked
-        )  # in memory first: HDF5 crashes the process when the disk is full
+        numbers = [str(name) for name, v in flat.variables.items() if v.ndim and v.dtype.kind in "iuf"]
+        checked = {name: {"fletcher32": True} for name in numbers}
+        # In memory first: HDF5 crashes the process when the disk is full.
+        image = flat.to_netcdf(engine="h5netcdf", encoding=checked)
         with whole(target) as temporary:
             temporary.write_bytes(image)
         return target
