@@ -510,9 +510,8 @@ def parameter_quantity(parameter: Keyed) -> Quantity:
     """Return the annotation of one parameter: SI unit, preferred unit, bounds."""
     si_unit = units.si_name(parameter["unit"])
     written = units.readable(si_unit)[1]
-    low, high = parameter["lower"], parameter["upper"]
-    low = None if low is None or math.isinf(low) else low
-    high = None if high is None or math.isinf(high) else high
+    ends = (parameter["lower"], parameter["upper"])
+    low, high = (None if end is None or math.isinf(end) else end for end in ends)
     lower = {"above" if parameter["open"] else "at_least": low}
     upper = {"below" if parameter["open_above"] else "at_most": high}
     return Quantity(si_unit, written if units.is_unit(written) else None, Bounds(**lower, **upper))

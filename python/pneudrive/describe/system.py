@@ -101,13 +101,7 @@ def expanded_drive(form: Plain) -> Plain:
     components = [
         core_part("supply", "reservoir", form["supply"]),
         core_part("valve", f"valve/{valve.pop('kind')}", valve),
-        core_part(
-            PISTON,
-            f"cylinder/{kind}",
-            cylinder | stops,
-            choices=choices,
-            friction=form["friction"],
-        ),
+        core_part(PISTON, f"cylinder/{kind}", cylinder | stops, choices=choices, friction=form["friction"]),
         core_part("load", "load", load),
     ]
     rod = [f"{PISTON}.rod", "load.1"]

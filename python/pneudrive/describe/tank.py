@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from contextlib import suppress
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, ClassVar
+from typing import TYPE_CHECKING, Annotated
 
 from pydantic import BeforeValidator, Field, model_validator
 
@@ -46,7 +46,6 @@ class FixedVolume(Described):
     ratio is assumed to be 0.2. Wall and gas have ambient temperature at the start of a recording by default.
     """
 
-    table: ClassVar[str] = "volume"
     volume_m3: Annotated[float, Quantity("m^3", "dm3", POSITIVE)] = Field(alias="value")
     heat_transfer_w_k: Annotated[float, Quantity("W/K", "W/K", NOT_NEGATIVE)] = 0.5
     leakage_m3_s_pa: Annotated[float, Quantity("m^3/(s Pa)", "dm3/(s bar)", NOT_NEGATIVE)] = 0.0
@@ -60,7 +59,6 @@ class TankLine(Described):
     `pressure` and `temperature` belong to the side away from the volume. Default: ambient.
     """
 
-    table: ClassVar[str] = "line"
     conductance_m3_s_pa: Annotated[float, Quantity("m^3/(s Pa)", "dm3/(s bar)", POSITIVE)]
     critical_pressure_ratio: Fraction
     subsonic_index: Annotated[float, Quantity("", bounds=Bounds(above=0.0, at_most=2.0))] = 0.5
@@ -179,10 +177,7 @@ class Tank(DescribedFile):
         joints, at_volume = [], ["volume.1"]
         if line is not None:
             other = {key: line.pop(key) for key in ("pressure_pa", "temperature_k")}
-            components += [
-                core_part("line", "fitting", line),
-                core_part("other_side", "reservoir", other),
-            ]
+            components += [core_part("line", "fitting", line), core_part("other_side", "reservoir", other)]
             joints.append(["other_side.1", "line.1"])
             at_volume.append("line.2" if tube is None else "tube.2")
         if tube is not None:

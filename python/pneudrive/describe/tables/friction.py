@@ -328,7 +328,7 @@ class Friction(Described):
 
     def _given(self, keys: Iterable[str]) -> Plain:
         """Return those of these choices or modifiers that are given."""
-        return {key: value for key in keys if (value := getattr(self, key)) is not None}
+        return {key: value for key in keys if (value := getattr(self, key)) not in (None, ())}
 
     def core(self) -> Plain:
         """Return the table in the core's form, in SI: law, parameters, pressure and other modifiers."""
@@ -347,9 +347,7 @@ class Friction(Described):
     def entries(self) -> Iterator[tuple[str, Any, Quantity | StatedPressure | None]]:
         """Yield the law and its choices, its elements and parameters, then its modifiers."""
         yield "law", self.law, None
-        yield from ((key, value, None) for key, value in self._given(CHOICES[:2]).items())
-        if self.elements:
-            yield "elements", [element.to_dict() for element in self.elements], None
+        yield from ((key, value, None) for key, value in self._given(CHOICES).items())
         marks = parameter_quantities(self.entry)
         yield from ((key, self.parameters[key], mark) for key, mark in marks.items() if key in self.parameters)
         yield from ((key, value, None) for key, value in self._given(DEPENDENCES).items())
