@@ -26,6 +26,7 @@ def test_a_folder_of_recordings_is_all_files_that_its_layout_describes(tmp_path,
         assert (tmp_path / "out" / name).stat().st_size > 500, name
         assert name in said
     assert "PK_1bar" in said
+    assert 'file = "map.parquet"' in (tmp_path / "out" / "fit-PK.toml").read_text()
 
 
 def test_a_foreign_recording_by_way_of_a_proposed_layout(tmp_path, capsys):

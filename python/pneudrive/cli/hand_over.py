@@ -22,7 +22,6 @@ with used_later(__name__):
     from pneudrive.friction import characterisation
     from pneudrive.identify import export as friction_export
     from pneudrive.identify import files
-    from pneudrive.identify.static import fit as static_fits
     from pneudrive.report import control, page, recordings
     from pneudrive.studies.bracha import reproduction
 
@@ -149,8 +148,7 @@ def demo(*, out: Path = Path("out")) -> None:
     measurements = MEASUREMENTS if MEASUREMENTS.is_dir() else SHIPPED
     files_of = sorted([*measurements.glob("friction/*.csv*"), *measurements.glob("repeatability/*.csv*")])
     found = characterisation.characterise_recordings(files_of)
-    fits, _ = static_fits.fit_characterisation(found)
-    write_map_and_fits(found, fits, folder)
+    _, fits, _ = write_map_and_fits(found, folder)
     made = reproduction.reproduce(folder / reproduction.FOLDER)
     axis = pn.control.run(pn.Circuit.load(AXIS), "super-twisting", reference="sine 60 mm 1 Hz around 250 mm")
     controlled = page.view_section("controlled-axis", control.view_of_controlled_run(axis), synthetic=True)

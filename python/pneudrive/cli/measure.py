@@ -123,8 +123,7 @@ def characterise(
         return
     with _output(out) as folder:
         found = characterisation.characterise_recordings(recordings, layout, choice, progress=watch().tell)
-        fits, problems = static_fits.fit_characterisation(found)
-        written = write_map_and_fits(found, fits, folder)
+        written, fits, problems = write_map_and_fits(found, folder)
         curves = characteristics.recorded_characteristics(found)
         written += [] if curves is None else files.write_curves_and_effects(curves, folder)
         written.append(Path(report.write_report(found, fits, folder, None, curves)))
@@ -159,11 +158,12 @@ def _output(out: Path) -> Iterator[Path]:
 
 
 def write_map_and_fits(
-    found: characterisation.Characterisation, fits: static_fits.GroupFits, folder: Path
-) -> list[Path]:
-    """Write the friction map of recordings in both formats, and their fits."""
+    found: characterisation.Characterisation, folder: Path
+) -> tuple[list[Path], static_fits.GroupFits, list[str]]:
+    """Write the friction map of recordings in both formats, then its fits, which name its file."""
     written = [friction_map.write_map(found.friction_map, folder / f"map.{end}") for end in ("parquet", "csv")]
-    return written + _write_fits(fits, folder, whole=friction_map.ALL_RECORDINGS)
+    fits, problems = static_fits.fit_characterisation(found)
+    return written + _write_fits(fits, folder, whole=friction_map.ALL_RECORDINGS), fits, problems
 
 
 def _write_fits(fits: static_fits.GroupFits, folder: Path, whole: str) -> list[Path]:
