@@ -17,7 +17,7 @@ from pneudrive.simulation.trajectory import meaning
 XML = (
     '<?xml version="1.0" encoding="{}"?><fmiModelDescription fmiVersion="3.0" modelName="m" instantiationToken="t">'
     '<CoSimulation modelIdentifier="m"/><ModelVariables><Float64 name="x" causality="output" valueReference="1"/>'
-    "</ModelVariables></fmiModelDescription>"
+    '<Boolean name="on" causality="parameter" start="true"/></ModelVariables></fmiModelDescription>'
 )
 
 
@@ -29,7 +29,7 @@ def archive(path, text, name="modelDescription.xml"):
 
 def test_a_sound_one_is_read(tmp_path):
     found = read_fmu(archive(tmp_path / "m.fmu", XML.format("utf-8")))
-    assert (found.version, found.kinds, [one.name for one in found.variables]) == ("3.0", ("CoSimulation",), ["x"])
+    assert (*found.kinds, *((v.name, v.start) for v in found.variables)) == ("CoSimulation", ("x", None), ("on", None))
 
 
 @pytest.mark.parametrize("name", ["no-such", "utf-7", "idna", "base64"])

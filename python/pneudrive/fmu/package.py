@@ -10,6 +10,7 @@ import subprocess
 import sys
 import tempfile
 import zipfile
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
@@ -22,8 +23,8 @@ from pneudrive.errors import CommandError, DescriptionError, nearest, package_ta
 from pneudrive.files.content import check_file, rendered
 from pneudrive.fmu.variables import RTOL, FmuPlan, FmuVariable, plan_of
 from pneudrive.repr_tables import Shown
+from pneudrive.simulation.session import DriveOrCircuit, StartState, check_tolerance
 from pneudrive.simulation.simulate import require
-from pneudrive.simulation.start import DriveOrCircuit, StartState, check_tolerance
 from pneudrive.simulation.trajectory import check_target, whole
 
 if TYPE_CHECKING:
@@ -148,17 +149,6 @@ _SHOWN = ("input", "output", "parameter")
 
 
 @dataclass(frozen=True)
-class SeenVariable:
-    """A variable of an FMU, with its unit as written in the description."""
-
-    name: str
-    unit: str
-    meaning: str
-    causality: str
-    start: str
-
-
-@dataclass(frozen=True)
 class SeenFmu:
     """Content of an FMU that is visible to other tools.
 
@@ -168,8 +158,8 @@ class SeenFmu:
         Name of the model, generating tool, version of FMI, token.
     kinds : tuple of str
         ``"CoSimulation"``, ``"ModelExchange"``.
-    variables : tuple of SeenVariable
-        Inputs, outputs and parameters.
+    variables : tuple of FmuVariable
+        Inputs, outputs and parameters, without roles. A start value that is not a number is left out.
     """
 
     title: str
@@ -177,7 +167,7 @@ class SeenFmu:
     version: str
     token: str
     kinds: tuple[str, ...]
-    variables: tuple[SeenVariable, ...]
+    variables: tuple[FmuVariable, ...]
 
 
 def read_fmu(path: Path) -> SeenFmu:
@@ -209,12 +199,15 @@ def read_fmu(path: Path) -> SeenFmu:
     )
 
 
-def _seen(one: ElementTree.Element) -> SeenVariable:
+def _seen(one: ElementTree.Element) -> FmuVariable:
     """Return a variable. In FMI 2.0, unit and start are attributes of a type element."""
     typed = one if one.get("unit") is not None or not len(one) else one[0]
     keys = ("name", "description", "causality")
     name, meaning, causality = (one.get(key, "") for key in keys)
-    return SeenVariable(name, typed.get("unit", ""), meaning, causality, typed.get("start", ""))
+    start = None
+    with suppress(ValueError):  # a text, a truth value, several numbers, or none
+        start = float(typed.get("start", ""))
+    return FmuVariable(name, typed.get("unit", ""), meaning, causality, {}, start)
 
 
 # --- The library inside every FMU and every C program of a drive.

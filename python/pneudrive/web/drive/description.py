@@ -23,8 +23,9 @@ from pneudrive.describe.kinds import COMMAND
 from pneudrive.describe.short import expanded
 from pneudrive.errors import CommandError, PneudriveError, Problems
 from pneudrive.files.content import read_bytes
-from pneudrive.fmu.package import SeenVariable, read_fmu
-from pneudrive.simulation.start import start
+from pneudrive.fmu.package import read_fmu
+from pneudrive.fmu.variables import FmuVariable
+from pneudrive.simulation.session import start
 from pneudrive.units import in_unit, like
 from pneudrive.views import ShownTable, View
 from pneudrive.web.drive.run_request import Described, described_at
@@ -331,6 +332,6 @@ def shown_fmu(workspace: Workspace, path: str) -> Plain:
     return {"view": view.data(), "sha256": digest, "fmpy": fmpy}
 
 
-def _row(variable: SeenVariable) -> tuple[str, ...]:
-    start = f"{float(variable.start):.6g}" if variable.start else ""
+def _row(variable: FmuVariable) -> tuple[str, ...]:
+    start = "" if variable.start is None else f"{variable.start:.6g}"
     return variable.name, variable.unit, start, variable.meaning
