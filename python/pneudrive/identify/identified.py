@@ -396,13 +396,9 @@ class Dependences:
     intervals: dict[str, list[float]] = field(default_factory=dict)
     friction: dict[str, dict[str, Any]] = field(default_factory=dict)
 
-    def table(self) -> Plain:
-        """Return the table for fit.toml; empty if nothing was measured."""
-        return {**vars(self)} if self.friction or self.notes else {}
-
     @classmethod
     def of_table(cls, content: Plain) -> Dependences:
-        """Return the modifiers from a table of :meth:`table`."""
+        """Return the modifiers from a table of fit.toml."""
         known: Plain = {**content, "notes": tuple(content.get("notes", ()))}
         return cls(**known)
 

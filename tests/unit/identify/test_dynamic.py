@@ -100,7 +100,7 @@ def test_three_ways_to_an_interval_agree_where_the_model_is_right() -> None:
     fit = servo_fit()
     name = "friction.coulomb"
     lower, upper = fit.intervals[name]
-    drawn = intervals_of_draws(fit.free, drive_bootstrap(fit.solved, 300, 0))
+    drawn = intervals_of_draws(fit.free, drive_bootstrap(fit.profiler.args[0], 300, 0))
     for other in (fit.profile([name])[name], drawn[name]):
         assert other[1] - other[0] == pytest.approx(upper - lower, rel=0.35)
         assert other[0] < fit.values[name] < other[1]

@@ -86,7 +86,6 @@ class DriveFit(Fit, kind="drive"):
     sensors: NamedNumbers
     start: Drive | Circuit = field(repr=False)
     fits: bool = True
-    solved: Solved | None = field(repr=False, default=None)
 
     @property
     def state(self) -> str:
@@ -477,7 +476,6 @@ def assembled(drive: Drive | Circuit, solved: Solved, options: SearchOptions, st
         },
         start=drive,
         fitted=_fitted(solved),
-        solved=solved,
         profiler=partial(profile, solved),
     )
     lost = [] if options.interrupted else _lost(fit, intervals, sizes, solved.weak)

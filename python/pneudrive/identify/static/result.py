@@ -328,8 +328,8 @@ class FrictionFit(SlidingFit, kind="friction map"):
 
     def _last(self) -> Plain:
         """Return the measured friction modifiers."""
-        found = self.dependences.table()
-        return {"dependences": found} if found else {}
+        found = self.dependences
+        return {"dependences": dict(vars(found))} if found.friction or found.notes else {}
 
     def _first(self) -> Plain:
         return {"law": self.law, "notes": list(self.notes), "model": self.model.table()}
