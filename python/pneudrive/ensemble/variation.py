@@ -97,7 +97,9 @@ class Variation:
 
     def __init__(self, drive: Any, names: Sequence[str], initial: Any = None) -> None:  # noqa: ANN401
         self.drive = drive
-        self.initial = dict(start_table(read_initial(initial)) if drive.system.names else start_values(initial))
+        of_drive = drive.system.names is not None
+        #: Start state of all members as a table of a file; that of a drive is checked already.
+        self.initial = dict(start_table(read_initial(initial)) if of_drive else start_values(initial))
         known = all_numbers(drive)
         for name in names:
             if name not in known:

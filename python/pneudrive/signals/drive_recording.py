@@ -238,7 +238,8 @@ def _arrays(columns: Keyed, needed: Sequence[str], known: Iterable[str], where: 
     """Return the known columns of a kind of recording as arrays of one length; reject missing columns."""
     if missing := [column for column in needed if column not in columns]:
         shown = f"columns: {', '.join(map(str, columns))}"
-        what, rule = f"the recording lacks {', '.join(missing)}", KINDS[kind]["rule"].format(needed=", ".join(needed))
+        what = f"the recording lacks {', '.join(missing)}"
+        rule = KINDS[kind]["rule"].format(needed=", ".join(needed))
         raise RecordingError(what, where=where, value=shown, rule=rule, remedy=KINDS[kind].get("remedy"))
     arrays = {c: np.ascontiguousarray(columns[c], dtype=float) for c in known if c in columns}
     if any(values.shape != (arrays["time_s"].size,) for values in arrays.values()):

@@ -49,9 +49,10 @@ def read_foreign(path: Path) -> tuple[FileForm, list[Array]]:
     """
     form = sniff_format(path)
     if form == "csv":
-        reading = sniff_text(path)
+        data = read_bytes(path)
+        reading = sniff_text(path, data)
         wanted: list[int | str] = [at for at in range(reading.columns) if at not in reading.words]
-        table = read_text(path, read_bytes(path), reading.form, wanted, {**reading.dates})
+        table = read_text(path, data, reading.form, wanted, {**reading.dates})
         none = np.full_like(table.columns[table.places[wanted[0]]], np.nan)
         return reading, [table.columns.get(table.places.get(at, ""), none) for at in range(reading.columns)]
     opened, dates = open_table(path, form), dict[str, str]()

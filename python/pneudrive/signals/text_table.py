@@ -415,7 +415,7 @@ def sniff_format(path: Path) -> str:
     return MAGIC.get(head, "csv")
 
 
-def sniff_text(path: Path) -> FileForm:
+def sniff_text(path: Path, data: bytes) -> FileForm:
     """Find delimiter, decimal sign, thousands separator and header of a text table.
 
     Raises
@@ -423,7 +423,7 @@ def sniff_text(path: Path) -> FileForm:
     RecordingError
         If the file is empty, binary, or has no table of numbers, or if a sign can mean decimals or thousands.
     """
-    lines = decode(read_bytes(path), path).splitlines()
+    lines = decode(data, path).splitlines()
     tail = [line for line in lines if line.strip() and not line.startswith("#")]
     sample = _sample(tail)
     readings = [_read(sample, form) for form in _candidates(sample) if sample]
