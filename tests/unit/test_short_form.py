@@ -184,14 +184,14 @@ def test_a_fault_of_a_line_is_told_where_it_stands(tmp_path, refusal, fault):
 
 def test_a_fault_of_a_short_table_in_a_circuit_is_told_where_it_stands(tmp_path):
     text = mixed().replace('bore = "32 mm"', 'bore = "32 bar"').replace('coulomb = "20 N"', 'coulomb = "20 m"')
-    text = text.replace('leakage = "0.001 dm3/(s bar)"', 'leakage = "1 mm"')
+    text = text.replace('leakage = "0.001 dm3/(s bar)"', 'leakage = "1 mm"').replace('"proportional-5/3"', "{ a = 1 }")
     path = tmp_path / "circuit.toml"
     path.write_text(text)
     with pytest.raises(DescriptionError) as caught:
         pn.Circuit.load(path)
     found = {int(one.where.rpartition(":")[2]): one.what for one in caught.value.each()}
     lines = text.splitlines()
-    assert [lines[number - 1].split(" ")[0] for number in found] == ["bore", "coulomb", "leakage"]
+    assert [lines[number - 1].split(" ")[0] for number in found] == ["kind", "bore", "coulomb", "leakage"]
 
 
 def test_a_short_supply_feeds_a_single_acting_cylinder():
