@@ -6,7 +6,6 @@ import math
 from collections import Counter
 from contextlib import suppress
 from dataclasses import replace
-from itertools import islice
 from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any
 
@@ -422,7 +421,7 @@ def _increments(found: CampaignCharacteristics, s: DwellSeries) -> Panel:
         marks.append(Markers(durations, members["increment_n"].to_numpy(), label, own, size=3.4))
     for saturates, dash in ((False, (0, (6, 2))), (True, ":")):
         laws = (law for law in s.laws if law.form.saturates == saturates and law.name != "none")
-        for law in islice(laws, 1):  # the best one
+        if (law := next(laws, None)) is not None:  # the best one
             title = f"{law.form.title} (ΔAICc {law.delta:.0f})" if np.isfinite(law.delta) else law.form.title
             marks.append(Line(s.duration_s, law.increment_n(s.duration_s, 0), title, Look("orange", dash), 1.4))
     return Panel(marks, s.name)

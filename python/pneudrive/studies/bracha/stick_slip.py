@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 import pneudrive as pn
-from pneudrive.arrays import rows_of
 from pneudrive.errors import CampaignError
 from pneudrive.estimate.estimates import mean_estimate
 from pneudrive.friction.stick_slip import STUCK_SHARE, StickSlip, measure_stick_slip, slip_onsets
@@ -119,7 +118,7 @@ def measure_faster() -> StickSlip:
     )
     motion = columns(run)
     inside = (motion["position_m"] > MIDDLE_M[0]) & (motion["position_m"] < MIDDLE_M[1])
-    return whole_periods(rows_of(motion, inside))
+    return whole_periods({name: values[inside] for name, values in motion.items()})
 
 
 def figure_2() -> PaperFigure:
