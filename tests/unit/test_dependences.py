@@ -47,14 +47,14 @@ def test_tables_reach_the_core_in_si(tmp_path, text):
         "pressure_a": 1e-6,
         "pressure_b": 2e-6,
     }
-    assert friction["relaxation"] == {"share": 0.3, "time_s": 5.0, "distance_m": 2e-4}
     waves = [
         {"period_m": 0.05, "amplitude": 0.04, "phase_rad": pytest.approx(math.pi / 6)},
         {"period_m": 0.007, "amplitude": 0.02, "phase_rad": 0.0},
     ]
     points = [{"position_m": x, "factor": f} for x, f in [(0.05, 1.1), (0.2, 0.95), (0.45, 1.05)]]
     assert friction["position"] == {"table": points, "harmonics": waves, "slope_per_m": 0.05, "reference_m": 0.25}
-    assert friction["direction"] == {"positive": 1.1, "negative": 0.9}
+    assert drive.friction.with_defaults()["position"]["harmonics"][1]["phase"] == "0 deg"
+    assert [*friction["relaxation"].values(), *friction["direction"].values()] == [0.3, 5.0, 2e-4, 1.1, 0.9]
     assert friction["side_load"] == {"force_n": 20.0, "coefficient": 0.1}
     assert friction["temperature"] == {
         "reference_k": 293.15,
