@@ -326,10 +326,16 @@ def test_numbers_of_a_circuit_are_found_from_values_of_a_data_sheet(tmp_path: Pa
         pn.identify(pn.Circuit.load(Path(__file__).parents[3] / "examples/two_cylinders.toml"), run, ["left.bore"])
 
 
-@pytest.mark.parametrize(
-    ("name", "start"),
-    [("cylinder.leakage", "0.01 dm3/(s bar)"), ("load.mass", "1 kg")],
-)
+def test_a_delay_of_the_valve_with_an_interval_wider_than_itself_is_not_determined() -> None:
+    circuit = reference().circuit.replace({"valve.frequency": "80 Hz", "valve.delay": "0.2 ms"})
+    run = circuit.simulate([(0.0, 0.2), (0.3, -0.2), (0.6, 0.1)], "0.8 s", sample_rate="100 Hz")
+    for name, noise in (("cylinder.position", 2e-4), ("cylinder.a.pressure", 2e4), ("cylinder.b.pressure", 2e4)):
+        run[name] = run[name] + noise * np.random.default_rng(0).standard_normal(run.sizes["time"])
+    fit = pn.identify(circuit, run, ["valve.delay", "cylinder.friction.coulomb"])
+    assert [u.parameter for u in fit.undetermined] == ["valve.delay"]
+
+
+@pytest.mark.parametrize(("name", "start"), [("cylinder.leakage", "0.01 dm3/(s bar)"), ("load.mass", "1 kg")])
 def test_what_is_next_to_nothing_is_found_and_applied(name, start):
     """The recordings determine it well, though not as a share of itself: the start value must not stay."""
     unit = start.partition(" ")[2]

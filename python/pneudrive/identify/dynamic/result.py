@@ -366,6 +366,9 @@ RESOLVED_SHARE = 0.1
 def _lost(fit: DriveFit, ends: dict[str, Interval], sizes: Array, weak: Array) -> list[Undetermined]:
     """Return statements on values that the recordings do not determine.
 
+    A relative width of the interval has no meaning for an offset and similar values of sensors. Such a value is only
+    undetermined if it takes part in an undetermined direction.
+
     Parameters
     ----------
     fit : DriveFit
@@ -389,7 +392,7 @@ def _lost(fit: DriveFit, ends: dict[str, Interval], sizes: Array, weak: Array) -
             out.setdefault(n, Undetermined(n, reason, rest))
     for i, n in enumerate(names):
         lower, upper = ends[n]
-        if n in out or _is_sensor(n) or not max(values[n] - lower, upper - values[n]) > LARGEST_REACH * sizes[i]:
+        if n in out or n in fit.sensors or not max(values[n] - lower, upper - values[n]) > LARGEST_REACH * sizes[i]:
             continue
         factor, unit = readable(fit.units[n])
         reason = f"anything from {plain(lower / factor)} to {plain(upper / factor)} {unit}".rstrip() + " fits"
@@ -400,14 +403,6 @@ def _lost(fit: DriveFit, ends: dict[str, Interval], sizes: Array, weak: Array) -
             reason += f", which is determined only together with {', '.join(partners)}"
         out[n] = Undetermined(n, reason, remedy_for(n))
     return [out[n] for n in names if n in out]
-
-
-def _is_sensor(name: str) -> bool:
-    """Return whether a value is an offset or similar, for which a relative interval width has no meaning.
-
-    Such a value is undetermined only if it takes part in an undetermined direction.
-    """
-    return name.partition(" [")[0].endswith((".offset", ".lag", ".gain", ".delay"))
 
 
 def unresolved_damping(step_m: float, breakaway_n: float, stiffness_n_m: float) -> Undetermined | None:
