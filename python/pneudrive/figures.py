@@ -319,6 +319,17 @@ def axis(given: Axis | str) -> Axis:
     return Axis(given) if isinstance(given, str) else given
 
 
+def label_of(quantity: str, unit: str) -> str:
+    """Return the label of an axis, with a unit that has a slash in parentheses.
+
+    Examples
+    --------
+    >>> label_of("speed", "mm/s"), label_of("gain", "1")
+    ('speed / (mm/s)', 'gain')
+    """
+    return quantity if unit in ("", "1") else f"{quantity} / {f'({unit})' if '/' in unit else unit}"
+
+
 #: Axis of speeds in many figures, logarithmic for a wide range.
 SPEED = Axis("speed / (mm/s)", "wide")
 

@@ -25,7 +25,7 @@ from pneudrive.describe.files.load import load_described
 from pneudrive.describe.tank import Tank
 from pneudrive.errors import CommandError, DescriptionError
 from pneudrive.estimate.estimates import whole_interval
-from pneudrive.figures import Axis, Band, Figure, Line, Look, Panel, Rule
+from pneudrive.figures import Axis, Band, Figure, Line, Look, Panel, Rule, label_of
 from pneudrive.files.content import kind_of_folder, kind_of_toml
 from pneudrive.files.inputs import located
 from pneudrive.files.tables import open_table
@@ -480,8 +480,7 @@ def _percent(change: float | None) -> str:
 
 
 def _axis(quantity: str, unit: str) -> Axis:
-    shown = readable(unit)[1]
-    return Axis(f"{quantity} / {f'({shown})' if '/' in shown else shown}" if shown else quantity)
+    return Axis(label_of(quantity, readable(unit)[1]))
 
 
 def compare_results(first: Any, second: Any, names: tuple[str, str] = ("before", "after")) -> ResultComparison:  # noqa: ANN401

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field, replace
 from fnmatch import fnmatchcase
 from typing import TYPE_CHECKING, Any
 
-from pneudrive import units
+from pneudrive import figures, units
 from pneudrive.describe import Circuit
 from pneudrive.describe.files import provenance
 from pneudrive.describe.marks import Quantity, StatedPressure, parameter_quantities
@@ -91,7 +91,6 @@ def comparison_figure(every: Mapping[str, FittedData]) -> Figure:
         part, x = thin(data.at), AXES.get(data.x, data.x)
         (column, si_unit, _), rest = meaning(data.y), data.measured - data.model
         unit = readable(si_unit)[1]
-        unit = f" / ({unit})" if "/" in unit else f" / {unit}" if unit else ""
         model = Look("orange", "-", "x")
         marks: list[Mark] = [
             Markers(data.at, data.measured, "measured", size=3.0),
@@ -104,8 +103,8 @@ def comparison_figure(every: Mapping[str, FittedData]) -> Figure:
                 Line(data.at[part], data.model[part], "model", MODEL),
             ]
             gap = Line(data.at[part], rest[part], look=RESIDUAL, width=0.6)
-        panels.append(Panel(marks, name, x, f"{column.replace('_', ' ')}{unit}"))
-        panels.append(Panel([gap, Rule(y=0.0)], "measured - model", x, f"difference{unit}"))
+        panels.append(Panel(marks, name, x, figures.label_of(column.replace("_", " "), unit)))
+        panels.append(Panel([gap, Rule(y=0.0)], "measured - model", x, figures.label_of("difference", unit)))
     return Figure(panels, columns=2, row_in=1.7, rest_in=0.5)
 
 

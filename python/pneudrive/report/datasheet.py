@@ -13,7 +13,7 @@ from pneudrive.datasheet.plant import HeldDrive
 from pneudrive.datasheet.registry import characteristics
 from pneudrive.datasheet.sheet import Datasheet, energy_limit_j, in_words, shown_unit, written_value
 from pneudrive.errors import CommandError
-from pneudrive.figures import MODEL, Axis, Band, Bars, Figure, Line, Markers, Panel, look
+from pneudrive.figures import MODEL, Axis, Band, Bars, Figure, Line, Markers, Panel, label_of, look
 from pneudrive.numbers import plain
 from pneudrive.report.circuit.svg import circuit_figure
 from pneudrive.report.page import Paragraph, Report, Section, Topic, figure_of, references, view_section, write_pdf
@@ -117,7 +117,7 @@ def _panel(found: xr.Dataset, x: str, name: str, title: str) -> Panel:
 
 def _axis(found: xr.Dataset, name: str, scale: str = "linear") -> Axis:
     unit, words = shown_unit(found[name].attrs["units"])[1], in_words(name)
-    return Axis(words if unit in ("1", "") else f"{words} / {f'({unit})' if '/' in unit else unit}", scale, is_si=False)
+    return Axis(label_of(words, unit), scale, is_si=False)
 
 
 def _curves(found: xr.Dataset, x: str, name: str) -> Iterator[Line | Band]:

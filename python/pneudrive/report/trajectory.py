@@ -263,7 +263,7 @@ def ensemble_view(found: xr.Dataset) -> View:
     rows, missing, fans, counts = [], [], [], []
     for name, column in ((str(name), found[name]) for name in found.data_vars if name not in ("status", "reason")):
         values, (size, unit) = column.to_numpy(), readable(str(column.attrs.get("units", "1")))
-        label = Axis(f"{name} / {f'({unit})' if '/' in unit else unit}" if unit else name)
+        label = Axis(figures.label_of(name, unit))
         finite = values[np.isfinite(values)]
         if values.ndim > 1:
             low, first, middle, last, high = np.nanquantile(values, (0.05, 0.25, 0.5, 0.75, 0.95), axis=0)
