@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from itertools import combinations
 from pathlib import Path
@@ -205,6 +205,8 @@ class Characterisation(Viewed):
     run_spread : RunSpread or None
         Relative standard deviation between runs; cells (seal, pressure_pa, lowest, highest, relative
         difference). None without repeated runs.
+    reading_notes : tuple of str
+        Notes on recordings that were left out, not kept in memory, or read part by part; the first of ``notes``.
     notes : tuple of str
         Cautions in sentences: identical files, confounded speed and pressure, assumed
         accuracies, inseparable effects.
@@ -217,7 +219,7 @@ class Characterisation(Viewed):
     results: tuple[RecordingResult, ...]
     friction_map: xr.Dataset
     table: pl.DataFrame
-    notes: tuple[str, ...]
+    reading_notes: tuple[str, ...]
     skipped: tuple[tuple[str, str], ...]
     protocol: str
     stroke_uses: dict[str, StrokeUse]
@@ -251,6 +253,11 @@ class Characterisation(Viewed):
     def run_spread(self) -> pressure.RunSpread | None:
         """Spread between runs."""
         return pressure.run_spread(self.table)
+
+    @cached_property
+    def notes(self) -> tuple[str, ...]:
+        """Cautions in sentences."""
+        return (*self.reading_notes, *stroke_notes(self.stroke_uses), *notes_of(self))
 
     @property
     def points(self) -> tuple[SimpleNamespace, ...]:
@@ -340,16 +347,15 @@ def characterise_recordings(
     friction_map.attrs |= {"protocol": choice.name, "synthetic": synthetic, INPUTS: inputs}
     if results:
         friction_map.attrs[AMBIENT] = float(np.mean([result.recording.ambient_pressure_pa for result in results]))
-    found = Characterisation(
+    return Characterisation(
         results=tuple(results),
         friction_map=friction_map,
         table=table,
-        notes=(),
+        reading_notes=tuple(_reading_notes(len(uses), len(results), skipped, long, large=is_large)),
         skipped=tuple(skipped),
         protocol=choice.name,
         stroke_uses=uses,
     )
-    return replace(found, notes=(*_reading_notes(found, long, large=is_large), *stroke_notes(uses), *notes_of(found)))
 
 
 def _readers(recordings: Input, layout: AnyLayout) -> tuple[int, Iterator[tuple[str, Reader]]]:
@@ -387,12 +393,14 @@ def _readers(recordings: Input, layout: AnyLayout) -> tuple[int, Iterator[tuple[
     return len(loaded) + sum(1 if campaign is None else campaign[0].size for campaign in campaigns), readers()
 
 
-def _reading_notes(found: Characterisation, long: list[str], *, large: bool) -> Iterator[str]:
+def _reading_notes(
+    used: int, shown: int, skipped: list[tuple[str, str]], long: list[str], *, large: bool
+) -> Iterator[str]:
     """Yield notes on recordings that were left out, not kept in memory, or read part by part."""
     if large:
-        yield sentence("note.sampled", count=len(found.stroke_uses), shown=len(found.results))
-        if found.skipped:
-            yield sentence("note.not_counted", count=len(found.skipped), first=found.skipped[0])
+        yield sentence("note.sampled", count=used, shown=shown)
+        if skipped:
+            yield sentence("note.not_counted", count=len(skipped), first=skipped[0])
     else:
-        yield from (sentence("note.same_samples", name=name, why=why) for name, why in found.skipped)
+        yield from (sentence("note.same_samples", name=name, why=why) for name, why in skipped)
     yield from (sentence("note.part_by_part", name=name) for name in long)

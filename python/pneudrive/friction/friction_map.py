@@ -12,7 +12,7 @@ import numpy as np
 from pneudrive.arrays import Array, Ints, Row, by_name
 from pneudrive.constants import STANDARD_ATMOSPHERE_PA
 from pneudrive.errors import RecordingError, package_table
-from pneudrive.files.csv_tables import read_csv
+from pneudrive.files.content import read_csv
 from pneudrive.files.inputs import INPUTS, located, stored_beside
 from pneudrive.files.tables import open_table
 from pneudrive.lazy_names import upper
@@ -137,6 +137,7 @@ def _checked(name: str, values: np.ndarray, path: Path) -> np.ndarray:
 # --- Condition of a curve, skipped cycles, and the slopes that pressure pairs determine.
 
 PA_PER_BAR = 1e5
+HOUR_S = 3600.0
 CHAMBERS = {"a": "chamber a", "b": "chamber b", "sum": "both chambers"}  # by the name of their effect
 TOLD = {"both": ("a", "b"), "a": ("a",), "b": ("b",)}  # chambers whose pressure has a separate effect
 SAME_SLOPE = 1e-3  # of the largest pressure: pairs nearer to one line do not determine both effects

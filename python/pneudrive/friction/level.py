@@ -373,8 +373,7 @@ def extract_long(file: LongFile, choice: SampleChoice, watch: Watch) -> Recordin
                 kept, largest_n = motion, most
         if kept is None or window is None:
             raise RecordingError.of("friction.motionless", where=file.name)
-        whole = replace(kept.recording, flags=dict(flags), sha256=sha256.result())
-        motion = replace(kept, recording=whole)
+        motion = replace(kept, recording=replace(kept.recording, flags=dict(flags), sha256=sha256.result()))
     if not tables:
         return _result(motion, strokes, [], window)
     # The parts number their strokes separately: classes of the whole recording are found by place.

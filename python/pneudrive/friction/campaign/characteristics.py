@@ -504,8 +504,7 @@ def with_dependences(fit: FrictionFit, found: CampaignCharacteristics, part: xr.
     """
     sets = set(zip(*(part[name].to_numpy().tolist() for name in LEVELS), strict=True))
     if len(sets) > 1:
-        note = sentence("modifier.averaged")
-        return replace(fit, dependences=Dependences(notes=(note,), source=f"campaign {found.name}"))
+        return replace(fit, dependences=Dependences(f"campaign {found.name}", (sentence("modifier.averaged"),)))
     viscous = fit.values["viscous"] if "viscous" in fit.determined else 0.0
     with one_thread():
         measured = dependences_of(found, viscous, sets.pop())

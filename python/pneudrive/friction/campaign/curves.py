@@ -21,7 +21,7 @@ from pneudrive.friction.budget import SharedTerms
 from pneudrive.friction.campaign import result, smooth
 from pneudrive.friction.campaign.cycles import GROWING, CycleTable, Gain
 from pneudrive.friction.campaign.points import NAMES, OUTLIER, STICK_SLIP, CurvePoints
-from pneudrive.friction.friction_map import BOTH, Condition
+from pneudrive.friction.friction_map import BOTH, HOUR_S, Condition
 from pneudrive.friction.sentences import sentence
 
 if TYPE_CHECKING:
@@ -418,7 +418,6 @@ def stick_slip(
     return tuple(found), tuple(thresholds)
 
 
-HOUR_S = 3600.0
 FEWEST_TARES = 3  # least number of tares for a drift
 
 

@@ -18,7 +18,7 @@ from pneudrive.estimate.mixed import MixedFit, MixedModel, RandomEffect, indepen
 from pneudrive.friction.campaign.points import FREEDOM_PER_CYCLE, CurvePoints, shares_of
 from pneudrive.friction.campaign.result import Drift, PositionPattern, PositionWave, PressureEffects, Repeatability
 from pneudrive.friction.campaign.smooth import CARRIED, CYCLE_SCALE
-from pneudrive.friction.friction_map import PA_PER_BAR, TOLD, Condition, classify_pressures
+from pneudrive.friction.friction_map import HOUR_S, PA_PER_BAR, TOLD, Condition, classify_pressures
 from pneudrive.friction.sentences import Statement, say
 
 if TYPE_CHECKING:
@@ -28,7 +28,6 @@ if TYPE_CHECKING:
     from pneudrive.friction.campaign.curves import Fits
 
 
-HOUR_S = 3600.0
 UNITS = {"time": "N/h", "travel": "N/decade", "temperature": "N/K", "interrupted": "N"}  # of effects of these causes
 LEAST_KELVIN = 0.5  # least range of temperature for an effect
 LEAST_DECADES = 0.5  # of travel

@@ -518,8 +518,7 @@ def design_stops(
         raise FitError(f"there is no dwell law {form!r}", remedy=nearest(form, laws))
     if not (0.0 < range_s[0] < range_s[1] and scale_s > 0.0 and factor >= 1.0 and noise_n > 0.0):
         raise FitError("durations, time constant and noise must be positive, and a factor 1 or more")
-    t = np.geomspace(*range_s, DURATIONS)
-    t = np.array([float(f"{v:.{DIGITS}g}") for v in t])
+    t = np.array([float(f"{v:.{DIGITS}g}") for v in np.geomspace(*range_s, DURATIONS)])
     gradients = np.array([_gradient(laws[form], t, scale_s * factor**z, increment_n) for z in DRAWS]) / noise_n
     size = gradients.shape[2]
     candidates = DesignSpace(gradients, np.zeros((DRAWS.size, size, size)))
