@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pneudrive.errors import CommandError, ErrorKind, RecordingError, nearest, package_table, warn
-from pneudrive.files.csv_tables import spreadsheet_text
+from pneudrive.files.content import csv_names, read_csv, spreadsheet_text
 from pneudrive.files.inputs import stored_beside
 from pneudrive.files.seal import sealed_parquet
 from pneudrive.units import without_unit
@@ -210,7 +210,6 @@ def column_names(path: Path, kind: ErrorKind = RecordingError) -> list[str]:
     PneudriveError
         The file does not exist, or is damaged; for a CSV file an error of `kind`.
     """
-    from pneudrive.files.csv_tables import csv_names
     from pneudrive.files.tables import open_table
 
     suffix = path.suffix.lower()
@@ -258,7 +257,6 @@ def read_columns(
     import numpy as np
     import polars as pl
 
-    from pneudrive.files.csv_tables import read_csv
     from pneudrive.files.tables import open_table
 
     path, wanted = Path(path), list(wanted)

@@ -41,8 +41,7 @@ from pneudrive.describe.files import toml
 from pneudrive.describe.files.provenance import GivenNumber, values
 from pneudrive.describe.marks import Quantity
 from pneudrive.errors import DescriptionError, FitError, nearest
-from pneudrive.files.content import rendered
-from pneudrive.files.csv_tables import spreadsheet_text
+from pneudrive.files.content import rendered, spreadsheet_text
 from pneudrive.identify.identified import number_table, sentence, sentences
 from pneudrive.repr_tables import Shown
 from pneudrive.simulation.trajectory import write_whole
