@@ -130,11 +130,9 @@ STAMP_IN, STAMP_PT = 0.17, 7
 
 def finish(figure: Figure, *, synthetic: bool) -> None:
     """Add letters to the panels, and a mark for simulated data, because pictures may be used without their page."""
-    panels_shown = [
-        axis for axis in figure.axes if axis.get_visible() and axis.axison and axis.get_label() != "<colorbar>"
-    ]
-    if len(panels_shown) > 1:
-        for letter, axis in zip("abcdefghijklmnopqrstuvwxyz", panels_shown, strict=False):
+    with_axes = [axis for axis in figure.axes if axis.axison]
+    if len(with_axes) > 1:
+        for letter, axis in zip("abcdefghijklmnopqrstuvwxyz", with_axes, strict=False):
             axis.set_title(f"{letter}   {axis.get_title('left')}".rstrip(), loc="left")
     if synthetic:
         width, height = figure.get_size_inches()
@@ -230,17 +228,16 @@ def render(figure: figures.Figure) -> Figure:
         width_ratios=figure.widths or None,
     )
     axes: dict[int, Axes] = {}
+    leaders: dict[tuple[str, int], Axes] = {}  # side and group of panels with one range -> its first panel
     for index, panel in enumerate(figure.panels):
         if panel is not None:
             row, column = divmod(index, columns)
-            alike = {"all": list(axes), "row": [i for i in axes if i // columns == row]}
-            alike["col"] = [i for i in axes if i % columns == column]
-            # The first panel with the same range of an axis.
-            shared = {
-                f"share{side}": axes.get(next(iter(alike.get(how, ())), -1))
-                for side, how in (("x", figure.share_x), ("y", figure.share_y))
-            }
+            groups = {"all": 0, "row": row, "col": column}
+            alone = -1 - index  # group of a panel with a range of its own
+            own = {"x": groups.get(figure.share_x, alone), "y": groups.get(figure.share_y, alone)}
+            shared = {f"share{side}": leaders.get((side, group)) for side, group in own.items()}
             axes[index] = made.add_subplot(layout[row, column + first], **shared)
+            leaders = dict.fromkeys(own.items(), axes[index]) | leaders
     drawn_panels = [(axes[index], panel) for index, panel in enumerate(figure.panels) if panel is not None]
     if figure.tall is not None:
         drawn_panels.append((made.add_subplot(layout[:, 0 if first else -1]), figure.tall))
@@ -249,12 +246,10 @@ def render(figure: figures.Figure) -> Figure:
         for axis, _ in drawn_panels:
             axis.set_position((0.0, 0.0, 1.0, 1.0))
     labels = [_panel(axis, panel, figure) for axis, panel in drawn_panels]
-    done: set[tuple[str, Any]] = set()
+    led = {(side, axis) for (side, _), axis in leaders.items()}
     for axis, panel in drawn_panels:
         for side, own in zip("xy", figure.axes_of(panel), strict=True):
-            group = {(side, other) for other in getattr(axis, f"get_shared_{side}_axes")().get_siblings(axis)}
-            _limit(axis, side, own, is_first=not group & done)
-            done |= group
+            _limit(axis, side, own, is_first=(side, axis) in led or panel is figure.tall)
         _spread_names(axis, panel, figure.row_in)
     handles: Plain = {}
     for (axis, panel), own in zip(drawn_panels, labels, strict=True):
