@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gc
+import json
 import os
 import pickle
 import signal
@@ -15,7 +16,6 @@ from itertools import chain, islice
 from typing import TYPE_CHECKING, TypeVar
 
 from pneudrive.errors import PneudriveError, RecordingError
-from pneudrive.files import child
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -26,6 +26,12 @@ if TYPE_CHECKING:
 MOST_WORKERS = 8  # each takes about 300 MB
 THREADS = ("POLARS_MAX_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS")  # variables: each worker has one thread
 EXIT_INTERRUPTED = 130
+#: Program of a child process: it has the import path of this process, and calls `main` of a module.
+_START = (
+    "import json,signal,sys;signal.signal(signal.SIGINT,signal.default_int_handler);"
+    "sys.path[:]=json.loads(sys.argv.pop(1));"
+    "from importlib import import_module;import_module(sys.argv.pop(1)).main()"
+)
 
 
 @contextmanager
@@ -112,7 +118,7 @@ def in_processes(work: Callable[..., Result], tasks: Sequence[tuple]) -> list[Re
     PneudriveError
         If `work` raises it.
     """
-    command, environment = child.command(__name__), {**os.environ, **dict.fromkeys(THREADS, "1")}
+    command, environment = child_command(__name__), {**os.environ, **dict.fromkeys(THREADS, "1")}
     pipe = subprocess.PIPE
     processes = [subprocess.Popen(command, stdin=pipe, stdout=pipe, env=environment) for _ in tasks]
 
@@ -138,6 +144,15 @@ def in_processes(work: Callable[..., Result], tasks: Sequence[tuple]) -> list[Re
             for process in processes:
                 process.kill()
     return [future.result() for future in futures]
+
+
+def child_command(module: str, *arguments: str) -> list[str]:
+    """Return the command that runs ``main`` of a module of pneudrive in a child process.
+
+    ``python -m`` would search the current folder first, and could run a file numpy.py there. Ctrl-C ends the child even
+    if this process ignores Ctrl-C, for example a server started by a script.
+    """
+    return [sys.executable, "-I", "-c", _START, json.dumps([p for p in sys.path if p]), module, *arguments]
 
 
 def main() -> None:

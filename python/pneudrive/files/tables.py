@@ -20,9 +20,9 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
-from pneudrive.batching import in_advance
+from pneudrive.batching import child_command, in_advance
 from pneudrive.errors import ErrorKind, PneudriveError, RecordingError
-from pneudrive.files import child, formats, seal
+from pneudrive.files import formats, seal
 from pneudrive.files.bounds import VARIABLE, bound
 from pneudrive.files.content import check_file, check_unpacked, most_unpacked, unreadable
 
@@ -358,7 +358,7 @@ class _Reader:
         with theirs:
             number = theirs.fileno()
             self._process = subprocess.Popen(
-                child.command(formats.__name__, str(number), str(int(bound("reader_bytes")))),
+                child_command(formats.__name__, str(number), str(int(bound("reader_bytes")))),
                 pass_fds=(number,),
                 stdin=subprocess.DEVNULL,
                 stdout=subprocess.DEVNULL,

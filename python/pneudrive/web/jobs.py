@@ -18,8 +18,8 @@ from typing import Annotated
 from pydantic import StrictFloat
 
 from pneudrive.arrays import Plain
+from pneudrive.batching import child_command
 from pneudrive.errors import CommandError
-from pneudrive.files import child
 from pneudrive.web.messages import bounded, words
 from pneudrive.web.workspace import DESCRIPTIONS, Workspace, last_lines, log_folder
 
@@ -180,7 +180,7 @@ class PageJobs:
             log = log_folder() / f"{number}-{secrets.token_hex(8)}.log"
             with log.open("xb") as file:
                 process = subprocess.Popen(
-                    child.command("pneudrive.cli.main", *request.arguments),
+                    child_command("pneudrive.cli.main", *request.arguments),
                     cwd=self.workspace.root,
                     env={**os.environ, "PNEUDRIVE_PROGRESS": "json"},
                     stdin=subprocess.DEVNULL,
