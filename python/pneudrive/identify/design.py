@@ -178,10 +178,8 @@ def select_friction_law(
     elif hold_out == "speed":
         folds = np.searchsorted([high for _, high in distinct_levels(data.speed_m_s)], data.speed_m_s)
     else:
-        groups = data.group
-        if hold_out != "recording":
-            groups = of_values(friction_map, row_labels(friction_map, hold_out), data)
-        folds = np.unique(groups, return_inverse=True)[1]
+        labels = of_values(friction_map, row_labels(friction_map, hold_out), data)
+        folds = np.unique(labels, return_inverse=True)[1]
     if folds.max() < 2:
         raise FitError.of("identify.few_conditions", name=held_out, count=int(folds.max()) + 1)
     wanted = [(name, form) for name in dict.fromkeys(sliding.NAMES[law] for law in laws) for form in forms]
