@@ -8,8 +8,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
     from pneudrive.arrays import Array, Bools, Interval, Ints
 
 
@@ -314,7 +312,7 @@ def moderate(variance: Array, dof: Array, speed: Array) -> Array:
     return out
 
 
-def _trend(values: Array, x: Array, most: int) -> tuple[NDArray, float]:
+def _trend(values: Array, x: Array, most: int) -> tuple[Array, float]:
     """Fit the constant, line or parabola with the smallest AICc; return the curve and the variance around the curve."""
     best: float = np.inf
     out = (np.zeros(values.size) + float(values.mean()), float(np.var(values, ddof=1)))
