@@ -25,8 +25,8 @@ from pneudrive.lazy_names import upper
 from pneudrive.numbers import plain as three
 from pneudrive.simulation.trajectory import write_whole
 from pneudrive.sizing.checks import READ, MachineCheck, Provisional, Shortage, SizedDrive, simulated
-from pneudrive.sizing.strokes import DriveStrokes, Setting, Tuned, circuit_of, cycle_s, tune
-from pneudrive.sizing.task import SLOTS, WITHOUT, SizingTask, choices
+from pneudrive.sizing.strokes import DriveStrokes, Setting, Tuned, cycle_s, tune
+from pneudrive.sizing.task import SLOTS, WITHOUT, DriveChoice, SizingTask, choices
 from pneudrive.views import Finding, ShownValue, View, Viewed
 
 if TYPE_CHECKING:
@@ -288,8 +288,9 @@ class SizingResult(Viewed):
 
     def circuit(self, place: int = 0) -> Circuit:
         """Return the circuit of a drive of the ranking (rank from 0) with its settings, ready to run."""
-        drive = self.ranked[place]
-        return circuit_of(self.task, drive.parts, Setting(**drive.setting))
+        drive, known = self.ranked[place], choices(self.task)
+        parts = {slot: next(one for one in known[slot] if one.name == name) for slot, name in drive.parts.items()}
+        return DriveStrokes(DriveChoice(**parts), self.task).circuit(Setting(**drive.setting))
 
     def view(self) -> View:
         """Return answer, open checks and candidates; see `pneudrive.report.sizing.sizing_view`."""

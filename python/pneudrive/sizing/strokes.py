@@ -23,10 +23,10 @@ from pneudrive.describe.circuit import Circuit
 from pneudrive.describe.system import System
 from pneudrive.ensemble.outputs import MemberPlans, Reduction
 from pneudrive.ensemble.variation import DONE, CoreMembers, processors, run_members
-from pneudrive.sizing.task import PROPORTIONAL, SLOTS, DriveChoice, PartChoice, choices, energy_limit, peak_limit
+from pneudrive.sizing.task import PROPORTIONAL, DriveChoice, PartChoice, energy_limit, peak_limit
 
 if TYPE_CHECKING:
-    from collections.abc import Generator, Iterable, Mapping, Sequence
+    from collections.abc import Generator, Iterable, Sequence
 
     from pneudrive.arrays import Array, Bools, Columns, Keyed, NamedNumbers, Plain
     from pneudrive.sizing.task import SizingTask
@@ -415,13 +415,6 @@ def _reductions(stroke: float, outward: bool) -> list[Reduction]:
         kept("integral", "supply.mass_flow_kg_s"),
         kept("final", "cylinder.end_stop_force_n"),
     ]
-
-
-def circuit_of(task: SizingTask, parts: Mapping[str, str], setting: Setting) -> Circuit:
-    """Return the circuit of parts by their slots, with its settings, ready to run."""
-    found = choices(task)
-    named = [next(one for one in found[slot] if parts[slot] in (one.name, *one.alike)) for slot in SLOTS]
-    return DriveStrokes(DriveChoice(*named), task).circuit(setting)
 
 
 def points(n: int) -> Array:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from difflib import get_close_matches
 from fnmatch import fnmatchcase
 from itertools import product
@@ -331,8 +331,6 @@ class PartChoice:
         Keys of assumed values.
     printed : dict
         Further figures of the sheet.
-    alike : tuple of str
-        Names of catalogue parts that give the same results.
     """
 
     name: str
@@ -341,7 +339,6 @@ class PartChoice:
     form: tuple[str, ...] = ()
     assumed: frozenset[str] = frozenset()
     printed: Mapping[str, Any] = field(default_factory=dict)
-    alike: tuple[str, ...] = ()
 
     @property
     def kind(self) -> str:
@@ -458,18 +455,17 @@ def choices(task: SizingTask) -> dict[str, list[PartChoice]]:
 
 
 def grouped(parts: Sequence[PartChoice]) -> list[PartChoice]:
-    """Return one part of each group of parts with equal data, with the names of the others.
+    """Return the first part of each group of parts with equal data.
 
     Parameters
     ----------
     parts : sequence of PartChoice
         Parts within the limits of their data sheets.
     """
-    groups: dict[tuple[Any, ...], list[PartChoice]] = {}
+    first: dict[tuple[Any, ...], PartChoice] = {}
     for one in parts:
-        shared = (one.form, one.tube_diameter_m, tuple(sorted(one.numbers.items())), one.assumed)
-        groups.setdefault(shared, []).append(one)
-    return [replace(first, alike=tuple(one.name for one in rest)) for first, *rest in groups.values()]
+        first.setdefault((one.form, one.tube_diameter_m, tuple(sorted(one.numbers.items())), one.assumed), one)
+    return list(first.values())
 
 
 def combined(found: Mapping[str, Sequence[PartChoice]]) -> list[DriveChoice]:
