@@ -251,13 +251,11 @@ class Circuit(DescribedSystem):
         return System(json.dumps(form, sort_keys=True))
 
     def _core_of(self, name: str, one: Component) -> Plain:
-        try:
+        with within_component(name, {}):
             form: Plain = {"name": name} | one.core(self.ambient.pressure_pa)
             if one.kind == "platform/linear-delta":  # its carriages have the same places in two poses
                 form["numbers"] = start_place(self.initial, name) | form["numbers"]
             return form
-        except DescriptionError as error:
-            raise within_component(error, name, {}) from None
 
     @property
     def core_parts(self) -> dict[str, Plain]:

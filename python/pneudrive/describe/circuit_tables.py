@@ -10,7 +10,7 @@ from pneudrive.describe.connections import AMBIENT, Part
 from pneudrive.describe.files import catalogue
 from pneudrive.describe.kinds import component_kinds
 from pneudrive.describe.short import TABLES, Short
-from pneudrive.errors import DescriptionError, Problems, invalid, wrong
+from pneudrive.errors import Problems, invalid, wrong
 
 _NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_-]*")
 
@@ -96,14 +96,12 @@ def read_components(
 def _used(name: str, table: Plain) -> Plain:
     """Return a table over that of the catalogue part that it uses."""
     own = {key: value for key, value in table.items() if key != "use"}
-    try:
+    with within_component(name, table):
         part = catalogue.part_table(table["use"])
         kind = own.setdefault("kind", part["kind"])
         if kind != part["kind"]:
             raise invalid("kind", "describe.other-kind", kind=kind, table=table["use"], part=part["kind"])
         return component_class(kind).over(part, own)
-    except DescriptionError as error:
-        raise error if error.where else within_component(error, name, table) from None
 
 
 def _component(name: str, table: object) -> Component:
@@ -111,7 +109,5 @@ def _component(name: str, table: object) -> Component:
         return table
     if not isinstance(table, dict):
         raise wrong(f"components.{name}", f"components.{name} = {table!r} is not a table")
-    try:
+    with within_component(name, table):
         return component(table)
-    except DescriptionError as error:
-        raise within_component(error, name, table) from None

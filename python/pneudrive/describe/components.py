@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from contextlib import contextmanager
 from functools import cached_property, lru_cache
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, cast
@@ -285,9 +286,13 @@ def component(table: Keyed) -> Component:
     return cast("Component", component_class(kind).model_validate(dict(table)))
 
 
-def within_component(error: DescriptionError, name: str, table: Keyed, above: str = "components.") -> DescriptionError:
-    """Return errors of a component's table with their full keys in the file."""
-    return within(error, name, above, lambda key: _nested(key, table))
+@contextmanager
+def within_component(name: str, table: Keyed, above: str = "components.") -> Iterator[None]:
+    """Give the errors of a component's table their full keys in the file. Errors located in another file stay."""
+    try:
+        yield
+    except DescriptionError as error:
+        raise error if error.where else within(error, name, above, lambda key: _nested(key, table)) from None
 
 
 def _nested(key: str, table: Keyed) -> str:

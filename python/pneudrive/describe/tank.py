@@ -86,10 +86,8 @@ def _tube(table: object) -> object:
         return table
     if table.get("kind", TUBE) != TUBE:
         raise wrong("tube.kind", f"tube.kind = {table['kind']!r}", rule=f'the tube of a tank must be a "{TUBE}"')
-    try:
+    with within_component("tube", table, above=""):
         return component(table | {"kind": TUBE})
-    except DescriptionError as error:
-        raise within_component(error, "tube", table, above="") from None
 
 
 class Tank(DescribedFile):
