@@ -602,7 +602,8 @@ class EnsembleDesign(Shown):
         # Next to zero, a value itself is normal and not its logarithm: it is folded at zero.
         errors = [self.fit.standard_errors.get(name, 0.0) for name in self.each]
         every = list(zip(chosen(start, self.names), errors, strict=True))
-        folded = [k for k, (p, error) in enumerate(every) if np.isfinite(p.lower) and error > p.value - p.lower]
+        near_zero = [np.isfinite(p.lower) and error > p.value - p.lower for p, error in every]
+        folded = [k for k, is_near in enumerate(near_zero) if is_near]
         parameters = [replace(p, lower=-np.inf, size=e) if k in folded else p for k, (p, e) in enumerate(every)]
         scales = transforms_of(parameters, [], start)
         place = [self.fit.free.index(name) for name in self.each]

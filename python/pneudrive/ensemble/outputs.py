@@ -93,7 +93,8 @@ class MemberPlans:
         longest = max((len(each) for each in self.steps.values()), default=1)
         groups: dict[tuple[tuple[float, ...], ...], list[int]] = {}
         for place in range(longest):
-            groups.setdefault(tuple(each[place % len(each)][0] for each in self.steps.values()), []).append(place)
+            times = tuple(each[place % len(each)][0] for each in self.steps.values())
+            groups.setdefault(times, []).append(place)
         for times, own in groups.items():
             plans = []
             for (name, each), at in zip(self.steps.items(), times, strict=True):

@@ -206,7 +206,8 @@ def sobol_indices(
             method="percentile",
             rng=np.random.default_rng([seed, k]),
         ).bootstrap_distribution
-        ends[..., k] = np.nanquantile(again, [0.5 * (1.0 - CONFIDENCE), 0.5 * (1.0 + CONFIDENCE)], axis=-1)
+        tails = [0.5 * (1.0 - CONFIDENCE), 0.5 * (1.0 + CONFIDENCE)]
+        ends[..., k] = np.nanquantile(again, tails, axis=-1)
     intervals = {"first_interval": ends[:, 0], "total_interval": ends[:, 1]}
     return {"first": indices[0], "total": indices[1], **intervals, "used": complete.sum(axis=0)}
 

@@ -142,7 +142,8 @@ def names_of(wanted: list[int | str], names: list[str], path: Path) -> dict[int 
     short: dict[str, list[str]] = {}
     for name in names:
         short.setdefault(name.rpartition("/")[2], []).append(name)
-    full = {w: short[w][0] if isinstance(w, str) and len(short.get(w, [])) == 1 else w for w in wanted}
+    only = {name: full[0] for name, full in short.items() if len(full) == 1}
+    full = {w: only.get(w, w) if isinstance(w, str) else w for w in wanted}
     return {w: names[text_table.column_number(column, names, len(names), path)] for w, column in full.items()}
 
 
@@ -318,7 +319,8 @@ def si_columns(layout: FileLayout, raw: Columns) -> Plain:
     late = {name: delay for name, column in layout.channels.items() if (delay := column.delay_s - delay_s)}
     if late and known.any() and (np.diff(time[known]) >= 0).all():  # the recording refuses other times
         for channel, delay in late.items():
-            values[channel] = np.interp(time, time[known] - delay, values[channel][known], left=np.nan, right=np.nan)
+            measured = values[channel][known]
+            values[channel] = np.interp(time, time[known] - delay, measured, left=np.nan, right=np.nan)
     part = times.overlap((values[channel] for channel in late), time.size)
     values = rows_of(values, part)
     for number, force in enumerate(layout.force, 1):

@@ -587,7 +587,8 @@ def labels_from_name(pattern: str, name: str) -> dict[str, str] | None:
     found = _matched(parts, name, "$")
     if found is None:
         return None
-    return {part[1:-1]: text for part, text in zip(parts[1::2], found[1::2], strict=False)}
+    fields = (part[1:-1] for part in parts[1::2])
+    return dict(zip(fields, found[1::2], strict=False))
 
 
 def where_pattern_ends(pattern: str, name: str) -> tuple[str, str]:
@@ -609,7 +610,8 @@ def _matched(parts: list[str], name: str, end: str) -> tuple[str, ...] | None:
     """
     import polars as pl
 
-    groups = (FIELDS.get(part[1:-1], (".+?",))[0] if at % 2 else re.escape(part) for at, part in enumerate(parts))
+    groups = list(map(re.escape, parts))
+    groups[1::2] = (FIELDS.get(part[1:-1], (".+?",))[0] for part in parts[1::2])
     expression = "(?s)^" + "".join(f"({group})" for group in (*groups, end))
     found = pl.Series([name]).str.extract_groups(expression).struct.unnest().row(0)
     return None if None in found else found

@@ -291,7 +291,8 @@ def _one_way_levels(strokes: list[Stroke]) -> Levels:
     If several return strokes have the speed of the stroke before them, they belong to its class. The result is empty if
     neither direction has steps.
     """
-    ways = {d: sorted((s for s in strokes if s.direction == d), key=lambda s: s.pace_m_s) for d in (1, -1)}
+    by_pace = sorted(strokes, key=lambda s: s.pace_m_s)
+    ways = {d: [s for s in by_pace if s.direction == d] for d in (1, -1)}
     steps = {d: _groups(members, 1.0 + LEVEL_WIDTH) for d, members in ways.items()}
     set_ways = [d for d in (1, -1) if _are_steps(steps[d])]
     if not set_ways:
@@ -305,7 +306,10 @@ def _one_way_levels(strokes: list[Stroke]) -> Levels:
     }
     if len(set(returns.values())) < LEAST_STEPS:
         returns = {}
-    classes = [[*group, *(s for s in ways[-way] if returns.get(s.index) == i)] for i, group in enumerate(steps[way])]
+    classes = [list(group) for group in steps[way]]
+    for stroke in ways[-way]:
+        if stroke.index in returns:
+            classes[returns[stroke.index]].append(stroke)
     rest = _groups([stroke for stroke in ways[-way] if stroke.index not in returns], DRIFT_RANGE)
     return [sorted(members, key=lambda s: s.index) for members in (*classes, *rest)]
 
@@ -455,4 +459,5 @@ class Directions:
         if not parts:
             return 0.0
         first, second = (np.concatenate([part[at] for part in parts]) for at in (0, 1))
-        return float(np.corrcoef(first, second)[0, 1]) if np.ptp(first) > 0 and np.ptp(second) > 0 else 0.0
+        changes = np.ptp(first) > 0 and np.ptp(second) > 0
+        return float(np.corrcoef(first, second)[0, 1]) if changes else 0.0

@@ -91,7 +91,8 @@ def pressure_delay(recording: Recording) -> PressureDelay | None:
     if time.size < 100 or np.ptp(position) <= 0.0:
         return None
     span = float(time[-1] - time[0])
-    grid = np.linspace(time[0], time[-1], int(min(max(span / STEP_S, 200.0), MOST_SAMPLES, time.size)))
+    count = int(min(max(span / STEP_S, 200.0), MOST_SAMPLES, time.size))
+    grid = np.linspace(time[0], time[-1], count)
     x = np.interp(grid, time, position)
     chambers = []
     for name, distance in zip(PRESSURES, (x - x.min(), x.max() - x), strict=True):
@@ -104,7 +105,8 @@ def pressure_delay(recording: Recording) -> PressureDelay | None:
     values, errors, freedom = np.array(chambers).T
     weights = errors**-2 / np.sum(errors**-2)
     value = float(weights @ values)
-    error = max(float(np.sum(errors**-2) ** -0.5), float(np.sqrt(weights @ (values - value) ** 2)))
+    inside, between = np.sum(errors**-2) ** -0.5, np.sqrt(weights @ (values - value) ** 2)
+    error = max(float(inside), float(between))
     resolution = 0.5 * span / (time.size - 1)  # an instant lies within one sampling interval
     return PressureDelay(value, float(np.hypot(student(freedom.min()) * error, resolution)))
 
@@ -118,7 +120,8 @@ def _simulated(time_s: Array, distance_m: Array, point: Array) -> Array:
     step = float(time_s[1])
     decay = float(np.exp(-np.exp(point[1]) * step))
     power = volume ** (GAMMA - 1.0)
-    source = np.r_[point[2], (1.0 - decay) * point[2] / (1.0 + point[3]) * 0.5 * (power[1:] + power[:-1])]
+    warming = (1.0 - decay) * point[2] / (1.0 + point[3])
+    source = np.r_[point[2], warming * 0.5 * (power[1:] + power[:-1])]
     pressure = lfilter([1.0], [1.0, -decay], source) / volume**GAMMA
     return np.interp(time_s - point[4], time_s, pressure)
 

@@ -232,11 +232,13 @@ def clean(recording: Recording, places: dict[str, list[Interval]] | None = None)
             counts[kind] = counts.get(kind, 0) + number
         if places is not None:
             edges = np.flatnonzero(np.diff(mask, prepend=False, append=False))
-            ends = zip(recording.time_s[edges[::2]], recording.time_s[edges[1::2] - (kind != "gap")], strict=True)
-            places[kind] = [(float(first), float(last)) for first, last in ends if np.isfinite(first + last)]
+            first, last = edges[::2], edges[1::2] - (kind != "gap")
+            ends = zip(recording.time_s[first], recording.time_s[last], strict=True)
+            places[kind] = [(float(begin), float(end)) for begin, end in ends if np.isfinite(begin + end)]
 
     channels = [getattr(recording, name) for name in ("time_s", *CHANNELS)]
-    finite = np.all([np.isfinite(v) for v in (*channels, *(force.force_n for force in recording.parallel))], axis=0)
+    channels += [force.force_n for force in recording.parallel]
+    finite = np.all([np.isfinite(values) for values in channels], axis=0)
     count("non_finite", ~finite)
     if not finite.any():
         raise RecordingError.of("signals.no-finite-sample", where=recording.name, count=len(recording))

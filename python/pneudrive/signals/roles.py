@@ -243,8 +243,9 @@ class RoleSearch:
             clocks = [one.column for one in (best, *rest) if one.score >= best.score]
             other = {one.index for one in clocks if one is not column and not self._is_same_clock(column, one)}
             # The clock of a column is the nearest one to its left.
-            left = [max((one.index for one in clocks if one.index < at), default=-1) for at in range(len(self.columns))]
-            self.clocks |= {at: nearest for at, nearest in enumerate(left) if nearest in other}
+            left = ([one.index for one in clocks if one.index < at] for at in range(len(self.columns)))
+            nearest = (max(indices, default=-1) for indices in left)
+            self.clocks |= {at: index for at, index in enumerate(nearest) if index in other}
         self.taken.add(column.index)
 
     def _time_of(self, best: Candidate, dates: Sequence[FileColumn], rank: str) -> None:
@@ -286,14 +287,17 @@ class RoleSearch:
 
     def _is_same_clock(self, first: FileColumn, second: FileColumn) -> bool:
         """Return whether two columns show the same clock, possibly in different units or resolutions."""
-        a, b = (one.values * (1.0 if one.unit is None else converter(one.unit.unit, "s")[0]) for one in (first, second))
-        both = np.isfinite(a) & np.isfinite(b)
-        if both.sum() < max(FEWEST, 0.9 * min(np.isfinite(a).sum(), np.isfinite(b).sum())):
+        units = (1.0 if one.unit is None else converter(one.unit.unit, "s")[0] for one in (first, second))
+        a, b = (one.values * unit for one, unit in zip((first, second), units, strict=True))
+        known_a, known_b = np.isfinite(a), np.isfinite(b)
+        both = known_a & known_b
+        if both.sum() < max(FEWEST, 0.9 * min(known_a.sum(), known_b.sum())):
             return False
         a, b = a[both], b[both]
         if {first.index, second.index} & set(self.form.dates):  # dates count from the first one
             a, b = a - a[0], b - b[0]
-        quantum = max(float(np.min(steps[steps > 0], initial=np.inf)) for steps in (np.diff(a), np.diff(b)))
+        steps = np.diff(a), np.diff(b)
+        quantum = max(float(np.min(own[own > 0], initial=np.inf)) for own in steps)
         return bool(np.abs(b - a).max() <= 1.01 * quantum)
 
     def _position(self) -> None:
@@ -372,7 +376,8 @@ class RoleSearch:
         for one in named:
             sides.setdefault(headers.chamber_of(one.column.bare), []).append(one)
         has_digits = any(headers.side_of(one.column.bare) in ("1", "2") for one in named)
-        good = {side: [one for one in some if one.score > named[0].score - CLEAR] for side, some in sides.items()}
+        least = named[0].score - CLEAR
+        good = {side: [one for one in some if one.score > least] for side, some in sides.items()}
         if len(sides) == 1 or (has_digits and len(sides) == 2):  # 1 and 2 are a and b if these are the only numbers
             self._without_names([one for some in good.values() for one in some])
             return

@@ -280,7 +280,8 @@ def without_headers(
     marks = [at for at in rows if lines[at] == last_of_header]
     if not marks:
         return rows, []
-    texts = {at for at, text in enumerate(split_row(lines[rows[0]], form.delimiter)) if is_words([text], form)}
+    fields = split_row(lines[rows[0]], form.delimiter)
+    texts = {at for at, text in enumerate(fields) if is_words([text], form)}
     dropped: set[int] = set()
     for mark in marks:
         at = mark
@@ -288,7 +289,8 @@ def without_headers(
             dropped.add(at)
             at -= 1
     kept = [at for at in rows if at not in dropped]
-    return kept, [kept.index(at) for mark in marks if (at := next((row for row in kept if row > mark), 0))]
+    following = (next((row for row in kept if row > mark), 0) for mark in marks)
+    return kept, [kept.index(at) for at in following if at]
 
 
 def column_number(column: int | str, names: Fields, width: int, path: Path, *, is_text: bool = False) -> int:
@@ -508,7 +510,8 @@ def _told(fit: list[_Reading], sample: Lines, path: Path) -> _Reading:
     if not decimals or not thousands or thousands[0].form.delimiter != decimals[0].form.delimiter:
         return best
     rows = [split_row(line, best.form.delimiter) for line in sample]
-    columns = [[row[at] for row in rows if len(row) == best.width and row[at]] for at in range(best.width)]
+    whole = [row for row in rows if len(row) == best.width]
+    columns = [[row[at] for row in whole if row[at]] for at in range(best.width)]
     marked = [texts for texts in columns if any("," in text for text in texts)]
     # Small whole numbers next to groups of three: a sign of thousands. Decimals are written in every row.
     if any(any(_BARE.match(text) for text in texts) for texts in marked):
@@ -622,7 +625,8 @@ def read_preamble(lines: Lines, form: TextForm, width: int) -> tuple[Fields, tup
         elif word == "y_unit_label" and any(header_unit(cell) for cell in cells):
             units = ["", *cells]
         elif match := RATE.search(line) or STEP.search(line):
-            value = float(match.group(1).replace(",", ".")) * SAMPLES.get(match.group(2).lower(), 1e-6)
+            unit = SAMPLES.get(match.group(2).lower(), 1e-6)
+            value = float(match.group(1).replace(",", ".")) * unit
             steps, source = (value if match.re is STEP else 1.0 / (value or 1.0),), line.strip()
     if set(clocks) == set(starts):
         starts = {at: starts[at] + clocks[at] for at in starts}

@@ -138,13 +138,16 @@ def cross_correlations(residual: Array, signals: Mapping[str, Array]) -> NamedNu
         s = np.where(there, values - values[there].mean(), 0.0)
         scale = np.linalg.norm(e) * np.linalg.norm(s)
         if scale > 0.0:
-            out[name] = max((_lagged(e, s, k) / scale for k in range(-LAGS, LAGS + 1)), key=abs)
+            products = (_lagged(e, s, k) for k in range(-LAGS, LAGS + 1))
+            out[name] = max((product / scale for product in products), key=abs)
     return dict(sorted(out.items(), key=lambda pair: -abs(pair[1])))
 
 
 def _lagged(e: Array, s: Array, k: int) -> float:
     """Return the sum of e(t + k) s(t)."""
-    return float(e[k:] @ s[: s.size - k]) if k >= 0 else float(e[:k] @ s[-k:])
+    if k >= 0:
+        return float(e[k:] @ s[: s.size - k])
+    return float(e[:k] @ s[-k:])
 
 
 # --- Recordings that made a fit, and recordings that were held out: only the latter test the fit.
@@ -479,7 +482,8 @@ class Scene:
         inertia = moving_mass(drive) * noise_level(x) * np.linalg.norm(k2)
         friction = terms["friction_n"]
         size = np.sqrt(np.mean(friction**2) + np.mean((terms["force_n"] - friction) ** 2))
-        force = np.full(x.size - k0.size + 1, np.sqrt(push**2 + inertia**2 + (FLOOR * size) ** 2))
+        error_n = np.sqrt(push**2 + inertia**2 + (FLOOR * size) ** 2)
+        force = np.full(x.size - k0.size + 1, error_n)
         # If pressures are nearly equal, flow changes steeply with them, and noise becomes flow.
         p_a, p_b = self.pressures
         noisy = (p_a + noise_p[0], p_b + noise_p[1])
@@ -492,7 +496,8 @@ class Scene:
             smeared = np.convolve(squeezed, k0, "valid")
             slope = noise * np.linalg.norm(k1)
             steep = np.convolve(np.abs(shaken[rate] - terms[rate]), k0, "valid")
-            out.append(np.sqrt(slope**2 + steep**2 + FLOOR**2 * np.mean(terms[rate] ** 2) + smeared**2))
+            floor = FLOOR**2 * np.mean(terms[rate] ** 2)
+            out.append(np.sqrt(slope**2 + steep**2 + floor + smeared**2))
         return np.stack(out)
 
 

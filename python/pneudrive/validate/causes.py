@@ -156,8 +156,9 @@ def _direction(drive: Drive, amount: float) -> Plain:
 def _along_stroke(scene: Scene) -> list[Array]:
     """Return the effects of friction along the stroke (Legendre polynomials) on the residuals, per N."""
     x, out = scene.position, []
+    domain = [float(x.min()), float(x.max())]
     for order in range(PROFILE_ORDERS):
-        shape = np.polynomial.legendre.Legendre.basis(order, domain=[float(x.min()), float(x.max())])(x)
+        shape = np.polynomial.legendre.Legendre.basis(order, domain=domain)(x)
         force = np.convolve(scene.signals.direction * shape, scene.kernel[0], "valid")
         out.append(np.stack([force, np.zeros_like(force), np.zeros_like(force)]))
     return out

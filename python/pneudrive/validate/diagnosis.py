@@ -288,7 +288,8 @@ class _Regression:
 
         If the balances clearly do not close, any amount is relevant.
         """
-        worth = abs(fit.amount) >= fit.cause.least or any(value > CLEAN for value in self.sizes(self.left).values())
+        is_open = any(value > CLEAN for value in self.sizes(self.left).values())
+        worth = is_open or abs(fit.amount) >= fit.cause.least
         return worth and fit.share >= LEAST_SHARE and abs(fit.amount) >= LEAST_T * self.stderr(fit)
 
     def is_rival(self, fit: _Fit, best: _Fit) -> bool:
@@ -321,7 +322,8 @@ class _Regression:
         refined = sorted([*refined, *linear[REFINED:]], key=lambda fit: -fit.share)
         # Among indistinguishable causes, the one with the fewest coefficients comes first.
         rivals = [fit for fit in refined if self.is_rival(fit, refined[0])]
-        alone = sorted(rivals, key=lambda fit: (fit.cause.parts, -fit.share)) + [f for f in refined if f not in rivals]
+        others = [fit for fit in refined if fit not in rivals]
+        alone = sorted(rivals, key=lambda fit: (fit.cause.parts, -fit.share)) + others
         joint = self.together(alone[0].share, wanted, columns) if alone and self.is_dirty(alone[0].after) else []
         return [*joint, *alone]
 

@@ -355,7 +355,9 @@ def _balance(recording: Recording, begin_s: float) -> Closure:
     values, deviations = (solution / scale).tolist(), (np.sqrt(np.diag(covariance)) / scale).tolist()
     freedom = max(blocks - matrix.shape[1], 3)
     place = sliding.names.index("e1") if "e1" in sliding.names else n - 1
-    gains = {name: Estimate.of(1.0 + values[i], deviations[i], freedom, "") for i, name in enumerate(extra, n)}
+    gains = {}
+    for i, name in enumerate(extra, n):
+        gains[name] = Estimate.of(1.0 + values[i], deviations[i], freedom, "")
     viscous, correlation = Estimate.of(values[place], deviations[place], freedom, "N s/m"), None
     if next(iter(extra), "gas") != "gas":
         correlation = float(covariance[place, n] / np.sqrt(covariance[place, place] * covariance[n, n]))
@@ -386,7 +388,8 @@ def _sliding(recording: Recording, time: Array) -> _Sliding:
     usual = np.median(np.diff(time))
     speed = local_slope(time, recording.position_m, max(int(SLOPE_S / usual), 1))
     inside = (recording.position_m - recording.position_m.min()) / np.ptp(recording.position_m)
-    use = (inside > INSIDE) & (inside < 1.0 - INSIDE) & (np.abs(speed) > SLOWEST * np.abs(speed).max())
+    pace = np.abs(speed)
+    use = (inside > INSIDE) & (inside < 1.0 - INSIDE) & (pace > SLOWEST * pace.max())
     v, columns = speed[use], {}
     for way in (1, -1):
         there = np.sign(v) == way

@@ -423,7 +423,8 @@ def _notes(records: Sequence[RecordResult]) -> Iterator[str]:
 def _is_crossed(record: RecordResult) -> bool:
     """Return whether the pressures of the free run fit only the other chamber (swapped columns)."""
     a, b = "pressure_a_pa", "pressure_b_pa"
-    crossed = [balance.metrics(getattr(record.signals, p), record.free[q]).nrmse for p, q in ((a, b), (b, a))]
+    pairs = ((getattr(record.signals, p), record.free[q]) for p, q in ((a, b), (b, a)))
+    crossed = [balance.metrics(measured, model).nrmse for measured, model in pairs]
     return max(crossed) < PRESSURE_NRMSE < max(record.channels[p].free.nrmse for p in (a, b))
 
 
