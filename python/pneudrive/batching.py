@@ -46,7 +46,12 @@ def many_objects() -> Iterator[None]:
             gc.enable()
 
 
-def in_advance(work: Callable[[Item], Result], items: Iterable[Item], threads: int, ahead: int = 2) -> Iterator[Result]:
+def in_advance(
+    work: Callable[[Item], Result],
+    items: Iterable[Item],
+    threads: int,
+    ahead: int = 2,
+) -> Iterator[Result]:
     """Yield the result of each item in order, while threads work on the next ones: `ahead` items for each thread.
 
     Use this for work that releases the interpreter lock: reading and hashing files, waiting for an answer.

@@ -211,7 +211,13 @@ class DescriptionError(PneudriveError, ValueError):
 class WrongValueError(DescriptionError):
     """Invalid value of a field; `Described` adds the field's name."""
 
-    def __init__(self, what: str, rule: str | None = None, remedy: str | None = None, sub: str = "") -> None:
+    def __init__(
+        self,
+        what: str,
+        rule: str | None = None,
+        remedy: str | None = None,
+        sub: str = "",
+    ) -> None:
         super().__init__(what, rule=rule, remedy=remedy)
         self.key = sub or None
 

@@ -86,7 +86,8 @@ def duration(seconds: float) -> str:
     ('4 s', '3 min 10 s', '2 h 1 min', '2 d 7 h')
     """
     whole = round(seconds)
-    for name, size, below, part in (("d", 86400, "h", 3600), ("h", 3600, "min", 60), ("min", 60, "s", 1)):
+    words = ("d", 86400, "h", 3600), ("h", 3600, "min", 60), ("min", 60, "s", 1)
+    for name, size, below, part in words:
         if whole >= size:
             return f"{whole // size} {name} {whole % size // part} {below}"
     return f"{whole} s"

@@ -61,7 +61,13 @@ def load(source: str, kind: ErrorKind, expected: str | None = None) -> Callable[
     return made
 
 
-def load_allowed(source: str, allowed: str | None, found_in: str, option: str, kind: ErrorKind) -> Callable[..., Any]:
+def load_allowed(
+    source: str,
+    allowed: str | None,
+    found_in: str,
+    option: str,
+    kind: ErrorKind,
+) -> Callable[..., Any]:
     """Import code that a file has named, if the user of this run has allowed it by its hash.
 
     Parameters

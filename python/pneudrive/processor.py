@@ -11,7 +11,8 @@ NEEDED = ("avx2", "fma", "bmi1", "bmi2", "f16c", "movbe")
 
 def missing(cpuinfo: str) -> list[str]:
     """Return the required instruction sets that are missing in the text of ``/proc/cpuinfo``."""
-    flags = next((line.split(":", 1)[1].split() for line in cpuinfo.splitlines() if line.startswith("flags")), None)
+    lines = (line for line in cpuinfo.splitlines() if line.startswith("flags"))
+    flags = next((line.split(":", 1)[1].split() for line in lines), None)
     return [] if flags is None else [name for name in NEEDED if name not in flags]
 
 

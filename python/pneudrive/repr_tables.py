@@ -83,7 +83,8 @@ def card_of(text: str) -> Card:
     """
     title, *lines = text.splitlines() or [""]
     cells = [re.split(r"\s{2,}|\s+(?=95 %: )", line.strip()) for line in lines]
-    return Card(title, rows=[one for one in cells if len(one) > 1], notes=[one[0] for one in cells if len(one) == 1])
+    notes = [one[0] for one in cells if len(one) == 1]
+    return Card(title, rows=[one for one in cells if len(one) > 1], notes=notes)
 
 
 def brief(value: object) -> str:

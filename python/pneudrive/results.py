@@ -222,7 +222,8 @@ def _characterisation_view(stored: StoredResult) -> View:
     ]
     groups = list(dict.fromkeys(group.assembly for group in groups_of(table)))
     names = {group: "fit" if len(groups) == 1 else Path(fit_file(group)).stem for group in groups}
-    laws = {group: {fits[name].law: fits[name]} for group, name in names.items() if hasattr(fits.get(name), "law")}
+    with_law = {name: fit for name, fit in fits.items() if hasattr(fit, "law")}
+    laws = {group: {with_law[name].law: with_law[name]} for group, name in names.items() if name in with_law}
     return replace(map_view(table, laws), rows=rows)
 
 
@@ -379,7 +380,8 @@ class CurvePair(NamedTuple):
             return ""
         (x_size, x_unit), (size, unit) = self.first.units
         place = [f"{x / x_size:.3g} {x_unit}" for x in self.x]
-        gap = [with_u(d / size, h / size, unit) for d, h in zip(abs(self.difference), self.half_band, strict=True)]
+        each = zip(abs(self.difference) / size, self.half_band / size, strict=True)
+        gap = [with_u(distance, half, unit) for distance, half in each]
         differs, quantity = np.abs(self.difference) > self.half_band, self.first.quantity
         if not differs.any():
             middle = len(gap) // 2
@@ -516,7 +518,8 @@ def compare_results(first: Any, second: Any, names: tuple[str, str] = ("before",
             rule="two drives, circuits, fits, maps, runs, sizings, validations, campaigns or ensembles",
         )
     old, new = (_sides(each) for each in results)
-    pairs = [_pair(key, old.get(key, ComparedValue()), new.get(key, ComparedValue())) for key in {**old, **new}]
+    nothing = ComparedValue()
+    pairs = [_pair(key, old.get(key, nothing), new.get(key, nothing)) for key in {**old, **new}]
     different = tuple(p for p in pairs if (p.before, p.interval_before) != (p.after, p.interval_after))
     are_fits = all(isinstance(each, FrictionFit) for each in results)
     if are_fits:
@@ -594,7 +597,8 @@ def _curves(result: Any) -> Sequence[ShownCurve]:  # noqa: ANN401 - any result
 def _curve_pair(first: ShownCurve, second: ShownCurve) -> CurvePair:
     """Return two curves at the abscissas of both within their common range."""
     both, x = (first, second), np.unique(np.concatenate([first.x, second.x]))
-    x = x[(x >= max(curve.x.min() for curve in both)) & (x <= min(curve.x.max() for curve in both))]
+    low, high = max(curve.x.min() for curve in both), min(curve.x.max() for curve in both)
+    x = x[(x >= low) & (x <= high)]
     before, after = (np.interp(x, curve.x, curve.y) for curve in both)
     known = ((curve.x, curve.band) for curve in both if curve.band is not None)
     bands = [np.interp(x, at, (high - low) / 2.0) for at, (low, high) in known]

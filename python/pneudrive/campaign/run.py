@@ -202,7 +202,12 @@ def _run(
 
 
 @contextlib.contextmanager
-def _bench(rig: Rig | str | Path, seed: int, pace: float | None, **found: str | None) -> Iterator[tuple[Rig, str]]:
+def _bench(
+    rig: Rig | str | Path,
+    seed: int,
+    pace: float | None,
+    **found: str | None,
+) -> Iterator[tuple[Rig, str]]:
     """Return the rig and its address for a resumed run.
 
     The address is empty for a rig that the caller has made and closes itself.

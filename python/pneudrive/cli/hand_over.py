@@ -115,7 +115,15 @@ def _gauge(text: str | None, name: str) -> float | None:
     return pressure.value_pa
 
 
-def _export_whole(source: str, to: str, out: Path | None, fmi: str, *, actuator: bool, initial: str | None) -> None:
+def _export_whole(
+    source: str,
+    to: str,
+    out: Path | None,
+    fmi: str,
+    *,
+    actuator: bool,
+    initial: str | None,
+) -> None:
     """Write a drive or a circuit for another tool, and print the variables that the tool sees."""
     if out is None:
         what, remedy = ("an FMU is a file", "drive.fmu") if to == "fmu" else ("C needs a folder", "drive_c")

@@ -202,7 +202,12 @@ def sweep(
     show_paths(out)
 
 
-def _design(drive: pn.Drive | pn.Circuit, vary: Sequence[str], members: int | None, seed: int) -> pn.EnsembleDesign:
+def _design(
+    drive: pn.Drive | pn.Circuit,
+    vary: Sequence[str],
+    members: int | None,
+    seed: int,
+) -> pn.EnsembleDesign:
     """Read the varied parameters, and return the design."""
     files = [text for text in vary if "=" not in text]
     if files and len(vary) > 1:
@@ -331,7 +336,13 @@ def _write_platform(machine: platforms.Platform, columns: dict, out: Path, *, da
         platform_page.animate_platform(machine, columns["time_s"], poses, out, dark=dark)
 
 
-def web(folder: Path = Path(), *, port: Port = 0, control: bool = False, browser: bool = True) -> None:
+def web(
+    folder: Path = Path(),
+    *,
+    port: Port = 0,
+    control: bool = False,
+    browser: bool = True,
+) -> None:
     """Open a folder in the browser, with live simulations.
 
     The server answers this machine only. From another machine, use ssh -L.

@@ -82,7 +82,12 @@ def unknown_numbers(belief: Circuit) -> list[str]:
     ]
 
 
-def _chambers(joints: list[list[str]], port: str, cylinder: str, ends: set[str]) -> set[str]:
+def _chambers(
+    joints: list[list[str]],
+    port: str,
+    cylinder: str,
+    ends: set[str],
+) -> set[str]:
     """Return the chambers that a port leads to, through all components except ends and the ambient."""
     left, reached = [joint for joint in joints if port in joint], []
     while left:

@@ -292,7 +292,12 @@ def read_setup(given: SetupOrFile) -> tuple[Setup, str]:
     return read_ready(Setup, given, ready_setups(), start)
 
 
-def read_ready(kind: type[_Kind], given: _Kind | str | Path, ready: dict[str, Path], start: str) -> tuple[_Kind, str]:
+def read_ready(
+    kind: type[_Kind],
+    given: _Kind | str | Path,
+    ready: dict[str, Path],
+    start: str,
+) -> tuple[_Kind, str]:
     """Read a table of the package by its name, or a TOML file. Return the table and its name, "own" for a given table.
 
     Raises

@@ -428,5 +428,6 @@ def _linear(plant: HeldDrive, session: Session, command: float) -> Linear:
     if len(slopes) == 1 and slopes[0] == 1.0:
         return found
     count = len(slopes)
-    b, d = (np.c_[matrix[:, :count] @ slopes, matrix[:, count:]] for matrix in (found.B, found.D))
+    chained = ((matrix[:, :count] @ slopes, matrix[:, count:]) for matrix in (found.B, found.D))
+    b, d = (np.c_[first, others] for first, others in chained)
     return replace(found, B=b, D=d, inputs=(found.inputs[0], *found.inputs[count:]))

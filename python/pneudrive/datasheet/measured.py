@@ -268,7 +268,9 @@ def _compared(stroke: str, name: str, seen: Array, told: Array, unit: str) -> Co
     from scipy.stats import t
 
     mean, model, n = float(seen.mean()), float(told.mean()), seen.size
-    reach = float(t.ppf(0.975, n - 1) * seen.std(ddof=1) / math.sqrt(n)) if n > 1 else math.nan
+    reach = math.nan
+    if n > 1:
+        reach = float(t.ppf(0.975, n - 1) * seen.std(ddof=1) / math.sqrt(n))
     close = abs(model - mean) <= AGREES * abs(mean)
     agrees = close or (n > 1 and abs(model - mean) <= reach)
     return ComparedNumber(stroke, name, unit, mean, mean - reach, mean + reach, n, model, bool(agrees))

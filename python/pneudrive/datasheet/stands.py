@@ -63,8 +63,10 @@ def reduce_flow(
         model = [_core.flow_ratio(float(r), float(z[1]), index) for r in ratios]
         return z[0] * np.array(model) * first * density * upstream / flows - 1.0
 
-    found = least_squares(misfit, [1.0, 0.3], bounds=([0.1, 0.0], [10.0, 0.99]), xtol=1e-15, ftol=1e-15, gtol=1e-15)
-    return float(found.x[0]) * first, float(found.x[1]), float(np.max(np.abs(found.fun)))
+    bounds = ([0.1, 0.0], [10.0, 0.99])
+    found = least_squares(misfit, [1.0, 0.3], bounds=bounds, xtol=1e-15, ftol=1e-15, gtol=1e-15)
+    conductance, ratio = map(float, found.x)
+    return conductance * first, ratio, float(np.max(np.abs(found.fun)))
 
 
 @characteristic(

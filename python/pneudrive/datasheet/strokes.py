@@ -184,7 +184,8 @@ def stroke_numbers(
     rate = None if v is None else direction * v
     if arrived and math.isnan(contact):
         contact = first_passage(t, s, min(room, float(s.max())), rate)
-        speed = _approach(t, s, contact) if rate is None else float(rate[max(int(np.searchsorted(t, contact)) - 1, 0)])
+        before = max(int(np.searchsorted(t, contact)) - 1, 0)
+        speed = _approach(t, s, contact) if rate is None else float(rate[before])
     done = {share: first_passage(t, s, share * way, rate) for share in (DEPARTED, RISEN_FROM, RISEN_TO, NEARLY)}
     lasting = (contact if contact == contact else done[NEARLY]) - begin_s
     outside = np.flatnonzero(np.abs(s - s[-1]) > BAND * way)

@@ -25,7 +25,8 @@ if TYPE_CHECKING:
     from pneudrive.arrays import Plain
 
 
-_STORED_IN = sorted({units.suffix(unit) for unit in units.KINDS} - {"a", "v"} | {"hz", "m_s3"}, key=len, reverse=True)
+_SUFFIXES = {units.suffix(unit) for unit in units.KINDS} - {"a", "v"} | {"hz", "m_s3"}
+_STORED_IN = sorted(_SUFFIXES, key=len, reverse=True)
 _SUFFIX = re.compile(rf"_(?:{'|'.join(_STORED_IN)})$")
 
 

@@ -482,7 +482,14 @@ class EnsembleDesign(Shown):
         return cls("random", dict(distributions), n, seed, dict(correlation or {}))
 
     @classmethod
-    def posterior(cls, fit: Fit, n: int, *, names: Sequence[str] | None = None, seed: int = 0) -> EnsembleDesign:
+    def posterior(
+        cls,
+        fit: Fit,
+        n: int,
+        *,
+        names: Sequence[str] | None = None,
+        seed: int = 0,
+    ) -> EnsembleDesign:
         """Draw members from the posterior of a fit: jointly normal in the coordinates of its intervals.
 
         Values that were not free, or that the data do not determine, keep the value of the drive.

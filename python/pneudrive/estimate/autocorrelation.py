@@ -48,7 +48,8 @@ def stderrs_of_means(rows: Array) -> Array:
     below = correlation <= 0.0
     reach = np.where(below.any(axis=1), below.argmax(axis=1), n // 2).tolist()
     share = 1.0 - np.arange(1, n) / n
-    sums = [np.sum(row[1:end] * share[: end - 1]) for row, end in zip(correlation, reach, strict=True)]
+    weighted = (row[1:end] * share[: end - 1] for row, end in zip(correlation, reach, strict=True))
+    sums = [np.sum(products) for products in weighted]
     factor = np.minimum(1.0 + 2.0 * np.array(sums), n / 3.0)
     found = np.zeros(rows.shape[0])
     found[moves] = np.sqrt(power / (n - factor) * factor / n)

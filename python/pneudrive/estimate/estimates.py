@@ -158,7 +158,8 @@ def mean_estimate(values: Array, unit: str = "N") -> Estimate:
     (2.0, 4.484)
     """
     n = values.size
-    return Estimate.of(float(values.mean()), float(values.std(ddof=1) / np.sqrt(n)), n - 1, unit)
+    stderr = float(values.std(ddof=1) / np.sqrt(n))
+    return Estimate.of(float(values.mean()), stderr, n - 1, unit)
 
 
 def rms(values: ArrayLike) -> float:
@@ -262,7 +263,8 @@ class Transforms:
         least_excess: float = 1e-9,
     ) -> None:
         lower = np.array(lower, dtype=float)
-        self.lower, self.upper, self.size = (np.array(np.broadcast_to(x, lower.shape)) for x in (lower, upper, size))
+        alike = (np.broadcast_to(values, lower.shape) for values in (lower, upper, size))
+        self.lower, self.upper, self.size = map(np.array, alike)
         self.excess, self.over, self.least_excess = excess, over, least_excess
         if excess is not None:
             self.lower[excess], self.upper[excess] = 0.0, np.inf
@@ -344,7 +346,8 @@ def intervals(values: Array, reach: Array, lower: ArrayLike, upper: ArrayLike = 
         room, below = upper[k] - lower[k], upper[k] - values[k]
         factor = np.exp(min(reach[k] * room / (above * below), MOST_EXPONENT))
         odds = above / below
-        low[k], high[k] = (lower[k] + room * (o / (1.0 + o)) for o in (odds / factor, odds * factor))
+        shares = (o / (1.0 + o) for o in (odds / factor, odds * factor))
+        low[k], high[k] = (lower[k] + room * share for share in shares)
     return low, high
 
 

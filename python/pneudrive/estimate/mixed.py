@@ -121,7 +121,12 @@ class Scan:
         )
 
 
-def refined(at: Callable[[Array], Scan], coarse: Array, count: int, rise: Callable[[Scan], float]) -> Scan:
+def refined(
+    at: Callable[[Array], Scan],
+    coarse: Array,
+    count: int,
+    rise: Callable[[Scan], float],
+) -> Scan:
     """Scan one shape parameter coarsely, then with `count` values in the range that the coarse scan allows.
 
     Parameters
@@ -136,7 +141,8 @@ def refined(at: Callable[[Array], Scan], coarse: Array, count: int, rise: Callab
     """
     first = at(coarse)
     allowed = np.searchsorted(coarse, first.shape[first.inside(rise(first)), 0])
-    low, high = max(int(allowed.min()) - 1, 0), min(int(allowed.max()) + 1, coarse.size - 1)
+    low = max(int(allowed.min()) - 1, 0)
+    high = min(int(allowed.max()) + 1, coarse.size - 1)
     return at(np.geomspace(coarse[low], coarse[high], count))
 
 
@@ -244,7 +250,8 @@ class MixedModel:
             return self
         rows = np.arange(0, n, -(-n // MOST_FOR_SEARCH))
         x = self.x[rows]
-        kernels = (c.kernel[rows] if c.kernel.ndim == 1 else c.kernel[np.ix_(rows, rows)] for c in self.components)
+        both, every = np.ix_(rows, rows), [component.kernel for component in self.components]
+        kernels = (kernel[rows] if kernel.ndim == 1 else kernel[both] for kernel in every)
         parts = (replace(c, kernel=kernel) for c, kernel in zip(self.components, kernels, strict=True))
         return MixedModel(self.y[rows], x[:, independent(x)], self.noise[rows], tuple(parts))
 
@@ -468,7 +475,8 @@ class Functionals:
 
     def predict(self) -> Predicted:
         """Predict each function."""
-        return self.fit.predict(self.fixed, self.cross, {name: np.diag(part) for name, part in self.own.items()})
+        own = {name: np.diag(part) for name, part in self.own.items()}
+        return self.fit.predict(self.fixed, self.cross, own)
 
     def estimates(self, unit: str = "N") -> list[Estimate]:
         """Estimate each function with its interval and its p-value (hypothesis: zero)."""

@@ -23,7 +23,13 @@ if TYPE_CHECKING:
     import polars as pl
 
 
-def rendered(template: Path, filters: Mapping[str, Any], clean: Callable | None = None, /, **values: object) -> str:
+def rendered(
+    template: Path,
+    filters: Mapping[str, Any],
+    clean: Callable | None = None,
+    /,
+    **values: object,
+) -> str:
     """Return the rendered text of a jinja2 template, without lines of block tags.
 
     With `clean`, each value passes through this function, and is then escaped for HTML.

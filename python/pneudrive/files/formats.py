@@ -138,7 +138,8 @@ def open_mf4(path: Path) -> Opened:
         chosen = [name for name in wanted if name != "time"]
         if not chosen:
             raise RecordingError("the layout names no channel except the time")
-        signals = {n: data.get(places[n][0], group=places[n][1], index=places[n][2]) for n in chosen}
+        at = {name: places[name] for name in chosen}
+        signals = {name: data.get(channel, group=group, index=index) for name, (channel, group, index) in at.items()}
         times = {name: signal.timestamps for name, signal in signals.items()}
         base, values = _on_one_clock(times, {name: np.asarray(signal.samples) for name, signal in signals.items()})
         return {**values, "time": base}

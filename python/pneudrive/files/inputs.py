@@ -18,7 +18,12 @@ from pneudrive import __version__
 INPUTS = "inputs"
 
 
-def stored_input(kind: str, name: str, file: str | Path | None, sha256: str | None) -> dict[str, str]:
+def stored_input(
+    kind: str,
+    name: str,
+    file: str | Path | None,
+    sha256: str | None,
+) -> dict[str, str]:
     """Return an input with the full path of its file. The name of a catalogue drive stays unchanged."""
     path = str(Path(file).resolve()) if file and Path(file).exists() else str(file or "")
     return {"kind": kind, "name": name, "file": path, "sha256": sha256 or ""}

@@ -196,7 +196,8 @@ def _without_lists(table: pl.LazyFrame) -> pl.LazyFrame:
     if not lists:
         return table
     short = table.with_columns(pl.col(name).cast(pl.List(inner[name])) for name in lists)
-    widths = short.head(1).select(pl.col(lists).list.len().max()).collect().row(0, named=True)
+    longest = pl.col(lists).list.len().max()
+    widths = short.head(1).select(longest).collect().row(0, named=True)
     return short.with_columns(
         pl.col(name).list.get(at, null_on_oob=True).alias(f"{name}[{at}]")
         for name in lists

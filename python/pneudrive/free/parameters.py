@@ -406,7 +406,8 @@ class DriveFamily:
             if one.digits is not None:
                 values = np.array([float(f"{value:.{one.digits}g}") for value in values])
             columns[one.path] = values
-        return np.array([columns[path] for path in self.paths]).reshape(len(self.paths), len(rows)).T.copy()
+        values = np.array([columns[path] for path in self.paths])
+        return values.reshape(len(self.paths), len(rows)).T.copy()
 
     def derived_values(self, values: Array) -> NamedNumbers:
         """Return the derived values for these values, by their names in the drive file."""
@@ -424,7 +425,8 @@ class DriveFamily:
                 if path not in self.paths:
                     continue
                 step = _STEP * max(abs(at[k]), 1e-300)
-                after, before = (one.value(*at[:k], at[k] + change, *at[k + 1 :]) for change in (step, -step))
+                left, right = at[:k], at[k + 1 :]
+                after, before = (one.value(*left, at[k] + change, *right) for change in (step, -step))
                 slope = (after - before) / (2.0 * step)
                 out[row] += slope * out[self.paths.index(path)]
         return out
@@ -474,9 +476,11 @@ def circuit_numbers(circuit: Circuit) -> dict[str, Parameter]:
     ambient = circuit.ambient.marks()
     for name, path in AMBIENT.items():
         mark = ambient[name.partition(".")[2]]
-        found[name] = _bounded(name, path, mark_unit(mark), form["ambient"][path.partition(".")[2]], None, mark=mark)
+        value = form["ambient"][path.partition(".")[2]]
+        found[name] = _bounded(name, path, mark_unit(mark), value, None, mark=mark)
     lasts = {key: name.rpartition(".")[2] for key, name in circuit.start_names.items()}
-    return found | start_numbers({key: start_mark(last)[1] for key, last in lasts.items() if last != "contact_age_s"})
+    starts = {key: start_mark(last)[1] for key, last in lasts.items() if last != "contact_age_s"}
+    return found | start_numbers(starts)
 
 
 # --- Exact derivatives of a trajectory by numbers of the drive: those of the numerical solution, including events.

@@ -81,7 +81,8 @@ def grid_of(edges_m: Array) -> Grid:
     """Return the bins of all cycles as a grid. Its window is the middle of the travel."""
     bins = edges_m.size - 1
     first, stop = (round(share * bins) for share in MIDDLE)
-    return Grid(float(edges_m[first]), float(edges_m[1] - edges_m[0]), stop - first, -first, bins - first, whole=True)
+    width_m = float(edges_m[1] - edges_m[0])
+    return Grid(float(edges_m[first]), width_m, stop - first, -first, bins - first, whole=True)
 
 
 def bin_means(

@@ -573,9 +573,8 @@ def _grid(limits: Limits, count: int = SPEEDS) -> sliding.Observations:
     speeds = np.geomspace(*limits.speed_m_s, count)
     speeds[1:-1] = [float(f"{v:.{DIGITS}g}") for v in speeds[1:-1]]
     pairs = np.array(limits.gauges_pa, dtype=float).reshape(-1, 2)
-    return sliding.at_conditions(
-        np.tile(speeds, len(pairs)), np.repeat(pairs[:, 0], count), np.repeat(pairs[:, 1], count)
-    )
+    gauge_a, gauge_b = np.repeat(pairs, count, axis=0).T
+    return sliding.at_conditions(np.tile(speeds, len(pairs)), gauge_a, gauge_b)
 
 
 def _gradients(prior: Prior, at: sliding.Observations) -> Array:

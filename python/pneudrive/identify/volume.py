@@ -276,7 +276,12 @@ class TankFamily(DriveFamily):
         return found | {name: found[name][:, first] for name in ("ends", "end_sensitivities")}
 
 
-def _problem(tank: Tank, records: list[VolumeRecording], names: list[str], watch: Watch) -> tuple[FitProblem, Iterate]:
+def _problem(
+    tank: Tank,
+    records: list[VolumeRecording],
+    names: list[str],
+    watch: Watch,
+) -> tuple[FitProblem, Iterate]:
     """Return the fit problem, and the start point from the tank's values."""
     family = TankFamily(tank, names, max(r.duration_s for r in records))
     values = [family.get(path) for path in family.paths]
@@ -655,7 +660,8 @@ def _intervals(
     covariance = inverse @ (scores.T @ scores) @ inverse
     deviation = student(max(len(edges) - 4, 3)) * np.sqrt(np.diag(covariance))
     if len(own) > 1:
-        between = np.std([p[:4] for p in own.values()], axis=0, ddof=1) / np.sqrt(len(own))
+        values = [point[:4] for point in own.values()]
+        between = np.std(values, axis=0, ddof=1) / np.sqrt(len(own))
         deviation = np.maximum(deviation, student(len(own) - 1) * between)
     low, high = (REGULATOR_SCALES.natural(best.x + sign * deviation) for sign in (-1.0, 1.0))
     ends = {name: (float(low[i]), float(high[i])) for i, name in enumerate(REGULATOR_UNITS)}

@@ -254,7 +254,8 @@ class Platform(Viewed):
         poses = angles(self.core, q)
         if not np.all(residuals < CLOSED):
             row = int(np.argmax(~(residuals < CLOSED)))
-            found = self.core.evaluate(q[row : row + 1], np.zeros((1, len(self.legs))))["positions"][0]
+            at_rest = np.zeros((1, len(self.legs)))
+            found = self.core.evaluate(q[row : row + 1], at_rest)["positions"][0]
             leg = int(np.argmax(np.abs(found - rows[row])))
             what = f"no pose of {self.name} has {self.legs[leg].name}.position = {1e3 * rows[row, leg]:.6g} mm here"
             raise CommandError(what, remedy=f"In the nearest pose it is {1e3 * found[leg]:.6g} mm.")
@@ -645,7 +646,8 @@ def _legs(body: MovingPlatform) -> Array:
     across = np.sum(across * in_plane, axis=2, keepdims=True) * in_plane
     force, torque = body.needed()
     arms = place - body.origin[0][:, None]
-    known = np.concatenate([force - across.sum(axis=1), torque - np.cross(arms, across).sum(axis=1)], axis=1)
+    turning = np.cross(arms, across).sum(axis=1)
+    known = np.concatenate([force - across.sum(axis=1), torque - turning], axis=1)
     units = np.concatenate([n, hinge], axis=1)
     wrenches = np.concatenate([units, np.cross(np.tile(arms, (1, 2, 1)), units)], axis=2)
     solved = np.einsum("mij,mj->mi", np.linalg.pinv(np.swapaxes(wrenches, 1, 2)), known)

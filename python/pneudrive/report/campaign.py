@@ -148,7 +148,8 @@ def _leading(found: CampaignCharacteristics, values: Sequence[ShownValue]) -> It
     for c in [c for c in found.curves if c.direction == BOTH][:1]:
         for i in dict.fromkeys(np.flatnonzero(c.measured)[[0, -1]].tolist()):
             name = f"friction at {MM * c.speed_m_s[i]:.3g} mm/s, {named(c.condition)}:"
-            yield ShownValue(name, name, name, float(c.friction_n[i]), "N", (float(c.low_n[i]), float(c.high_n[i])))
+            interval = float(c.low_n[i]), float(c.high_n[i])
+            yield ShownValue(name, name, name, float(c.friction_n[i]), "N", interval)
     first = slice(0, 1)  # of several pressures; the mean over conditions is the last one of a series of stops
     for begin, part in (("pressure of", first), ("breakaway per decade", slice(-1, None)), ("scatter of one", first)):
         chosen = [row for row in values if row.key.startswith(begin) and row.quantity == "value"]
@@ -255,8 +256,10 @@ def position(found: CampaignCharacteristics) -> Section | None:
     topic, named, panels = Topic("campaign", "position"), condition_names(found), []
     for p in shown:
         where = named(p.condition) if p.condition is not None else p.levels or "all cycles"
-        x, middle, low, high = (v[np.isfinite(p.relative)] for v in (p.position_m, p.relative, p.low, p.high))
-        marks = [Band(x, low - 1.0, high - 1.0), Rule(y=0.0), Line(x, middle - 1.0, look=Look("blue"), width=1.0)]
+        known = np.isfinite(p.relative)
+        x, middle, low, high = (v[known] for v in (p.position_m, p.relative, p.low, p.high))
+        curve = Line(x, middle - 1.0, look=Look("blue"), width=1.0)
+        marks = [Band(x, low - 1.0, high - 1.0), Rule(y=0.0), curve]
         panels.append(Panel(marks, f"{where}\n({plural(p.cycles, 'cycle')})"))
     return topic.section(topic.text(), topic.figure("campaign-position", figure_of("position", panels)))
 
@@ -541,7 +544,8 @@ def flags(found: CampaignCharacteristics) -> Section:
     raised = found.stops["flags"].to_list() if len(found.stops) else []
     counts = Counter(found.flags) + Counter(flag for flags in raised for flag in flags)
     texts = {flag: flag_table().get(flag, {"means": "", "do": ""}) for flag in counts}
-    rows = ((flag.replace("_", " "), texts[flag]["means"], texts[flag]["do"], n) for flag, n in counts.most_common())
+    common = ((flag, texts[flag], number) for flag, number in counts.most_common())
+    rows = ((flag.replace("_", " "), text["means"], text["do"], number) for flag, text, number in common)
     skipped = ((s.key or None, s.file, s.reason) for s in found.skipped[:MOST_SKIPPED])
     left_out = len(found.skipped) - MOST_SKIPPED
     more = f"; {left_out} more are not listed" if left_out > 0 else ""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -65,7 +66,8 @@ def _figured(c: Comparison) -> list[Section]:
 
 def comparison_view(c: Comparison) -> View:
     """Return the view of a comparison: a row for each test, and the figures of both campaigns."""
-    rows = [(_values(test, repeated=[t.what for t in c.tests].count(test.what) > 1), test) for test in c.tests]
+    times = Counter(test.what for test in c.tests)
+    rows = [(_values(test, repeated=times[test.what] > 1), test) for test in c.tests]
     values = tuple(value for of_test, _ in rows for value in of_test)
     sizes = [of_test[0] for of_test, test in rows if test.different and test.difference is not None]
     findings = findings_of(c.statements)

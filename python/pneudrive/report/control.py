@@ -229,7 +229,8 @@ def _reference_figures(found: ControlComparison, number: int) -> Iterator[ShownF
         errors.append(Line(time, error, look=own, width=0.9))
     if tracks:
         error = Axis(f"error / {error_unit([line.y for line in errors])}", "far")
-        panels = [Panel([*tracks, *references[:1]], y="position / mm"), Panel([*errors, Rule(y=0.0)], y=error)]
+        positions = Panel([*tracks, *references[:1]], y="position / mm")
+        panels = [positions, Panel([*errors, Rule(y=0.0)], y=error)]
         caption = topic.say("tracks", which="member 1" if found.spread else "first seed", **said)
         yield ShownFigure(f"tracks-{number + 1}", caption, stack(panels, 4.2))
 

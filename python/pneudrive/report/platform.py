@@ -124,14 +124,16 @@ def platform_scene(platform: Platform, poses: ArrayLike) -> PlatformScene:
     lines = [(part, points @ VIEW.T) for part, _, points in platform_lines(platform, poses)]
     everything = np.concatenate([points.reshape(-1, 2) for _, points in lines])
     low, high = everything.min(axis=0), everything.max(axis=0)
-    scale = (WIDTH - 2.0 * MARGIN) / max(high[0] - low[0], 0.8 * (high[1] - low[1]), 1e-9)
+    across, up = high - low
+    scale = (WIDTH - 2.0 * MARGIN) / max(across, 0.8 * up, 1e-9)
     width, height = (high - low) * scale + 2.0 * MARGIN
     *lines, (_, path) = [(what, (points - low) * scale + MARGIN) for what, points in lines]
     seen = sorted({0, len(path) // 2, len(path) - 1})
     segments, halves = [], []
     for what, points in lines:
         own = points[seen] if len(points) > 1 else points
-        segments.append(np.stack([own[:, :-1], own[:, 1:]], axis=2).reshape(-1, 2, 2))
+        ends = own[:, :-1], own[:, 1:]
+        segments.append(np.stack(ends, axis=2).reshape(-1, 2, 2))
         halves.append(np.full(len(segments[-1]), 0.5 * LOOKS[what].width))
     middle = np.array([width, height]) / 2.0
     centres = label_places(lines[0][1][0, :-1], middle, np.concatenate(segments), np.concatenate(halves))
@@ -292,7 +294,12 @@ def _write_film(program: str, frames: Iterator[Image.Image], target: Path) -> No
             raise CommandError(f"ffmpeg did not write the film: {why[-1] if why else 'it stopped'}")
 
 
-def scene_drawing(scene: PlatformScene, row: int = -1, *texts: tuple[float, float, str], scale: float = 1.0) -> Drawing:
+def scene_drawing(
+    scene: PlatformScene,
+    row: int = -1,
+    *texts: tuple[float, float, str],
+    scale: float = 1.0,
+) -> Drawing:
     """Return the drawing of a scene at one pose, with the path over all poses, and its texts with positions in px.
 
     `scale` is the size of the drawing relative to that of the scene.
@@ -401,8 +408,8 @@ def platform_run_view(platform: Platform, columns: Columns) -> View:
     rows, time = [], columns["time_s"]
     for label, each in _panels(platform, found):
         for name, curve in each.items():
-            ends = (round(float(end), 6) + 0.0 for end in Axis(label).shown((curve.min(), curve.max())))
-            rows.append((name, label, *ends))
+            ends = Axis(label).shown((curve.min(), curve.max()))
+            rows.append((name, label, *(round(float(end), 6) + 0.0 for end in ends)))
     caption = f"{platform.name} at the end of the run with the path of its origin, and the curves of the run."
     sentences, leading = _answer(platform, found)
     return View(
@@ -476,12 +483,14 @@ def run_figure(platform: Platform, columns: Columns) -> Figure:
     part, legs, panels = thin(time, MOST_SAMPLES), {leg.name for leg in platform.legs}, []
     of_legs: dict[str, Line] = {}
     for label, each in _panels(platform, columns):
-        lines = [Line(time[part], values[part], name, look(i), 1.0) for i, (name, values) in enumerate(each.items())]
+        named = enumerate(each.items())
+        lines = [Line(time[part], values[part], name, look(i), 1.0) for i, (name, values) in named]
         if legs.issuperset(each):
             of_legs |= {line.label: line for line in lines}
         how = "" if legs.issuperset(each) or len(each) < 2 else "inside"
         panels.append(Panel(lines, label, y=Axis(label, is_named=False), legend=how))
-    scene = platform_scene(platform, pose[np.unique(np.linspace(0, len(pose) - 1, MOST_POSES).round().astype(int))])
+    drawn = np.unique(np.linspace(0, len(pose) - 1, MOST_POSES).round().astype(int))
+    scene = platform_scene(platform, pose[drawn])
     keys = [Line([], [], label, line.look) for label, line in of_legs.items()]
     drawing = Panel([scene_drawing(scene, scale=0.6), *keys], legend="under")
     return figure_of("platform", panels, tall=drawing)

@@ -134,7 +134,8 @@ def characterisation_view(found: Characterisation, fits: Fits | None = None) -> 
 
 def _values(found: Characterisation) -> Iterator[ShownValue]:
     """Yield speeds, strokes, friction and offset with U (k = 2), and flags of each level."""
-    ways = {way: sign for way, sign in ((1, "+x"), (-1, "-x")) if any(way in level.sides for level in found.levels)}
+    seen = {way for level in found.levels for way in level.sides}
+    ways = {way: sign for way, sign in ((1, "+x"), (-1, "-x")) if way in seen}
     for count, level in ((len(result.levels), level) for result in found.results for level in result.levels):
         label = level.recording if count == 1 else f"{level.recording}#{level.index + 1}"
         for way, sign in ways.items():
@@ -408,8 +409,8 @@ def _files(found: Characterisation) -> Iterator[tuple]:
         where = f"{r.source.parent.name}/{r.source.name}" if r.source else "simulated" if r.synthetic else "from Python"
         diameter = np.sqrt(4 * max(r.area_a_m2, r.area_b_m2) / np.pi) * 1e3
         labels = (group_of(r.labels), r.labels.get("run", ""), r.sha256[:16] if r.sha256 else None)
-        use = found.stroke_uses[r.name]
-        yield where, *labels, len(r), use.recorded, use.used, use.why or None, r.time_s[-1] - r.time_s[0], diameter
+        use, lasts_s = found.stroke_uses[r.name], r.time_s[-1] - r.time_s[0]
+        yield where, *labels, len(r), use.recorded, use.used, use.why or None, lasts_s, diameter
 
 
 MOST_RECORDS = 9

@@ -393,7 +393,8 @@ def _band(mark: Band, axis: Axes, x: Axis, y: Axis) -> Handle:
     tint: Plain = {"color": ink("band")}
     if mark.look is not None:
         tint = {"color": ink(mark.look.color), "alpha": TINT}
-    return axis.fill_between(x.shown(mark.x), y.shown(mark.low), y.shown(mark.high), lw=0, **tint)
+    ends = y.shown(mark.low), y.shown(mark.high)
+    return axis.fill_between(x.shown(mark.x), *ends, lw=0, **tint)
 
 
 def _points(mark: Markers, axis: Axes, x: Axis, y: Axis) -> Handle:

@@ -144,7 +144,12 @@ def speed_figure(groups: list[tuple[MapGroup, list[ShownCurve]]], fits: Fits) ->
     return figure_of("curves-of-one" if is_single else "curves", drawn, y=y)
 
 
-def _law(group: MapGroup, curve: ShownCurve, by_law: Mapping[str, FrictionFit] | None, own: Look) -> list[Band | Line]:
+def _law(
+    group: MapGroup,
+    curve: ShownCurve,
+    by_law: Mapping[str, FrictionFit] | None,
+    own: Look,
+) -> list[Band | Line]:
     """Draw the fitted law at the pressures of a group, if the data determine its dependence on speed."""
     if by_law is None or not _is_curve(by_law):
         return []
@@ -212,8 +217,8 @@ def errors(pairs: pl.DataFrame) -> Figure:
         left.append(Markers(speed, friction, f"{gauge / PA_PER_BAR:.2g} bar gauge", own, size=3.2))
         right.append(Markers(speed, error, look=own, size=3.2))
     ends = Axis("error / standard error", low=-SHOWN_ERRORS, high=SHOWN_ERRORS)
-    panels = [Panel(left, y="friction / N"), Panel([*right, Rule(y=0.0, look=Look("black"), width=0.8)], y=ends)]
-    return figure_of("errors", panels)
+    right.append(Rule(y=0.0, look=Look("black"), width=0.8))
+    return figure_of("errors", [Panel(left, y="friction / N"), Panel(right, y=ends)])
 
 
 # --- Changes of recordings from stroke to stroke: drift, the peaks after reversals, and stick-slip.

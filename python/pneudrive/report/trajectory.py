@@ -193,7 +193,8 @@ def motion_view(found: MotionValidation) -> View:
         figures.append(ShownFigure("pressures", Topic("motion", "chambers").say("time"), figure))
     if found.closures:
         dots, each = Look("blue", "-", "."), found.closures
-        panels = [Panel([Markers(c.time_s, c.residual_n / c.range_n, look=dots, size=1.0)], c.name) for c in each]
+        residuals = {c.name: Markers(c.time_s, c.residual_n / c.range_n, look=dots, size=1.0) for c in each}
+        panels = [Panel([markers], name) for name, markers in residuals.items()]
         figures.append(ShownFigure("closure", topic.say("residual"), figure_of("closure", panels)))
         notes += [*map(str, found.closures), topic.say()]
     return View(
@@ -279,7 +280,8 @@ def ensemble_view(found: xr.Dataset) -> View:
             missing.append(Finding(f"{missed}: its row is of the others.", "open"))
         if finite.size and np.ptp(finite) > 0.0:
             number, edges = np.histogram(finite, BINS)
-            bars = Bars(0.5 * (edges[1:] + edges[:-1]), number, thickness=float(edges[1] - edges[0]))
+            middles = 0.5 * (edges[1:] + edges[:-1])
+            bars = Bars(middles, number, thickness=float(edges[1] - edges[0]))
             counts.append(Panel([bars], "", label, "members"))
     status = found["status"].to_numpy() if "status" in found else np.zeros(found.sizes["member"])
     failed = np.flatnonzero(status)[:1]

@@ -220,7 +220,10 @@ def _identified(drive: Drive) -> Iterator[tuple[str | None, ...]]:
 def _provenance(found: Validation) -> Section:
     topic, identified = Topic("validation", "provenance"), list(_identified(found.drive))
     recordings = ((r.recording, found.badge(r) or None) for r in found.records)
-    rows = ((r.name, badge, str(r.source) if r.source else None, len(r), r.sha256[:16]) for r, badge in recordings)
+    rows = (
+        (r.name, badge, str(r.source) if r.source else None, len(r), r.sha256[:16])
+        for r, badge in recordings
+    )  # fmt: skip
     return topic.section(
         topic.text("synthetic" if found.synthetic else "measured"),
         topic.table(rows),

@@ -333,7 +333,13 @@ class Machine:
         gauges = (past.pressure_a_pa - d.ambient_pressure_pa, past.pressure_b_pa - d.ambient_pressure_pa)
         return float(abs(steady_friction_n(friction, velocity_m_s, gauges, past.commanded_m)[0]))
 
-    def run(self, step: Step, motion: Motion, times: Array, look: Callable[[float], object] | None = None) -> Columns:
+    def run(
+        self,
+        step: Step,
+        motion: Motion,
+        times: Array,
+        look: Callable[[float], object] | None = None,
+    ) -> Columns:
         """Run one step and update `past`. `look` is called regularly. An exception in `look` ends the step.
 
         Raises

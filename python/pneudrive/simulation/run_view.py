@@ -52,7 +52,8 @@ def run_view(columns: Keyed, provenance: Keyed, described: DriveOrCircuit | None
     air = ShownValue("air", "all chambers", f"{'air' if described is None else 'gas'} into chambers, l ANR", amount)
     peaks = list(_peaks(columns))
     begun = [_begun(provenance, impact) for impact in impacts]
-    of_stroke = {at: hit for at, hit in zip(begun[::-1], impacts[::-1], strict=True) if at is not None}
+    backwards = zip(begun[::-1], impacts[::-1], strict=True)  # the first impact of a stroke counts
+    of_stroke = {at: hit for at, hit in backwards if at is not None}
     leading = [
         ShownValue(
             f"stroke time {number}", "run", f"stroke time, to the end of chamber {hit['end']}", hit["time_s"] - at, "s"

@@ -147,7 +147,8 @@ def explained(draws: Array, margins: Array) -> NamedNumbers:
     if np.ptp(margins) == 0.0:
         return dict.fromkeys(DRAWN, 0.0)
     columns = draws.argsort(axis=0).argsort(axis=0).astype(float)
-    return {name: float(np.corrcoef(column, ranks)[0, 1] ** 2) for name, column in zip(DRAWN, columns.T, strict=True)}
+    correlations = (np.corrcoef(column, ranks)[0, 1] for column in columns.T)
+    return {name: float(correlation**2) for name, correlation in zip(DRAWN, correlations, strict=True)}
 
 
 # --- Limits that a choice of parts misses, in numbers and in words.
@@ -260,7 +261,14 @@ def buckling_n(cylinder: PartChoice, task: SizingTask) -> float | None:
     return math.pi**2 * STEEL_PA * inertia / (EFFECTIVE[task.guide] * task.stroke_m) ** 2 / BUCKLING_SAFETY
 
 
-def _check(name: str, value: float, limit: float | None, unit: str, rule: str, *remedies: str) -> MachineCheck:
+def _check(
+    name: str,
+    value: float,
+    limit: float | None,
+    unit: str,
+    rule: str,
+    *remedies: str,
+) -> MachineCheck:
     """Compare a value with its limit. The check is undecided if the limit is assumed or missing."""
     is_kept = None if limit is None or rule.startswith("assumed") else value <= limit
     return MachineCheck(name, value, limit, unit, is_kept, rule, remedies)

@@ -604,7 +604,8 @@ def read_choices(path: Path) -> tuple[list[SizedDrive], int]:
     for (name, draws), (_, drive) in stages.items():
         if draws and (name not in drives or draws >= drives[name].draws):
             drives[name] = drive
-    return list(drives.values()), sum(not draws and stage.nominal < 0.0 for (_, draws), (_, stage) in stages.items())
+    nominal = (stage.nominal for (_, draws), (_, stage) in stages.items() if not draws)
+    return list(drives.values()), sum(margin < 0.0 for margin in nominal)
 
 
 def _catalogue() -> str:

@@ -161,7 +161,13 @@ class DriveStrokes:
         valve = {"valve": dict(self.choice.valve.table)}
         return self._around(valve, ("supply -> valve.1",), ("valve.4", "valve.2"), setting)
 
-    def _around(self, valve: Keyed, joined: tuple[str, ...], ends: tuple[str, str], setting: Setting = OPEN) -> Circuit:
+    def _around(
+        self,
+        valve: Keyed,
+        joined: tuple[str, ...],
+        ends: tuple[str, str],
+        setting: Setting = OPEN,
+    ) -> Circuit:
         """Return the circuit around a valve, whose two ends lead to chambers a and b."""
         choice, task = self.choice, self.task
         cylinder = dict(choice.cylinder.table)
@@ -633,7 +639,8 @@ def _near(
     grid = _grid(strokes, outward)
     factors = [each if len(one) > 1 else (1.0,) for each, one in zip(finer, grid, strict=True)]
     own = setting[:2] if outward else setting[2:]
-    return dict.fromkeys(tuple(min(a * b, 1.0) for a, b in zip(own, pair, strict=True)) for pair in product(*factors))
+    scaled = ([a * b for a, b in zip(own, pair, strict=True)] for pair in product(*factors))
+    return dict.fromkeys(tuple(min(value, 1.0) for value in values) for values in scaled)
 
 
 def _best(

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     import pint
 
 _UNITS = package_table(__file__, "table.toml")
+_PLAIN = str.maketrans("²³*·", "23  ", "^")  # signs of powers and products as in the table
 _FACTORS = ((si, unit, line) for si, about in _UNITS.items() for unit, line in about.get("units", {}).items())
 #: Unit as written -> (SI unit, factor, offset): SI value = number * factor + offset.
 TABLE: dict[str, tuple[str, float, float]] = {
@@ -66,7 +67,7 @@ def split_mark(text: str) -> tuple[str, str]:
 @lru_cache(maxsize=1024)
 def canonical(unit: str) -> str:
     """Return a unit without signs for powers and products."""
-    return unit.strip().replace("²", "2").replace("³", "3").replace("^", "").replace("*", " ").replace("·", " ")
+    return unit.strip().translate(_PLAIN)
 
 
 def wrong_dimension(unit: str, si_unit: str, is_a: str) -> DescriptionError:

@@ -125,7 +125,8 @@ def _answer(name: str, query: Mapping[str, str], body: bytes | None, known: Keye
     function, names, fields, models = _door(name)
     texts = [key for key, each in fields.model_fields.items() if each.is_required()]
     table = {**dict.fromkeys(texts, ""), **query} if body is None else {**query, **table_of(body)}
-    values = {**known, "given": table, **vars(fields.of(table)), **{key: of.of(table) for key, of in models.items()}}
+    read = {key: model.of(table) for key, model in models.items()}
+    values = {**known, "given": table, **vars(fields.of(table)), **read}
     return function(**{key: values[key] for key in names})
 
 

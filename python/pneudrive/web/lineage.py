@@ -269,7 +269,8 @@ def _of_toml(path: Path) -> Plain:
 
 def _of_drive(path: Path) -> Plain:
     origins = toml.read(path, CommandError)[0].get("provenance", {}).values()
-    return {INPUTS: [Edge("fit", one["source"], one.get("file", ""), one["fit"]) for one in origins if one.get("fit")]}
+    fitted = (one for one in origins if one.get("fit"))
+    return {INPUTS: [Edge("fit", one["source"], one.get("file", ""), one["fit"]) for one in fitted]}
 
 
 def _of_map(path: Path) -> Plain:

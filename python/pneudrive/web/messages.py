@@ -52,7 +52,8 @@ def pack(head: Keyed, arrays: Keyed, *, drawn: bool = False) -> bytes:
             own = np.subtract(values, middle, dtype=float).astype("<f4")
         else:
             middle, own = None, np.ascontiguousarray(values, dtype=TYPES[values.dtype.name])
-        listed.append([name, own.dtype.str[1:], at, len(own), *([] if middle is None else [middle])])
+        offset = [] if middle is None else [middle]
+        listed.append([name, own.dtype.str[1:], at, len(own), *offset])
         padding = -own.nbytes % ALIGNED
         blocks += [own.tobytes(), bytes(padding)]
         at += own.nbytes + padding

@@ -31,7 +31,13 @@ _LIBRARIES = ("starlette", "uvicorn", "websockets", "tomlkit")
 _NEEDED = 'pip install "pneudrive[web]"'
 
 
-def serve(folder: Path, port: int, opened: Callable[[str], object], *, control: bool = False) -> None:
+def serve(
+    folder: Path,
+    port: int,
+    opened: Callable[[str], object],
+    *,
+    control: bool = False,
+) -> None:
     """Serve a folder until Ctrl-C.
 
     The address is given as soon as the port listens. Other modules are imported while the browser starts.

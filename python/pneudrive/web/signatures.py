@@ -234,7 +234,8 @@ def forms(workspace: Workspace) -> Plain:
     def about(field: CommandInput) -> Plain:
         return vars(field) | ({"choices": offered[field.hint]} if field.kind == "recordings" else {})
 
-    return {kind: {"title": of["title"], "fields": list(map(about, of["inputs"]))} for kind, of in SIGNATURES.items()}
+    fields = {kind: list(map(about, of["inputs"])) for kind, of in SIGNATURES.items()}
+    return {kind: {"title": SIGNATURES[kind]["title"], "fields": own} for kind, own in fields.items()}
 
 
 def _offered(workspace: Workspace, hint: str) -> list[str]:

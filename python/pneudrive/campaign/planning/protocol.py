@@ -693,7 +693,14 @@ class Protocol(ProtocolTable):
         """Text of the file, unchanged, or generated without a file."""
         return self._text or toml.write({"schema": self.schema_version} | self.to_dict())
 
-    def fail(self, key: str, what: str, *, rule: str | None = None, remedy: str | None = None) -> ProtocolError:
+    def fail(
+        self,
+        key: str,
+        what: str,
+        *,
+        rule: str | None = None,
+        remedy: str | None = None,
+    ) -> ProtocolError:
         """Return an error with the line of a key."""
         return toml.located(wrong(key, what, rule=rule, remedy=remedy), self._origin, self._text).turned(ProtocolError)
 

@@ -161,7 +161,15 @@ def check_path(platform: Platform, tunings: list[Tuning], needs: Demands) -> Nam
     return {"singular_value": float(needs.singular_values[row]), **most}
 
 
-def _within(name: str, what: str, unit: str, values: Array, ends: Interval, times: Array, remedy: str) -> None:
+def _within(
+    name: str,
+    what: str,
+    unit: str,
+    values: Array,
+    ends: Interval,
+    times: Array,
+    remedy: str,
+) -> None:
     low, high = ends
     margins = np.minimum(values - low, high - values)
     row = int(np.argmin(margins))

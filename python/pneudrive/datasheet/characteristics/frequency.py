@@ -48,8 +48,8 @@ LOADS = (0.2, 0.3, 0.4)  # of the blocked force at full command: amplitudes of a
 
 def response(linear: Linear, output: str, frequencies: Array) -> Array:
     """Return the response of an output to the command, complex."""
-    c = linear.C[linear.outputs.index(output)]
-    d = linear.D[linear.outputs.index(output), 0]
+    row = linear.outputs.index(output)
+    c, d = linear.C[row], linear.D[row, 0]
     unity, b = np.eye(len(linear.states)), linear.B[:, 0]
     return np.array([c @ np.linalg.solve(2j * math.pi * f * unity - linear.A, b) + d for f in frequencies])
 
@@ -148,7 +148,8 @@ def _over_grid(
     """Return amplitudes and frequencies, and the results of each pair, shape (amplitudes, frequencies)."""
     named = (("amplitude", amplitudes), ("frequency", frequencies))
     axes = [[positive(one, "", name) for one in values] for name, values in named]
-    return *axes, *np.moveaxis(np.array([[find(a, f) for f in axes[1]] for a in axes[0]]), 2, 0)
+    found = np.array([[find(a, f) for f in axes[1]] for a in axes[0]])
+    return *axes, *np.moveaxis(found, 2, 0)
 
 
 def _harmonics(plant: HeldDrive, amplitude: float, frequency: float) -> tuple[float, float, float]:

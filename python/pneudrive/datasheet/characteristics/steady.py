@@ -105,7 +105,8 @@ def _steady(plant: HeldDrive, command: float, load: float | None = None) -> tupl
 def velocity_gain(plant: HeldDrive, direction: float) -> tuple[float, float]:
     """Return slope and dead zone of the line through two small commands at which the piston moves."""
     commands = [plant.edge(direction)[0] + small for small in SMALL]
-    (low, slow), (high, fast) = ((u, abs(_steady(plant, direction * u, 0.0)[0])) for u in commands)
+    low, high = commands
+    slow, fast = (abs(_steady(plant, direction * u, 0.0)[0]) for u in commands)
     if not slow > 0.0:
         return math.nan, math.nan
     slope = (fast - slow) / (high - low)

@@ -71,7 +71,8 @@ def read(key: str, given: object) -> Value:
     """
     table = given if isinstance(given, dict) else {}
     origins = [word for word in ("source", "assumed") if word in table]
-    if not has_origin(given) or len(origins) != 1 or not all(isinstance(table.get(w, ""), str) for w in _KEYS[1:]):
+    are_texts = all(isinstance(table.get(word, ""), str) for word in _KEYS[1:])
+    if not has_origin(given) or len(origins) != 1 or not are_texts:
         how = "both a source and a reason" if len(origins) == 2 else "neither a source nor a reason"
         raise invalid(key, "describe.origin", key=key, how=how)
     return Value(key, table["value"], table.get("source"), table.get("assumed"), table.get("note", ""))

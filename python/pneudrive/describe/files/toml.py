@@ -179,7 +179,12 @@ def locating(path: str | Path, text: str | None, kind: ErrorKind = DescriptionEr
         raise found if kind is DescriptionError else found.turned(kind) from None
 
 
-def load(of: Callable[[Plain], Made], path: str | Path, kind: ErrorKind = DescriptionError, **start: str) -> Made:
+def load(
+    of: Callable[[Plain], Made],
+    path: str | Path,
+    kind: ErrorKind = DescriptionError,
+    **start: str,
+) -> Made:
     """Return ``of(tables)`` for the tables of a TOML file. Errors are those of `read`, and those of `of` with lines."""
     tables, text = read(path, kind, **start)
     with locating(path, text, kind):
@@ -262,7 +267,13 @@ def _table(header: str, *, is_one_of_many: bool, counts: dict[str, int]) -> str:
     return f"{table}.{counts[table]}"
 
 
-def _texts(line: str, name: str, count: int, number: int, lines: dict[str, int]) -> tuple[str, int] | None:
+def _texts(
+    line: str,
+    name: str,
+    count: int,
+    number: int,
+    lines: dict[str, int],
+) -> tuple[str, int] | None:
     """Store the line of each text in a list; return name and count if the list continues on the next line."""
     for found in _TEXTS.finditer(line):
         if found["end"]:

@@ -22,7 +22,8 @@ LEVELS = ("coulomb", "breakaway", "viscous")
 OUTPUTS = ("force", "energy", "slip", "steady")
 GUIDE = "own-law.md"
 # unit of a state -> suffix of its name in a trajectory, and a usual scale
-_STATE_UNITS = {"m": ("_m", "1e-3 m"), "m/s": ("_m_s", None), "N": ("_n", None), "s": ("_s", None), "": ("", None)}
+_STATE_UNITS = {"m/s": ("_m_s", None), "N": ("_n", None), "s": ("_s", None), "": ("", None)}
+_STATE_UNITS |= {"m": ("_m", "1e-3 m")}
 #: Keys of the friction table that are not allowed as names of parameters.
 _TAKEN = ("law", "stribeck_shape", "elements", "evolution", *DEPENDENCES)
 

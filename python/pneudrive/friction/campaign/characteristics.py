@@ -246,7 +246,8 @@ def _ranges(reading: CampaignData) -> Ranges:
         measured[f"gauge_{side}_pa"] = cycles[f"pressure_{side}_pa"] - reading.identity.ambient_pressure_pa
     for name, values in measured.items():
         known = values[np.isfinite(values)]
-        spans[name] = (float(known.min()), float(known.max())) if known.size else (np.nan, np.nan)
+        ends = (known.min(), known.max()) if known.size else (np.nan, np.nan)
+        spans[name] = float(ends[0]), float(ends[1])
     return Ranges(**spans)
 
 

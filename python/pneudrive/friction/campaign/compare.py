@@ -174,7 +174,8 @@ def compare_curves(
     point, campaign, count, log_n, noise = (table[name].to_numpy() for name in names)
     u, u_log = np.sqrt(2.0) * gain, np.log10(points["speed_m_s"].to_numpy())
     sign, dummies, away = (campaign - 0.5)[:, None], np.eye(m)[point], u_log - u_log.mean()
-    speeds, bar = np.unique(np.round(away, 2)).size, points.select(KEY[1:3]).to_numpy(order="c") / 1e5
+    speeds = np.unique(np.round(away, 2)).size
+    bar = points.select(KEY[1:3]).to_numpy(order="c") / 1e5
     # Level, slope and bend over log speed; pressures of both chambers, or their sum if they are always equal.
     shape = np.column_stack([np.ones(m), away, away**2 - np.mean(away**2)])
     shape = shape[:, : 1 + (speeds > 1) + (speeds >= BEND_SPEEDS)]
@@ -184,7 +185,8 @@ def compare_curves(
     kept = independent(x)
     rows, of_pressure = np.eye(kept.size), kept >= m + shape.shape[1]
     cell = m * campaign + point
-    means = np.exp(np.bincount(cell, count * log_n, 2 * m) / np.bincount(cell, count, 2 * m)).reshape(2, m)
+    sums, counts = (np.bincount(cell, weight, 2 * m) for weight in (count * log_n, count))
+    means = np.exp(sums / counts).reshape(2, m)
     with one_thread():
         model = MixedModel(log_n, x[:, kept], noise, tuple(_scatter(table, blocks)))
         fit, each = model.fit(), replace(model, x=np.c_[dummies, dummies * sign]).fit()
@@ -363,7 +365,8 @@ def compare_campaigns(first: CampaignCharacteristics, second: CampaignCharacteri
     why, curves = (found, None) if isinstance(found, str) else ("", found)
     tests = list(_tests(both, curves, pairs))
     known = [i for i, test in enumerate(tests) if np.isfinite(test.p)]
-    for i, p in zip(known, holm(np.array([tests[i].p for i in known])).tolist(), strict=True):
+    adjusted = holm(np.array([tests[i].p for i in known])).tolist()
+    for i, p in zip(known, adjusted, strict=True):
         tests[i] = replace(tests[i], adjusted_p=p, different=p < CHANCE)
     compared = Comparison(first, second, tuple(_checks(both)), tuple(tests), curves, pairs)
     return replace(compared, statements=tuple(_statements(compared, why)))
@@ -402,7 +405,8 @@ def _tests(both: Both, curves: CurveComparison | None, dwell: Pairs) -> Iterator
             assert series.curve is not None
             row = np.zeros((1, len(series.conditions)))
             row[0, of] = 1.0 / len(of)
-            parts = series.curve.values(np.log10([at])), series.curve.gains(np.log10(low), np.log10(high))
+            curve = series.curve
+            parts = curve.values(np.log10([at])), curve.gains(np.log10(low), np.log10(high))
             found.append([part.combine(row).estimates()[0] for part in parts])
         level, slope = (after - before for before, after in zip(*found, strict=True))
         span = f"mean from {low:.3g} to {high:.3g} s"
@@ -425,7 +429,8 @@ def _pairs(both: Both) -> Iterator[tuple[DwellSeries, DwellSeries]]:
 
 def _common(a: DwellSeries, b: DwellSeries) -> tuple[Ints, ...]:
     """Return the indices of the conditions of both series with the same pressures."""
-    one, two = (np.array([(c.pressure_a_pa, c.pressure_b_pa) for c in s.conditions]).reshape(-1, 2) for s in (a, b))
+    pairs = ([(c.pressure_a_pa, c.pressure_b_pa) for c in series.conditions] for series in (a, b))
+    one, two = (np.array(pair).reshape(-1, 2) for pair in pairs)
     return np.nonzero((np.abs(one[:, None] - two) < SAME_PRESSURE_PA).all(axis=2))
 
 

@@ -442,7 +442,8 @@ def asymmetries(fits: Fits) -> tuple[result.Asymmetry, ...]:
         # Without zero runs it includes the zero, and no statement on symmetry is possible.
         u = band.shared.zero_n[measured]
         half = np.hypot(band.offset.half_width()[measured], NORMAL_95 * u)
-        mean = fits.offset.over(band.number, speeds).mean().estimates()[0].widened(float(np.mean(u)))
+        (mean,) = fits.offset.over(band.number, speeds).mean().estimates()
+        mean = mean.widened(float(np.mean(u)))
         found.append(
             result.Asymmetry(
                 condition=band.condition,

@@ -62,10 +62,12 @@ class CycleTable:
             columns[name] = np.array([row.get(name, default) for row in rows], dtype=kind)
         both = [[row["sides"].get(way, {}) for way in WAYS] for row in rows]
         for name in OF_SIDES:
-            columns[name] = np.array([[side.get(name, np.nan) for side in p] for p in both], float).reshape(-1, 2)
+            values = [[side.get(name, np.nan) for side in pair] for pair in both]
+            columns[name] = np.array(values, float).reshape(-1, 2)
         empty = np.full(bins, np.nan)
         for name in OF_BINS:
-            columns[name] = np.array([[side.get(name, empty) for side in p] for p in both]).reshape(len(rows), 2, bins)
+            curves = [[side.get(name, empty) for side in pair] for pair in both]
+            columns[name] = np.array(curves).reshape(len(rows), 2, bins)
         return cls(columns)
 
     def __getitem__(self, name: str) -> NDArray:
@@ -229,7 +231,8 @@ def _presliding(recording: Recording, friction: Array, before: Stroke, after: St
     """Return the travel after the reversal in which friction goes from 10 % to 90 % of its change."""
     part = slice(before.stop - 1, after.stop)
     start = np.median(friction[max(before.stop - 20, before.start) : before.stop])
-    middle = slice(after.start + (after.stop - after.start) // 3, after.start + 2 * (after.stop - after.start) // 3)
+    length = after.stop - after.start
+    middle = slice(after.start + length // 3, after.start + 2 * length // 3)
     end = np.median(friction[middle])
     if start == end:
         return np.nan
@@ -335,7 +338,8 @@ def corrected(cycles: CycleTable, gain: Gain) -> CycleTable:
         return cycles
     force, factor, air = cycles["force_n"], 1.0 + gain.error, cycles["air_n"]
     single = np.abs(np.nan_to_num(force)).sum(axis=1)
-    half_difference = np.where(cycles.moves.all(axis=1), np.abs(force[:, 0] - force[:, 1]) / 2.0, single)
+    difference = np.abs(force[:, 0] - force[:, 1])
+    half_difference = np.where(cycles.moves.all(axis=1), difference / 2.0, single)
     left = gain.stderr * half_difference
     growing = (left, np.nan_to_num(cycles["force: creep"]), cycles["u_air_n"])
     return cycles.having(
@@ -409,7 +413,9 @@ def without_zeros(cycles: CycleTable, zeros: dict[str, PressureZero], identity: 
         return cycles
     area, ambient = {"a": identity.area_a_m2, "b": -identity.area_b_m2}, identity.ambient_pressure_pa
     blocks, variance = cycles["block"].tolist(), cycles["u_offset_n"] ** 2
-    off = {side: np.array([zero.blocks.get(b, zero.mean_pa) for b in blocks]) for side, zero in known.items()}
+    off = {}
+    for side, zero in known.items():
+        off[side] = np.array([zero.blocks.get(block, zero.mean_pa) for block in blocks])
     force = sum((area[side] * value for side, value in off.items()), np.zeros(len(cycles)))
     vented = np.isfinite(cycles["open_a_pa"]) | np.isfinite(cycles["open_b_pa"])
     shown = {f"pressure_{side}_pa": cycles[f"pressure_{side}_pa"] - value[:, None] for side, value in off.items()}

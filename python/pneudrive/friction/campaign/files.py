@@ -76,7 +76,8 @@ def _paired(points: CurvePoints, fits: Fits | None, width_m: float) -> dict[str,
     # Offset from the drifting zero of the force sensor; 0 without zero runs.
     own = np.full(len(points), np.nan) if fits is None else np.zeros(len(points))
     if fits is not None and fits.has_zero:
-        zero = float(np.average([s.beta[0] for s in fits.offset.fit.states], weights=fits.offset.fit.weights))
+        of_offset = fits.offset.fit
+        zero = float(np.average([state.beta[0] for state in of_offset.states], weights=of_offset.weights))
         order = fits.offset.data.order
         at = np.argsort(order, kind="stable")
         own = points["offset_n"] - zero - np.interp(points["order"], order[at], fits.offset.drift.mean[at])

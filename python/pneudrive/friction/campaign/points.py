@@ -337,7 +337,8 @@ class CurvePoints(CycleTable):
             n: np.array([self[n][g].mean() for g in groups]) for n in ("speed_m_s", "friction_n", "offset_n", "air_n")
         }
         for name in (f"{n}_stderr_n" for n in ("friction", "offset", "air", "total")):
-            means[name] = np.array([np.sqrt(np.sum(self[name][g] ** 2)) / g.size for g in groups])
+            members = (self[name][group] for group in groups)
+            means[name] = np.array([np.sqrt(np.sum(stderr**2)) / stderr.size for stderr in members])
         of_level = self.level_speeds_m_s
         return replace(
             self.at(middle).having(**means, level=self["level"][middle] // speeds),
@@ -377,7 +378,9 @@ class CurvePoints(CycleTable):
         levels = [members & (self["level"] == k) for k in sorted(set(self["level"][members]))]
         speeds = np.array([self["speed_m_s"][level].mean() for level in levels])
         counts = np.array([self.count[level].sum() for level in levels], dtype=np.int64)
-        between = np.geomspace(speeds[0], speeds[-1], BETWEEN + 2)[1:-1] if speeds.size > 1 else np.zeros(0)
+        between = np.zeros(0)
+        if speeds.size > 1:
+            between = np.geomspace(speeds[0], speeds[-1], BETWEEN + 2)[1:-1]
         apart = np.abs(between[:, None] / speeds - 1.0).min(axis=1) > SAME_SPEED / 2.0
         every = np.concatenate([speeds, between[apart]])
         cycles = np.concatenate([counts, np.zeros(every.size - speeds.size, dtype=np.int64)])
@@ -428,7 +431,13 @@ def _stretches(points: CurvePoints) -> Ints:
     return np.array(found, dtype=np.int64)
 
 
-def grouped(place: Ints, stretch: Ints, level: Ints, rows: int, most: int) -> tuple[list[list[int]], int]:
+def grouped(
+    place: Ints,
+    stretch: Ints,
+    level: Ints,
+    rows: int,
+    most: int,
+) -> tuple[list[list[int]], int]:
     """Group successive cycles with the same condition and level in the same part of the campaign.
 
     If there are very many groups, neighbouring parts of the campaign with the same levels are merged, then neighbouring

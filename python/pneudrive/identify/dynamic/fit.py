@@ -544,7 +544,8 @@ def _slope(reversal: Array, step: float) -> Pair | None:
     if stop < LEAST_SAMPLES or reversal[0, stop - 1] < 2.0 * step:
         return None
     x, f, v = reversal[:, :stop]
-    sizes = np.array([f.max(), f.max() ** 2, max(np.abs(v).max(), 1e-12), 1.0])
+    force, speed = f.max(), max(np.abs(v).max(), 1e-12)
+    sizes = np.array([force, force**2, speed, 1.0])
     design = np.stack([f, f**2, v, np.ones_like(f)], axis=1) / sizes
     b, _, d, _ = np.linalg.lstsq(design, x, rcond=1e-8)[0] / sizes
     return (1.0 / b, -d / b) if b > 0.0 else None

@@ -188,7 +188,8 @@ class FittedRecording:
             steps[values.size] = COMMAND_STEPS["delay"]
         for k, step in steps.items():
             change = step * (np.arange(at.size) == k)
-            both = (self._shoot(self.family.core(x[:-1]), initial, x[-1]) for x in (at + change, at - change))
+            ends = at + change, at - change
+            both = (self._shoot(self.family.core(x[:-1]), initial, x[-1]) for x in ends)
             after, before = ((run["values"], run["ends"]) for run in both)
             by_values, by_ends = ((b - a) / (2.0 * step) for a, b in zip(before, after, strict=True))
             out.append((k if k < values.size else len(self.family.paths), by_values, by_ends))
@@ -331,7 +332,14 @@ class FitProblem:
         for i, (experiment, residual) in enumerate(zip(self.experiments, residuals, strict=True)):
             yield from ((i, c, residual[good, c]) for c, good in enumerate(experiment.weight.T > 0.0))
 
-    def run(self, point: Iterate, stage: str, *, derivatives: bool = True, reset: bool = False) -> list[Shot]:
+    def run(
+        self,
+        point: Iterate,
+        stage: str,
+        *,
+        derivatives: bool = True,
+        reset: bool = False,
+    ) -> list[Shot]:
         """Run all recordings.
 
         Parameters

@@ -471,7 +471,9 @@ def solution(problem: FitProblem, at: Joined) -> Solved:
     power, axes = np.linalg.eigh(matrix / np.outer(scale, scale))
     good = power > SINGULAR_SHARE**2 * max(power[-1], 1e-300)
     inverse = (axes[:, good] / power[good]) @ axes[:, good].T / np.outer(scale, scale)
-    inflation = {(i, c): (float(np.mean(r**2)), correlation_time(r)) for i, c, r in problem.valid(at.residuals)}
+    inflation = {}
+    for i, channel, residual in problem.valid(at.residuals):
+        inflation[i, channel] = float(np.mean(residual**2)), correlation_time(residual)
     measured = int(sum(e.weight.sum() for e in problem.experiments))
     freedom = max(measured - size - sum(s.shape[1] for s in at.point.states), 1)
     return Solved(problem, at, freedom, slopes, inverse, axes[:, ~good].T, inflation)

@@ -156,7 +156,8 @@ def straight_lines(time_s: Array, position_m: Array, tolerance_m: float) -> NDAr
         if b - a < 2:
             continue
         slope = (position_m[b] - position_m[a]) / (time_s[b] - time_s[a])
-        off = np.abs(position_m[a + 1 : b] - position_m[a] - slope * (time_s[a + 1 : b] - time_s[a]))
+        inside = slice(a + 1, b)
+        off = np.abs(position_m[inside] - position_m[a] - slope * (time_s[inside] - time_s[a]))
         worst = int(np.argmax(off))
         if off[worst] > tolerance_m:
             at = a + 1 + worst
@@ -377,7 +378,8 @@ class DrivenCircuit:
         columns = [f"{self.piston}.{side}.pressure_pa" for side in SIDES]
         found = self._recorded(_core.Circuit(form), record, start, until, columns)
         pressures = np.array([found[column] for column in columns])
-        return np.pad(pressures, ((0, 0), (0, record.grid_s.size - pressures.shape[1])), constant_values=np.nan)
+        missing = record.grid_s.size - pressures.shape[1]
+        return np.pad(pressures, ((0, 0), (0, missing)), constant_values=np.nan)
 
     def trajectory(self, record: DrivenRecording) -> Columns:
         """Return all columns of a run along a recording, at its grid of times.

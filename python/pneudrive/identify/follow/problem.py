@@ -92,7 +92,8 @@ class FollowProblem:
         record, walls = self.records[at], self.driven.wall_k
         first = record.pressures_pa[:, :3].mean(axis=1)
         start = np.r_[first * np.exp(local[:2]), walls["a"] + local[2], walls["b"] + local[3]]
-        return self.driven.run(form, record, start, min(float(record.grid_s[-1]), self.parts[at][1]))
+        until = min(float(record.grid_s[-1]), self.parts[at][1])
+        return self.driven.run(form, record, start, until)
 
     def shown(self, at: int, raw: Array, delay_s: float) -> Array:
         """Return the simulated sensor readings, with the delay; NaN outside the run."""
@@ -170,14 +171,16 @@ class FollowSolution:
     @property
     def values(self) -> NamedNumbers:
         """Shared parameters by name, SI."""
-        return {n.name: float(np.exp(log)) for n, log in zip(self.problem.numbers, self.point.shared, strict=True)}
+        shared = zip(self.problem.numbers, self.point.shared, strict=True)
+        return {number.name: float(np.exp(log)) for number, log in shared}
 
     @property
     def intervals(self) -> dict[str, Interval]:
         """95 % intervals of the shared parameters, for the model of this solution."""
         halves = map(self.deviation, range(len(self.point.shared)))
         every = zip(self.problem.numbers, self.point.shared, halves, strict=True)
-        return {n.name: (float(np.exp(log - half)), float(np.exp(log + half))) for n, log, half in every}
+        ends = {number.name: (log - half, log + half) for number, log, half in every}
+        return {name: (float(np.exp(low)), float(np.exp(high))) for name, (low, high) in ends.items()}
 
     def deviation(self, place: int) -> float:
         """Return the half width of the 95 % interval of a number, or of the logarithm of a shared number."""

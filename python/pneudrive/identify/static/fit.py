@@ -143,7 +143,8 @@ def _ranges(data: sliding.Observations) -> dict[str, list[float]]:
     """Return the lowest and highest speed and gauge pressures, and the speeds. Outside, the fit is an extrapolation."""
     columns = {"speed_m_s": data.speed_m_s, "gauge_a_pa": data.gauge_a_pa, "gauge_b_pa": data.gauge_b_pa}
     levels = {"speed_levels_m_s": [low for low, _ in distinct_levels(data.speed_m_s)]}
-    return {n: [float(values.min()), float(values.max())] for n, values in columns.items() if values.size} | levels
+    known = {name: values for name, values in columns.items() if values.size}
+    return {name: [float(values.min()), float(values.max())] for name, values in known.items()} | levels
 
 
 def _remarks(found: RobustEstimate) -> Iterator[str]:

@@ -99,7 +99,8 @@ class Observations:
 
 def at_conditions(*conditions: ArrayLike) -> Observations:
     """Return rows without friction values at the given speeds and gauge pressures (broadcast), to evaluate a law."""
-    speed, a, b = (x.ravel() for x in np.broadcast_arrays(*(np.asarray(x, dtype=float) for x in conditions)))
+    alike = np.broadcast_arrays(*(np.asarray(values, dtype=float) for values in conditions))
+    speed, a, b = (values.ravel() for values in alike)
     one = np.ones(speed.size)
     return Observations(speed, one, one, a, b, 0.0 * one, np.zeros(one.size, np.int64))
 
@@ -613,7 +614,12 @@ def _pairs(column: dict[str, NDArray], keep: Bools) -> Ints:
     return np.array(pairs, dtype=np.int64).reshape(-1, 2)
 
 
-def _standard_errors(column: dict[str, NDArray], pairs: Ints, friction: Array, speed: Array) -> tuple[Array, list[str]]:
+def _standard_errors(
+    column: dict[str, NDArray],
+    pairs: Ints,
+    friction: Array,
+    speed: Array,
+) -> tuple[Array, list[str]]:
     """Return the standard error of each value; both rows of a pair state the same error."""
     with np.errstate(invalid="ignore"):
         stated = np.sqrt(np.mean(column["stderr_n"][pairs] ** 2, axis=1))

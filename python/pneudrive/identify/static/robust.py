@@ -102,12 +102,14 @@ class RobustEstimate:
 
         The density is normal for a quadratic loss.
         """
-        return 2.0 * (self.cost + len(self.data) * np.log(self.scale) + np.sum(np.log(self.data.stderr_n)))
+        scales = len(self.data) * np.log(self.scale)
+        return 2.0 * (self.cost + scales + np.sum(np.log(self.data.stderr_n)))
 
     @property
     def pseudo_cost(self) -> float:
         """Sum of squares of the pseudo-values about the model."""
-        return float(np.sum(((self.pseudo - self.model.value(self.q, self.data)) / self.data.stderr_n) ** 2))
+        residual = self.pseudo - self.model.value(self.q, self.data)
+        return float(np.sum((residual / self.data.stderr_n) ** 2))
 
     @property
     def covariance(self) -> Array:

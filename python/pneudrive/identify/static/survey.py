@@ -189,7 +189,8 @@ class Survey(Shown):
             away = drift - near @ one.columns
             off = away @ change[..., None] + (near @ one.rest)[..., None]
             value[i] = mean * (1.0 + off[..., 0])
-            spread = roughness**2 * own + (BETWEEN_RUNS**2)[:, None, None] - np.sum(near * link[:, None], axis=-1)
+            explained = np.sum(near * link[:, None], axis=-1)
+            spread = roughness**2 * own + (BETWEEN_RUNS**2)[:, None, None] - explained
             spread = spread + np.sum((away @ inverse) * away, axis=-1)
             variance[i] = mean**2 * ((SCATTER**2)[:, None] + np.maximum(spread, 0.0))
         return value, variance
@@ -197,7 +198,8 @@ class Survey(Shown):
     def _borrowed(self, one: Surveyed, at: Observations) -> ArrayPair:
         """Predict friction of a seal measured at one pressure, by the ratio between pressures of the other seals."""
         here = at_conditions(at.speed_m_s, *(gauge.mean() for gauge in one.data.gauges_pa))
-        both = ([self._most_likely(s, x) for x in (at, here)] for s in self.seals.values() if s.model.chambers)
+        dependent = (seal for seal in self.seals.values() if seal.model.chambers)
+        both = ([self._most_likely(seal, x) for x in (at, here)] for seal in dependent)
         ratios = [there / near for there, near in both]
         others = [ratio for ratio in ratios if (ratio > 0.0).all()]
         if len(others) < LEAST_FREEDOM:
@@ -288,7 +290,12 @@ def _posterior(logs: Columns) -> tuple[Columns, Array]:
     return weights, joint.sum(axis=-1)
 
 
-def _surveyed(name: str, data: Observations, runs: tuple[str, ...], options: Mapping[str, object]) -> Surveyed | str:
+def _surveyed(
+    name: str,
+    data: Observations,
+    runs: tuple[str, ...],
+    options: Mapping[str, object],
+) -> Surveyed | str:
     """Fit one seal, or return the reason why it is left out."""
     wide = float(data.speed_m_s.max() / data.speed_m_s.min()) >= SPEED_SPAN
     wanted = FrictionModel("stribeck" if wide else "coulomb", viscous=wide)

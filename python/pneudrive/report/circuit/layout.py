@@ -233,7 +233,8 @@ def _plain(entry: Keyed) -> tuple[list[Shape], list[Place]]:
     least = [2 * len(sides[side]) + 2 for side in ("up", "down")]
     width = max(6, math.ceil(text_width(title, TEXT_PT) + 2 * names) + 2, *least)
     width, height = width + width % 2, max(4, 2 * len(sides["right"]) + 2)
-    strokes = [Shape("line", ((0, 0), (0, height), (width, height), (width, 0), (0, 0)))]
+    corners = (0, 0), (0, height), (width, height), (width, 0), (0, 0)
+    strokes = [Shape("line", corners)]
     strokes.append(Shape("text", ((0.5 * width, 0.5 * height),), size=TEXT_PT, text=title))
     places: dict[str, Place] = {}
     for side, ports in sides.items():
@@ -258,8 +259,8 @@ def bounds(points: Iterable[Point], room: float = 0.0) -> Box:
 
 def _side(place: Place, box: Box) -> str:
     """Return the side of a symbol with a given port."""
-    x, y = place
-    away = {"left": x - box[0], "down": y - box[1], "right": box[2] - x, "up": box[3] - y}
+    (x, y), (left, low, right, high) = place, box
+    away = {"left": x - left, "down": y - low, "right": right - x, "up": high - y}
     return min(away, key=lambda side: (away[side], side not in ("down", "up")))
 
 
@@ -540,7 +541,8 @@ def _put_beside(names: Sequence[str], beside: Beside, placed: Placed) -> None:
 def _group_extent(names: Sequence[str], beside: Beside, placed: Placed) -> Interval:
     """Return the extent of a block to the left and right of its origin, including its neighbours."""
     own = placed[names[0]]
-    widths = (max(placed[name].box[2] - placed[name].box[0] + 4 for name in c) for c in _columns(names, beside))
+    boxes = ([placed[name].box for name in column] for column in _columns(names, beside))
+    widths = (max(box[2] - box[0] + 4 for box in column) for column in boxes)
     marked = 1.0 if own.marks else 0.0
     return own.box[0] - marked, own.box[2] + sum(widths) + marked
 
@@ -573,7 +575,12 @@ def _is_supply(ports: Sequence[Port]) -> bool:
     return any(port.holds == "pressure" for port in ports) or (len(ports) == 1 and ports[0].is_single)
 
 
-def _behind(name: str, ports: Mapping[str, Sequence[object]], wiring: Wiring, known: Mapping[str, int]) -> int | None:
+def _behind(
+    name: str,
+    ports: Mapping[str, Sequence[object]],
+    wiring: Wiring,
+    known: Mapping[str, int],
+) -> int | None:
     """Return the rank of a component at an exhaust: below the component that exhausts."""
     for port in ports[name]:
         joint: Joint | None = wiring.at.get(port)  # type: ignore[call-overload]
@@ -665,8 +672,8 @@ def _range(block: Block, axis: int) -> str:
 
 
 def _overlap(one: Block, other: Block) -> bool:
-    a, b = one.rectangle(), other.rectangle()
-    return all(a[axis] - 1 < b[axis + 2] and b[axis] - 1 < a[axis + 2] for axis in (0, 1))
+    (left, low, right, high), b = one.rectangle(), other.rectangle()
+    return left - 1 < b[2] and b[0] - 1 < right and low - 1 < b[3] and b[1] - 1 < high
 
 
 #: Factors on the room between blocks, tried in turn until all lines have a path.

@@ -196,7 +196,12 @@ class Protection:
         server.set_certificate_validator(self.validate)
 
 
-def make_certificate(folder: Path, name: str, hosts: list[str] | None = None, days: int = 365) -> tuple[Path, Path]:
+def make_certificate(
+    folder: Path,
+    name: str,
+    hosts: list[str] | None = None,
+    days: int = 365,
+) -> tuple[Path, Path]:
     """Make a self-signed certificate and its key for an OPC UA application, client or server.
 
     Parameters

@@ -316,9 +316,11 @@ def over_pressure(data: PaperFigure) -> Figure:
 def stop(data: PaperFigure) -> Figure:
     """Draw figure 9: friction through one stop over time, around the restart over travel, and peaks over speed."""
     c = data.columns
-    around = c["friction_n"][(c["time_s"] > -1.0) & (c["time_s"] < c["time_s"][-1] - 1.0)]  # without the turns
-    span = float(np.ptp(around))
-    ends: dict[str, Any] = {"low": float(around.min()) - 0.35 * span, "high": float(around.max()) + 0.1 * span}
+    time_s = c["time_s"]
+    around = c["friction_n"][(time_s > -1.0) & (time_s < time_s[-1] - 1.0)]  # without the turns
+    low, high = float(around.min()), float(around.max())
+    span = high - low
+    ends: dict[str, Any] = {"low": low - 0.35 * span, "high": high + 0.1 * span}
     top = int(np.argmax(c["friction_n"]))
     travel = np.abs(c["position_m"] - c["position_m"][int(np.searchsorted(c["time_s"], 1.0))])
     after, dots = slice(max(top - 40, 0), None), Look("black", "-", ".")

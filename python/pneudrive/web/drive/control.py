@@ -248,7 +248,12 @@ def _about(prepared: Prepared, run: Run) -> Plain:
     }
 
 
-def _assumed(title: str, about: Keyed, notes: tuple[str, ...] = (), tables: Iterable[ShownTable] = ()) -> Plain:
+def _assumed(
+    title: str,
+    about: Keyed,
+    notes: tuple[str, ...] = (),
+    tables: Iterable[ShownTable] = (),
+) -> Plain:
     """Return the drive that the laws assume, their gains and their limits as the data of a view."""
     shown = (
         ShownTable("Gains", ("law", "gain", "value", "meaning", "follows from"), tuple(gain_rows(about["laws"]))),

@@ -271,7 +271,9 @@ def _written_as(document: tomlkit.TOMLDocument, key: str) -> list[str]:
         return names
     lists = {name: table.get("copies") for name, table in own.items() if isinstance(table, dict)}
     many = [name for name, copies in lists.items() if isinstance(copies, list) and names[1] in copies]
-    return [names[0], many[0], *names[2:]] if many else str(expanded(tables, Problems()).located(key)).split(".")
+    if many:
+        return [names[0], many[0], *names[2:]]
+    return str(expanded(tables, Problems()).located(key)).split(".")
 
 
 def shown_file(workspace: Workspace, path: str, checked: str = "") -> Plain:

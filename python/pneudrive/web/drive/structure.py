@@ -208,7 +208,8 @@ class CircuitText:
             at = [place for place, word in enumerate(words) if word.partition(".")[0] == name]
             if not at:
                 continue
-            if len(words) > 2 and len(at) == 1 and 0 < at[0] < len(words) - 1 and words[at[0]] == name:
+            is_inside = len(at) == 1 and 0 < at[0] < len(words) - 1
+            if is_inside and words[at[0]] == name:
                 self._chains[number] = f" {ARROW} ".join(word for word in words if word != name)
             else:
                 self._put(number, chain, sorted({0, *at, *(place + 1 for place in at), len(words)}))

@@ -127,7 +127,8 @@ def drawn_map(path: Path, fit_name: str = FIT) -> Plain:
     """
     table, groups, fits, why = _drawn_groups(path, fit_name)
     ends = np.abs(table["velocity_m_s"].to_numpy())
-    speeds = np.geomspace(ends.min(), ends.max(), SPEEDS) if ends.min() < ends.max() else ends[:1]
+    slowest, fastest = ends.min(), ends.max()
+    speeds = np.geomspace(slowest, fastest, SPEEDS) if slowest < fastest else ends[:1]
     curves = Counter[str]()
     for group in groups:
         fit = fits.get(group["assembly"])
@@ -195,7 +196,8 @@ def map_slice(workspace: Workspace, path: str, fit: str, speed: Literal["all"] |
                 band = _band(fits[name], np.full(SPEEDS, speed_m_s), *pair)
                 group["curve"] = {"gauge": over.tolist(), "measured": [min(known), max(known)], **band}
                 file = fit_file(name) if len(names) > 1 else fit_name
-                levels.append((join(dirname(path), file), speed_m_s, other, float(reach.min()), float(reach.max())))
+                ends = float(reach.min()), float(reach.max())
+                levels.append((join(dirname(path), file), speed_m_s, other, *ends))
     ends = ", ".join([f"np.linspace(low, high, {SPEEDS})", "other"][:: 1 - 2 * along])
     lines = python("slice", other="ba"[along], along="ab"[along], levels=levels, ends=ends) if levels else ""
     return {"chamber": "ab"[along], "groups": groups, "python": lines}

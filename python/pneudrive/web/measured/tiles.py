@@ -165,8 +165,11 @@ class Pyramid:
                 return begins, low, about
         edges = _edges(begins, span, pixels)
         starts = edges[:-1]
-        found = {name: (np.fmin.reduceat(low[name], starts), np.fmax.reduceat(high[name], starts)) for name in channels}
-        return *_with_gaps(begins[starts], ends[edges[1:] - 1], (span[1] - span[0]) / pixels, found), about
+        found = {}
+        for name in channels:
+            found[name] = np.fmin.reduceat(low[name], starts), np.fmax.reduceat(high[name], starts)
+        last, width = edges[1:] - 1, (span[1] - span[0]) / pixels
+        return *_with_gaps(begins[starts], ends[last], width, found), about
 
 
 def _with_gaps(
@@ -192,7 +195,8 @@ def _with_gaps(
     at = np.concatenate([2 * before, np.repeat(2 * across + 2, 3)])
     middles = begins + 0.5 * np.minimum(ends - begins, width)
     again = np.column_stack([middles[across], ends[across], ends[across]]).ravel()
-    time = np.insert(np.column_stack([begins, middles]).ravel(), at, np.concatenate([ends[before - 1], again]))
+    times = np.column_stack([begins, middles]).ravel()
+    time = np.insert(times, at, np.concatenate([ends[before - 1], again]))
     channels = {}
     for name, pair in found.items():
         line, own = np.column_stack(pair).ravel(), [one[across] for one in pair]
@@ -216,8 +220,10 @@ def drawn_columns(columns: Columns, pixels: int) -> Columns:
     sent = np.column_stack([time[starts], time[(starts + edges[1:]) // 2]]).ravel()
     values = {name: column for name, column in columns.items() if name != "time_s"}
     rows = np.searchsorted(time, sent)
-    ends = (np.fmin, np.fmax)
-    drawn = {name: np.stack([end.reduceat(own, starts) for end in ends], 1).ravel() for name, own in values.items()}
+    drawn = {}
+    for name, own in values.items():
+        ends = np.fmin.reduceat(own, starts), np.fmax.reduceat(own, starts)
+        drawn[name] = np.stack(ends, 1).ravel()
     return {"time_s": sent, **drawn, **{f"{name}/at": own[rows] for name, own in values.items()}}
 
 

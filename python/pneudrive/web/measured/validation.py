@@ -105,7 +105,12 @@ def _suspects(drive: Drive | None, diagnosis: Keyed) -> list[Plain]:
     return fields
 
 
-def _values(inputs: list[Edge], drive: Drive | None, recordings: Mapping[str, str], identified: Keyed) -> list[Plain]:
+def _values(
+    inputs: list[Edge],
+    drive: Drive | None,
+    recordings: Mapping[str, str],
+    identified: Keyed,
+) -> list[Plain]:
     """Return the values of the drive with their sources; without the drive, return the identified values."""
     known = identified if drive is None else {key: one.to_dict() for key, one in drive.provenance.items()}
     out: list[Plain] = [
@@ -213,7 +218,8 @@ def _changed(drive: Any, changes: Plain, signals: Signals) -> tuple[dict[str, fl
 def _labels(*paths: PurePosixPath) -> tuple[str, str]:
     """Return distinguishable short names of two files: names of seals for fits, otherwise of files or folders."""
     ways = ([path.stem.removeprefix("fit-") for path in paths], [path.parent.name for path in paths])
-    return next(((a, b) for a, b in ways if a != b), (str(paths[0]), str(paths[1])))
+    whole = str(paths[0]), str(paths[1])
+    return next(((a, b) for a, b in ways if a != b), whole)
 
 
 def _measured(workspace: Workspace, path: str, look: Look, chamber: str) -> Iterator[Markers]:
@@ -245,7 +251,9 @@ def compared(workspace: Workspace, before: str, after: str) -> Plain:
     names = (before, after)
     sources = [load_at(workspace, name) for name in names]
     texts = [source.to_toml().splitlines() for source in sources if isinstance(source, Drive | Circuit)]
-    lines = list(difflib.unified_diff(texts[0], texts[1], before, after, n=1, lineterm="")) if len(texts) == 2 else []
+    lines: list[str] = []
+    if len(texts) == 2:
+        lines = list(difflib.unified_diff(texts[0], texts[1], before, after, n=1, lineterm=""))
     labels = _labels(*map(PurePosixPath, names))
     found = compare_results(sources[0], sources[1], labels)
     figure = found.figure() if found.curves else None
@@ -254,7 +262,8 @@ def compared(workspace: Workspace, before: str, after: str) -> Plain:
         marks = [_measured(workspace, *each, chamber) for each in zip(names, COMPARED, strict=True)]
         first = figure.panels[0]
         assert first is not None  # the laws of both fits
-        figure = replace(figure, panels=[replace(first, marks=[*first.marks, *chain(*marks)]), *figure.panels[1:]])
+        first = replace(first, marks=[*first.marks, *chain(*marks)])
+        figure = replace(figure, panels=[first, *figure.panels[1:]])
     caption = f"{labels[0]}, {labels[1]} and their difference, with 95 % bands."
     return {
         "names": labels,

@@ -151,7 +151,9 @@ def steady_part(recording: Recording, part: slice) -> slice:
     inner = np.flatnonzero((share > 0.2) & (share < 0.8))
     if inner.size < FEWEST or time_s[inner[-1]] <= time_s[inner[0]]:
         return slice(part.start, part.start + n)
-    usual = float((position_m[inner[-1]] - position_m[inner[0]]) / (time_s[inner[-1]] - time_s[inner[0]]))
+    ends = inner[[0, -1]]
+    (way_m,), (lasts_s,) = np.diff(position_m[ends]), np.diff(time_s[ends])
+    usual = float(way_m / lasts_s)
     steady = np.flatnonzero(np.abs(speed_of(time_s, position_m, abs(usual)) - usual) < STEADY * abs(usual))
     first, last = (steady[0], steady[-1]) if steady.size >= FEWEST else (0, n - 1)
     return slice(part.start + int(first), part.start + int(last) + 1)
@@ -478,7 +480,8 @@ def recover(bins: Array, running_stderr_n: float, speed_m_s: float) -> Row:
 
     def at(lengths: Array) -> Scan:
         decay = np.exp(-s / lengths[:, None])
-        return Scan(lengths[:, None], np.stack([decay, np.ones_like(decay)], axis=2) / sigma[:, None], y / sigma)
+        design = np.stack([decay, np.ones_like(decay)], axis=2)
+        return Scan(lengths[:, None], design / sigma[:, None], y / sigma)
 
     found = refined(at, coarse, LENGTHS, lambda one: one.rise(freedom, 1.0))
     lengths = found.shape[:, 0]
@@ -487,7 +490,8 @@ def recover(bins: Array, running_stderr_n: float, speed_m_s: float) -> Row:
     best, cost, (drop, left) = found.best, found.cost[found.best], found.coefficient[found.best].tolist()
     rest = y - drop * np.exp(-s / lengths[best]) - left
     strange = cost > freedom + 3.0 * np.sqrt(2.0 * freedom)
-    value, low, high, seen = float(back[best]), float(inside.min()), float(inside.max()), float(s[-1])
+    value, seen = float(back[best]), float(s[-1])
+    low, high = float(inside.min()), float(inside.max())
     if strange and rms(rest) > MISFIT * start:
         value, low, high = _by_bins(s, y - left, sigma)
     complete = high <= seen
@@ -575,7 +579,8 @@ def relax(time_s: Array, friction_n: Array) -> Row:
 def _forms(time: Array, force: Array, variance: Array) -> Row:
     # Slow noise that bins share is not in the samples' noise: least variance from a cubic in log time.
     u = np.log10(time)
-    design = np.vander((u - u.mean()) / max(np.ptp(u), 1e-9), min(6, max(u.size - 3, 1)))
+    scaled, terms = (u - u.mean()) / max(np.ptp(u), 1e-9), min(6, max(u.size - 3, 1))
+    design = np.vander(scaled, terms)
     w = 1.0 / np.sqrt(variance)
     rest = (force - design @ np.linalg.lstsq(design * w[:, None], force * w, rcond=None)[0]) ** 2
     slow = max(rest.sum() / max(u.size - design.shape[1], 1) - variance.mean(), 0.0)

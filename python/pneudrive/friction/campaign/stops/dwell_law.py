@@ -262,7 +262,8 @@ def fit_contact_age(
         if seen.sum() >= FEWEST_STOPS:
             distance = np.array([np.mean(lengths(t)) for t in times])
         both = zip(times, distance, strict=True)
-        aged = np.array([form.psi(dwell, t, exponent) - form.psi(length / speed, t, exponent) for t, length in both])
+        gained = (form.psi(dwell, t, exponent) - form.psi(length / speed, t, exponent) for t, length in both)
+        aged = np.array(list(gained))
         return Scan(np.column_stack([times, distance]), aged[:, :, None] * columns, increment)
 
     freedom = max(len(stops) - columns.shape[1] - 1, 1)
@@ -436,7 +437,9 @@ def _series(stops: pl.DataFrame, ambient: float) -> DwellSeries:
     time, running, direction = (used[name].to_numpy().copy() for name in ("began_s", "running_n", "direction"))
     for own in (direction == d for d in set(direction.tolist())):
         running[own] -= running[own].mean()
-    slope = np.polyfit((time - time.mean()) / np.ptp(time), running, 1)[0] if np.ptp(time) != 0 else 0.0
+    span_s, slope = np.ptp(time), 0.0
+    if span_s != 0:
+        slope = np.polyfit((time - time.mean()) / span_s, running, 1)[0]
     drift = abs(slope) / 2.0 / max(abs(series.running_n), 1e-9)
     drift_n = drift * np.ptp(used["increment_n"].to_numpy())
     curve = dwell_models.fit_curve(used, tuple(enough), drift_n)
