@@ -1,4 +1,4 @@
-"""Binary formats read by libraries written in C, in a process of its own. Parquet is read by `pneudrive.files.tables`.
+"""Binary formats read by libraries written in C, in a separate process. Parquet is read by `pneudrive.files.tables`.
 
 `pneudrive.files.tables` starts the process, and sends requests over a pipe. A damaged file can affect only this
 process. An exception is returned as answer. After a crash, a timeout or exhausted memory, the client starts another
