@@ -449,3 +449,11 @@ def test_a_wrong_value_is_found_under_its_name_of_before(tmp_path):
     line = 1 + text.splitlines().index('conductance = "-1 dm3/(s bar)"')
     with pytest.raises(DescriptionError, match=f"circuit.toml:{line}"):
         pn.Circuit.load(path)
+
+
+def test_a_copy_with_other_fields_computes_what_follows_from_them_again():
+    circuit = pn.Circuit.load(EXAMPLE)
+    wanted = circuit.replace({"ambient.pressure": "0.9 bar abs"})
+    assert circuit.assumed() != wanted.assumed()
+    copied = circuit.model_copy(update={"ambient": wanted.ambient})
+    assert (copied.assumed(), copied.system) == (wanted.assumed(), wanted.system)

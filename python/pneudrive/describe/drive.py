@@ -59,6 +59,7 @@ class Drive(DescribedSystem):
 
     #: Name of the kind of file.
     file_kind: ClassVar[str] = "drive"
+    derived: ClassVar = (*DescribedSystem.derived, "circuit")
 
     name: str = "unnamed drive"
     supply: Supply
@@ -229,13 +230,6 @@ class Drive(DescribedSystem):
     def meanings(self) -> dict[str, str]:
         """Meaning of the additional trajectory columns of a drive with lines, by name."""
         return {} if self.is_plain else self.circuit.meanings
-
-    def model_copy(self, *, update: Any = None, deep: bool = False) -> Drive:  # noqa: ANN401 - pydantic's signature
-        """Copy the drive without its cached values, because `update` may make them wrong."""
-        copy = super().model_copy(update=update, deep=deep)
-        for cached in ("system", "circuit", "description_hash", "assumptions"):
-            vars(copy).pop(cached, None)
-        return copy
 
     @cached_property
     def description_hash(self) -> str:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import re
 from functools import cached_property, lru_cache
-from typing import TYPE_CHECKING, ClassVar, NamedTuple
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
 from pneudrive import _core
 from pneudrive.describe.base import DescribedFile, inline, key_of
@@ -15,6 +15,8 @@ from pneudrive.lazy_names import upper
 from pneudrive.references import entries as references
 
 if TYPE_CHECKING:
+    from typing_extensions import Self
+
     from pneudrive.arrays import Keyed, Plain
     from pneudrive.describe.files.sourced import Value
     from pneudrive.describe.tables.starts import StartState
@@ -142,10 +144,19 @@ class DescribedSystem(DescribedFile):
     #: Prefix of component names in the keys of the file.
     key_prefix: ClassVar[str] = ""
     picture: ClassVar[str] = "circuit_svg"
+    #: Cached values that follow from the fields.
+    derived: ClassVar[tuple[str, ...]] = ("system", "description_hash", "assumptions")
 
     name: str
     gas: Gas = Gas()
     ambient: Ambient = Ambient()
+
+    def model_copy(self, *, update: Any = None, deep: bool = False) -> Self:  # noqa: ANN401 - pydantic's signature
+        """Copy without derived values, because `update` may make them wrong."""
+        copy = super().model_copy(update=update, deep=deep)
+        for name in self.derived:
+            vars(copy).pop(name, None)
+        return copy
 
     @cached_property
     def system(self) -> System:

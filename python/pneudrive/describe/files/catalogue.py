@@ -256,7 +256,7 @@ class _Sources(Described):
     sources: dict[str, SourceTable] = Field(default_factory=dict)
 
 
-class _OneEntry(Entry, _Sources):
+class SingleEntry(Entry, _Sources):
     """File of one entry."""
 
 
@@ -275,7 +275,7 @@ def _read_at(path: Path, _changed: int) -> tuple[Entry, ...]:
             file = _Parts.model_validate(tables)
             parts = {f"part.{number}.": one for number, one in enumerate(file.part)}
         else:
-            file = _OneEntry.model_validate({"name": path.stem} | tables)
+            file = SingleEntry.model_validate({"name": path.stem} | tables)
             parts = {"": file}
         found = [problems.take(_sourced, one, at, file.sources) for at, one in parts.items()]
         problems.tell()
