@@ -60,7 +60,10 @@ def _speed_with_pressure(found: Characterisation) -> float:
 
 def _stick_slip_note(level: Level) -> str:
     columns = ("period_s", "step_m", "peak_speed_m_s", "mean_speed_m_s", "stuck_share")
-    found = [[getattr(s, name) for name in columns] for s in level.stick_slip if s.found]
+    slips = [row.slip for row in level.table.rows if row.means and row.slip]
+    # Behind a soft sensor the piston may stick and slip while the axis moves evenly.
+    sliding = [axis for axis, _ in slips if axis.found] or [piston for _, piston in slips if piston and piston.found]
+    found = [[getattr(one, name) for name in columns] for one in sliding]
     period_s, step_m, peak_m_s, mean_m_s, stuck = np.median(found, axis=0).tolist()
     speeds = {"peak_mm_s": 1e3 * peak_m_s, "mean_mm_s": 1e3 * mean_m_s, "stuck": 100 * stuck}
     return sentence("note.stick_slip", name=level.recording, period_s=period_s, step_mm=1e3 * step_m, **speeds)
