@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import json
+import math
 import shlex
 import threading
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from html.parser import HTMLParser
 from pathlib import Path
 from typing import Any
@@ -42,6 +43,13 @@ DRAWS = {"draws": 8, "draws_best": 16}
 @pytest.fixture(scope="module")
 def found() -> SizingResult:
     return size(TASK, **DRAWS)
+
+
+def test_a_number_that_is_infinite_is_read_back(found: SizingResult, tmp_path: Path):
+    """Where up to 1 % of the samples do not run to their end, the mean air is infinite; its file has null."""
+    best = replace(found.ranked[0], air=math.inf)
+    replace(found, ranked=(best, *found.ranked[1:])).save(tmp_path)
+    assert SizingResult.load(tmp_path).ranked[0].air == math.inf
 
 
 def test_the_best_of_full_enumeration_is_found_and_margins_are_monotone(found: SizingResult):

@@ -9,9 +9,10 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
 import numpy as np
+from pydantic import BeforeValidator
 
 from pneudrive.arrays import Interval
 from pneudrive.constants import ANR_LITRES_PER_KG, STANDARD_GRAVITY_M_S2, USUAL_PEAK_PA
@@ -26,6 +27,9 @@ if TYPE_CHECKING:
     from pneudrive.arrays import Array, Bools, NamedNumbers
     from pneudrive.sizing.task import SizingTask
 
+
+#: A number that may be infinite: a file then has null.
+Number = Annotated[float, BeforeValidator(lambda value: math.inf if value is None else value)]
 
 # --- Whether drives meet a task: margins in each sample, the worst 1 %, and the probability with its bound.
 
@@ -218,7 +222,7 @@ class MachineCheck(NamedTuple):
     """
 
     name: str
-    value: float
+    value: Number
     limit: float | None
     unit: str
     is_kept: bool | None
@@ -429,18 +433,18 @@ class SizedDrive:
     draws: int
     met: int
     probability_bound: float
-    time_out: float
-    time_back: float
-    end_speed: float
-    energy: float
-    peak_pressure: float
-    air: float
+    time_out: Number
+    time_back: Number
+    end_speed: Number
+    energy: Number
+    peak_pressure: Number
+    air: Number
     margins: Mapping[str, float]
-    worst: Mapping[str, tuple[float, float, str]]
+    worst: Mapping[str, tuple[Number, Number, str]]
     measure: str
     explains: float
     sizes: tuple[float, ...]
-    intervals: Mapping[str, Interval] = field(default_factory=dict)
+    intervals: Mapping[str, tuple[Number, Number]] = field(default_factory=dict)
     open_checks: int = 0
 
     @property
@@ -522,8 +526,8 @@ class Provisional:
     """
 
     parts: Mapping[str, str]
-    air: float
-    times: tuple[float, ...]
+    air: Number
+    times: tuple[Number, ...]
     margin: float
 
 

@@ -74,8 +74,8 @@ class SafeBounds:
     def cylinder(self, part: PartChoice) -> Shortage | None:
         """Return the reason why a cylinder cannot do the task with any valve, tube and flow control."""
         choice = DriveChoice(part, NO_FLOW_CONTROL, NO_FLOW_CONTROL, NO_FLOW_CONTROL)
-        found = self._stroke(choice) or self._force(choice) or self.part(part) or self._sheet(choice)
-        return found or self._late(choice, self._thrust_s)
+        by_sheet = self._stroke(choice) or self._force(choice) or self.part(part) or self._sheet(choice)
+        return by_sheet or self._late(choice, self._thrust_s)
 
     def _stroke(self, choice: DriveChoice) -> Shortage | None:
         stroke = choice.cylinder.numbers["stroke"]
