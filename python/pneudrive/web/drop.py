@@ -129,8 +129,9 @@ def add_example(workspace: Workspace) -> Plain:
             if not exists(folder / file.name):
                 with whole(folder / file.name) as temporary:
                     shutil.copyfile(file, temporary)
-    except OSError as error:
-        raise CommandError(f"{EXAMPLE} cannot be written: {error.strerror}") from None
+    except (OSError, CommandError) as error:
+        reason = error.strerror if isinstance(error, OSError) else error.what.rpartition(": ")[2]
+        raise CommandError(f"{EXAMPLE} cannot be written: {reason}") from None
     return {"path": f"{EXAMPLE}/{files[1].name}"}
 
 

@@ -61,6 +61,8 @@ def shown_sizing(workspace: Workspace, path: str) -> Plain:
             return {"waits": True}
         raise CommandError(f"{path} holds no sizing", remedy="Size a task first.")
     about, early = read_json(folder / sized.ABOUT, CommandError), folder / sized.PROVISIONAL
+    if not (isinstance(about, dict) and about.get("task") and about.get("draws")):
+        raise CommandError(f"{sized.ABOUT} in {path} is damaged", remedy="Size the task again.")
     draws, table = about["draws"][0], about["task"]
     done = sized.SizingResult.load(folder) if (folder / sized.SUMMARY).is_file() else None
     simulated, short = sized.read_choices(folder / sized.LINES)

@@ -228,7 +228,7 @@ def behind_fit(workspace: Workspace, path: str) -> Plain:
     """
     fit = read_fit(workspace.path(path, DESCRIPTIONS))
     figures = _ellipses(fit) if fit.covariance.size and fit.intervals else []
-    edge = next(iter(Lineage(workspace).edges(path)), None)
+    edge = next(iter(Lineage(workspace).edges(path)), None) if isinstance(fit, SlidingFit) else None
     why, lines = "", {}
     if not isinstance(fit, SlidingFit):
         why = f"The {fit.TITLE} stores no samples. Validation compares it with its recordings."
