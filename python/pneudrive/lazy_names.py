@@ -19,8 +19,8 @@ def upper(name: str) -> Any:  # noqa: ANN401 - any function
     """Return a function of an upper layer, for a method that forwards to this function; ``upper.toml`` lists them."""
     from pneudrive.errors import package_table
 
-    module = next(module for module, names in package_table(__file__, "upper.toml").items() if name in names)
-    return getattr(import_module(module), name)
+    homes = {own: module for module, names in package_table(__file__, "upper.toml").items() for own in names}
+    return getattr(import_module(homes[name]), name)
 
 
 @contextmanager

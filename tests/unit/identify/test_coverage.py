@@ -89,7 +89,7 @@ def test_what_is_identified_may_be_any_value_of_a_drive(drive):
     found = Identified(
         {"valve.conductance": 1.9e-8, "cylinder.dead_volume.a": 1.2e-5, "supply.pressure": 6.8e5},
         {"valve.conductance": (1.85e-8, 1.95e-8), "cylinder.dead_volume.a": (1.1e-5, np.inf)},
-        {"valve.conductance": ("day 1", "day 2")},
+        ("day 1", "day 2"),
         "cafe",
     )
     changed = apply_identified(found, drive)

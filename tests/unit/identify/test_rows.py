@@ -103,6 +103,7 @@ def test_flagged_and_broken_rows_are_left_out_and_counted(make_map, friction_of,
     for fit in (fit_friction(curves), fit_any_law(curves, drive.friction)):
         assert fit.statistics["values"] == 17
         assert [note[:20] for note in fit.notes[:2]] == ["2 rows left out: a v", "4 rows left out for "]
+        assert "stick_slip" in fit.notes[1]
 
 
 def test_variances_of_few_strokes_shrink_to_their_trend():

@@ -102,6 +102,7 @@ def run_strokes(
         begin = edges[-1 - count]
         last = rows_of(columns, columns["time_s"] >= begin)
         found = StrokeRun(last | {"time_s": last["time_s"] - begin}, strokes, half, run.attrs)
+        # A cycle has two strokes: its half cycle ends one step earlier than a single stroke.
         if found.arrived() or times >= LONGEST or half > LONGEST / SLOWER ** (count - 1):
             return found
         times *= SLOWER
