@@ -41,7 +41,7 @@ from pneudrive.views import ShownValue, View, Viewed
 if TYPE_CHECKING:
     from pneudrive.arrays import Columns, Interval, Keyed, Plain
     from pneudrive.control.motion import Reference
-    from pneudrive.simulation.session import DriveOrCircuit
+    from pneudrive.simulation.start import DriveOrCircuit
 
     References = ReferenceOrFile | Sequence[ReferenceOrFile] | Mapping[str, ReferenceOrFile]
 

@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from pneudrive.arrays import Array, NamedNumbers, Pair, Plain
     from pneudrive.control.own_law import RunningLaw
     from pneudrive.describe import Circuit
-    from pneudrive.simulation.session import DriveOrCircuit, StartState
+    from pneudrive.simulation.start import DriveOrCircuit, StartState
 
 
 #: Fraction of each limit up to which a reference counts as feasible (assumed).

@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 
     from pneudrive.arrays import NamedNumbers, Pair, Plain
     from pneudrive.describe import Circuit
-    from pneudrive.simulation.session import DriveOrCircuit
+    from pneudrive.simulation.start import DriveOrCircuit
 
 
 #: Defaults of a controller file: sampling period, s, hold band, m, and delay before holding, s (assumed).

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
     from pneudrive.arrays import Array, Plain
     from pneudrive.describe import Drive
-    from pneudrive.simulation.session import DriveOrCircuit
+    from pneudrive.simulation.start import DriveOrCircuit
 
 
 # --- Intervals of identified values of a drive, propagated to results that are computed from it.

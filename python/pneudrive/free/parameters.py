@@ -27,7 +27,7 @@ from pneudrive.describe.tables.valve_flow import FLOW_KEYS
 from pneudrive.errors import CommandError, FitError, SimulationError, nearest, package_table
 from pneudrive.progress import UNWATCHED, Watch
 from pneudrive.simulation import command as commands
-from pneudrive.simulation.session import DriveOrCircuit, StartState, ready
+from pneudrive.simulation.start import DriveOrCircuit, StartState, ready
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence

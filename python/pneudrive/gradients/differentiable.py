@@ -11,8 +11,8 @@ import numpy as np
 from pneudrive.ensemble.outputs import Output, Reduction, SignalNames, reductions
 from pneudrive.errors import CommandError, SimulationError
 from pneudrive.free.parameters import Differentiator
-from pneudrive.simulation.session import DriveOrCircuit, StartState, start
 from pneudrive.simulation.simulate import positive
+from pneudrive.simulation.start import DriveOrCircuit, StartState, start
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from pneudrive.arrays import Array, Keyed
-    from pneudrive.simulation.session import DriveOrCircuit
+    from pneudrive.simulation.start import DriveOrCircuit
 
 #: Largest absolute pressure of the model, Pa: flow functions and cylinders are specified up to less (assumed).
 HIGHEST_PA = 20e5

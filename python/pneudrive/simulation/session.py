@@ -7,9 +7,8 @@ import math
 from _ctypes import CFuncPtr
 from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, NamedTuple, NoReturn, TypeAlias
+from typing import TYPE_CHECKING, NamedTuple, NoReturn
 
-from pneudrive.describe.tables.starts import StartState as StartState
 from pneudrive.errors import CommandError, ErrorKind, PneudriveError, SimulationError, nearest
 from pneudrive.progress import Flag, Progress, Watch
 from pneudrive.repr_tables import Shown
@@ -20,14 +19,9 @@ if TYPE_CHECKING:
 
     import numpy as np
 
-    from pneudrive._core import Circuit as CoreCircuit
     from pneudrive._core import Session as CoreSession
-    from pneudrive.arrays import Array, NamedNumbers, Pair
-    from pneudrive.describe import Circuit, Drive
+    from pneudrive.arrays import Array, Pair
 
-#: What a simulation takes.
-DriveOrCircuit: TypeAlias = "Drive | Circuit"
-RTOL_BOUNDS = (1e-13, 1e-1)
 LEAST_PART = 1e-6  # of a period that is no rounding
 #: Types of a compiled controller: result, then time and outputs.
 _COMPILED = (ctypes.c_double, (ctypes.c_double, ctypes.POINTER(ctypes.c_double)))
@@ -395,31 +389,6 @@ class Session:
         if str(error).startswith(_ENDED):
             raise SimulationError(str(error), remedy="Restore a saved state, or start another session.") from None
         raise core_error(error, CommandError if isinstance(error, ValueError) else SimulationError) from None
-
-
-def start(described: DriveOrCircuit, initial: StartState = None, rtol: float = 1e-6) -> Session:
-    """Start a session of a drive or a circuit; see `Drive.start` and `Circuit.start`."""
-    check_tolerance(rtol)
-    core, state = ready(described, initial)
-    return Session(core.start(state, rtol))
-
-
-def ready(described: DriveOrCircuit, initial: StartState) -> tuple[CoreCircuit, NamedNumbers]:
-    """Return the core's circuit of a drive or a circuit, and the start state in SI.
-
-    Raises
-    ------
-    CommandError, DescriptionError
-        The start state is not valid, or does not fit the drive.
-    """
-    return described.system.compiled(), described.read_start(initial)
-
-
-def check_tolerance(rtol: float) -> None:
-    """Reject a relative tolerance that no simulation can achieve."""
-    low, high = RTOL_BOUNDS
-    if isinstance(rtol, (bool, str)) or not low <= rtol <= high:
-        raise CommandError(f"rtol = {rtol} is out of bounds", rule=f"{low:g} <= rtol <= {high:g}")
 
 
 def _address(controller: object) -> int:

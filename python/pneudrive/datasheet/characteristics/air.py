@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from pneudrive.datasheet.plant import HeldDrive
     from pneudrive.describe import Circuit
     from pneudrive.simulation.command import Commands
-    from pneudrive.simulation.session import DriveOrCircuit, StartState
+    from pneudrive.simulation.start import DriveOrCircuit, StartState
 
 
 FULL_S = 20.0  # half a cycle: chambers fill and empty, and take the temperature of the wall

@@ -1,0 +1,43 @@
+"""Start of a simulation: a session of a described system."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, TypeAlias
+
+from pneudrive.describe.tables.starts import StartState as StartState
+from pneudrive.errors import CommandError
+from pneudrive.simulation.session import Session
+
+if TYPE_CHECKING:
+    from pneudrive._core import Circuit as CoreCircuit
+    from pneudrive.arrays import NamedNumbers
+    from pneudrive.describe import Circuit, Drive
+
+#: What a simulation takes.
+DriveOrCircuit: TypeAlias = "Drive | Circuit"
+RTOL_BOUNDS = (1e-13, 1e-1)
+
+
+def start(described: DriveOrCircuit, initial: StartState = None, rtol: float = 1e-6) -> Session:
+    """Start a session of a drive or a circuit; see `Drive.start` and `Circuit.start`."""
+    check_tolerance(rtol)
+    core, state = ready(described, initial)
+    return Session(core.start(state, rtol))
+
+
+def ready(described: DriveOrCircuit, initial: StartState) -> tuple[CoreCircuit, NamedNumbers]:
+    """Return the core's circuit of a drive or a circuit, and the start state in SI.
+
+    Raises
+    ------
+    CommandError, DescriptionError
+        The start state is not valid, or does not fit the drive.
+    """
+    return described.system.compiled(), described.read_start(initial)
+
+
+def check_tolerance(rtol: float) -> None:
+    """Reject a relative tolerance that no simulation can achieve."""
+    low, high = RTOL_BOUNDS
+    if isinstance(rtol, (bool, str)) or not low <= rtol <= high:
+        raise CommandError(f"rtol = {rtol} is out of bounds", rule=f"{low:g} <= rtol <= {high:g}")
