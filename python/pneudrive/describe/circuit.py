@@ -66,7 +66,7 @@ class Circuit(DescribedSystem):
     #: Name of the kind of file, and prefix of component names in its keys.
     file_kind: ClassVar[str] = "circuit"
     key_prefix: ClassVar[str] = "components."
-    derived: ClassVar = (*DescribedSystem.derived, "wiring", "start_names", "origin_of")
+    derived: ClassVar[tuple[str, ...]] = (*DescribedSystem.derived, "wiring", "start_names", "origin_of")
 
     name: str = "unnamed circuit"
     components: dict[str, Component]

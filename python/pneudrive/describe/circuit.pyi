@@ -56,6 +56,7 @@ STOP_KEYS: Incomplete
 class Circuit(DescribedSystem):
     file_kind: ClassVar[str]
     key_prefix: ClassVar[str]
+    derived: ClassVar[tuple[str, ...]]
     name: str
     components: dict[str, Component]
     connections: tuple[str, ...]

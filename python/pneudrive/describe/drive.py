@@ -59,7 +59,7 @@ class Drive(DescribedSystem):
 
     #: Name of the kind of file.
     file_kind: ClassVar[str] = "drive"
-    derived: ClassVar = (*DescribedSystem.derived, "circuit")
+    derived: ClassVar[tuple[str, ...]] = (*DescribedSystem.derived, "circuit")
 
     name: str = "unnamed drive"
     supply: Supply

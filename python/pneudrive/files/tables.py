@@ -134,7 +134,7 @@ class Table:
             return {column.name: formats.plain(column.to_numpy()) for column in frame.iter_columns()}
 
 
-class ForeignTable(Table):
+class LibraryTable(Table):
     """File of another format, read in the reader process; it has no number of rows, because channels may differ."""
 
     def __init__(self, path: Path, form: str, kind: ErrorKind) -> None:
@@ -183,7 +183,7 @@ def open_table(path: Path, form: str, kind: ErrorKind = RecordingError) -> Table
     RecordingError
         The file does not exist, is damaged, too large or not of this format, or its library is not installed.
     """
-    return Table(path, kind) if form == "parquet" else ForeignTable(path, form, kind)
+    return Table(path, kind) if form == "parquet" else LibraryTable(path, form, kind)
 
 
 def _without_lists(table: pl.LazyFrame) -> pl.LazyFrame:

@@ -23,8 +23,8 @@ from pneudrive.errors import CommandError, DescriptionError, nearest, package_ta
 from pneudrive.files.content import check_file, rendered
 from pneudrive.fmu.variables import RTOL, FmuPlan, FmuVariable, plan_of
 from pneudrive.repr_tables import Shown
-from pneudrive.simulation.session import DriveOrCircuit, StartState, check_tolerance
 from pneudrive.simulation.simulate import require
+from pneudrive.simulation.start import DriveOrCircuit, StartState, check_tolerance
 from pneudrive.simulation.trajectory import check_target, whole
 
 if TYPE_CHECKING:

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
     from pneudrive._core import Session as CoreSession
     from pneudrive.arrays import NamedNumbers, Plain
-    from pneudrive.simulation.session import DriveOrCircuit, StartState
+    from pneudrive.simulation.start import DriveOrCircuit, StartState
 
 #: Parameters of a valve that are fixed in an FMU, because they change the number of states or delay the command.
 _HISTORY = ("frequency", "delay", "hysteresis", "overlap", "leakage")

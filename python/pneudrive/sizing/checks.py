@@ -222,7 +222,7 @@ class MachineCheck(NamedTuple):
     """
 
     name: str
-    value: Number
+    value: float
     limit: float | None
     unit: str
     is_kept: bool | None
