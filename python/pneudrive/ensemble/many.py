@@ -367,6 +367,8 @@ class ChunkStore:
             differ = _different(begun.get("about", {}), about["about"])
             raise CommandError.of("ensemble.other_study", where=str(path), folder=folder, differ=differ)
         self.chunks = study.chunks(members if begun is None else begun["chunk_members"])
+        for unfinished in folder.glob(".pneudrive-*"):  # of a process that was killed while it wrote a chunk
+            unfinished.unlink(missing_ok=True)
 
     def _begun(self, path: Path) -> Plain | None:
         try:
