@@ -83,7 +83,8 @@ def test_a_socket_is_refused(served: Served, name: str) -> None:
 
 def test_the_page_of_this_user_is_let_in_and_runs_nothing_of_others(served: Served) -> None:
     assert served.client.get("/", headers={"host": OWN} | NAVIGATION).status_code == 200
-    assert served.client.get(STUDIES, headers=served.headers).json()["files"][0]["path"] == "axis.toml"
+    studies = served.client.get(STUDIES, headers=served.headers)
+    assert (studies.json()["files"][0]["path"], studies.headers["cache-control"]) == ("axis.toml", "no-store")
     page = served.client.get("/", headers={"host": f"localhost:{PORT}", "sec-fetch-site": "none"})
     assert page.status_code == 200
     rules = dict(part.split(" ", 1) for part in page.headers["content-security-policy"].split("; "))

@@ -1,13 +1,16 @@
 """Results of several recordings over pressure: effective area and force zero (closure), friction over pressure.
 
-Both results are computed from a table of points, with a row for each speed level of each recording:
+Both results are computed from a table of points, with a row for each speed level of each recording. Names are in
+`recording`, `seal` and `run`.
 
-    recording, seal, run
-    pressure_pa                          higher gauge pressure of both chambers
-    speed_m_s, speed_stderr_m_s          mean of both directions, and the scatter of the strokes' speeds
-    friction_n, expanded_n               with U (k = 2)
-    offset_n, weight_n                   the offset is NaN without both directions
-    gauge_a_pa, u_a_pa, area_a_m2        gauge pressure with its standard uncertainty, and nominal area; also for b
+The higher gauge pressure of both chambers is `pressure_pa`, Pa. The mean speed of both directions is `speed_m_s`, with
+the scatter of the strokes' speeds in `speed_stderr_m_s`, m/s.
+
+Friction is `friction_n`, with its expanded uncertainty U (k = 2) in `expanded_n`, N. `offset_n` is NaN without both
+directions. The weight along the axis is `weight_n`, N.
+
+Each chamber has a gauge pressure with its standard uncertainty, `gauge_a_pa` and `u_a_pa`, Pa. Its nominal area is
+`area_a_m2`, m2. Columns of chamber b have b in place of a.
 """
 
 from __future__ import annotations

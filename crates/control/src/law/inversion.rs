@@ -8,9 +8,9 @@ use physics::{above, at_least};
 law! {
     /// Inversion of force and flow:
     ///
-    ///   F_d  = M (a_d + 2 lambda e' + lambda^2 e) - load - d + F_fr
-    ///   F_d' = M (j_d + 2 lambda e'' + lambda^2 e') + F_fr'
-    ///   F'   = F_d' + k_f (F_d - F),   k_f = 1.5 lambda,   lambda = 0.22/lag
+    ///   `F_d  = M (a_d + 2 lambda e' + lambda^2 e) - load - d + F_fr`
+    ///   `F_d' = M (j_d + 2 lambda e'' + lambda^2 e') + F_fr'`
+    ///   `F'   = F_d' + k_f (F_d - F),   k_f = 1.5 lambda,   lambda = 0.22/lag`
     ///
     /// F_fr is the friction along the reference. Under the opening, the force of the gas changes at the rate F'.
     ///

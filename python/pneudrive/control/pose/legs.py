@@ -283,11 +283,11 @@ def leg_tunings(
         if tuning.own is not None:
             raise CommandError.of("control.own_law_of_leg", leg=leg.name, law=tuning.law)
         if tuning.law == DECOUPLING:
-            shares = {"bandwidth": needs.bandwidth_share}
-            gains = (
-                one if one.given else one._replace(value=shares.get(one.key, 1.0) * one.value) for one in tuning.gains
-            )
-            tuning = replace(tuning, gains=tuple(gains))
+            gains = {gain.key: gain for gain in tuning.gains}
+            bandwidth = gains["bandwidth"]
+            if not bandwidth.given:
+                gains["bandwidth"] = bandwidth._replace(value=needs.bandwidth_share * bandwidth.value)
+            tuning = replace(tuning, gains=tuple(gains.values()))
         out.append(tuning)
     return out
 
