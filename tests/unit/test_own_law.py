@@ -15,6 +15,7 @@ from pneudrive import _core
 from pneudrive.batching import in_processes
 from pneudrive.describe import FrictionLaw
 from pneudrive.errors import DescriptionError, PneudriveWarning
+from pneudrive.free.parameters import numbers_of
 
 LAWS = Path(__file__).parents[2] / "examples" / "laws"
 COMMAND = [(0.0, 0.6), (0.5, -0.4), (0.9, 0.05), (1.4, -1.0)]
@@ -98,10 +99,22 @@ def test_from_python(folder):
     assert friction == drive.friction
     assert drive.replace({"friction": friction}).core_json() == drive.core_json()
     assert drive.replace({"friction.coulomb": "20 N"}).friction.parameters["coulomb"] == 20.0
-    assert (
-        drive.replace({"friction.law": "lugre"} | {f"friction.{k}": v for k, v in values.items()}).friction.formula
-        is None
+    built_in = drive.replace({"friction.law": "lugre"} | {f"friction.{k}": v for k, v in values.items()})
+    assert built_in.friction.formula is None
+
+
+def test_numbers_of_a_circuit_have_the_bounds_of_those_of_a_drive():
+    law = FrictionLaw(
+        name="sloped",
+        parameters={"slope": {"unit": "N", "at_least": 0}, "force": {"unit": "N"}, "w": {"unit": "m/s", "above": 0}},
+        force="(slope + force)*tanh(v/w)",
     )
+    friction = pn.Friction(law=law, slope="1 N", force="2 N", w="1 mm/s")
+    drive = pn.Drive.load("catalogue:reference").replace({"friction": friction})
+    numbers, of_circuit = numbers_of(drive), numbers_of(drive.circuit)
+    for name in ("friction.slope", "friction.force", "ambient.pressure", "ambient.temperature"):
+        number, other = numbers[name], of_circuit[name.replace("friction", "cylinder.friction")]
+        assert (number.lower, number.upper, number.size) == (other.lower, other.upper, other.size), name
 
 
 def test_a_law_with_a_film_and_pressure_runs_and_feels_them(folder):

@@ -107,6 +107,8 @@ _UNITS = ("m^3/(s Pa)", "W/(m^2 K)", "J/(kg K)", "N s/m", "N/m", "m/s", "rad", "
 _SIGNED: NamedNumbers = _NUMBERS["signed"]
 #: Parameters of a valve that act on the command schedule -> finite-difference step.
 COMMAND_STEPS: NamedNumbers = _NUMBERS["command_steps"]
+#: Bounds of a number without a row in a table of the core, such as a temperature.
+POSITIVE: NamedNumbers = {"lower": 0.0, "upper": math.inf}
 _SEAL_SLOPE = 1e-5  # N/Pa: 1 N/bar
 _AGEING_SLOPE = 1e-6  # 1/Pa: 0.1/bar
 
@@ -270,7 +272,7 @@ def _parameter(path: str, value: float, laws: dict[str, Plain]) -> Parameter:
         return _bounded(name, path, "N/Pa", value, None, _SEAL_SLOPE)
     if name.startswith("friction.dwell.pressure"):
         return _bounded(name, path, "1/Pa", value, None, _AGEING_SLOPE)
-    return _bounded(name, path, unit, value, {"lower": 0.0, "upper": None}, _SIGNED.get(stem))
+    return _bounded(name, path, unit, value, POSITIVE, _SIGNED.get(stem))
 
 
 def _bounded(
@@ -288,8 +290,7 @@ def _bounded(
     """
     lower, upper = -np.inf, np.inf
     if row is not None and usual is None:
-        lower = 0.0 if row["lower"] is None else row["lower"]
-        upper = np.inf if row["upper"] is None else row["upper"]
+        lower, upper = row["lower"], row["upper"]
     return Parameter(name, core, unit, value, lower, upper, usual or abs(value) or 1.0, **other)
 
 
@@ -471,13 +472,15 @@ def circuit_numbers(circuit: Circuit) -> dict[str, Parameter]:
         for key, mark in written.items():
             table, last = table_of(form, path + key)
             value = table.get(last, np.nan)
-            about = (mark_unit(mark), value if math.isfinite(value) else np.nan, rows.get(key), _SIGNED.get(key))
+            # A custom friction law alone determines the signs of its parameters.
+            usual = None if path.endswith(LAW) else _SIGNED.get(key)
+            about = (mark_unit(mark), value if math.isfinite(value) else np.nan, rows.get(key), usual)
             found[name + key] = _bounded(name + key, path + key, *about, discrete=key in discrete, mark=mark)
     ambient = circuit.ambient.marks()
     for name, path in AMBIENT.items():
         mark = ambient[name.partition(".")[2]]
         value = form["ambient"][path.partition(".")[2]]
-        found[name] = _bounded(name, path, mark_unit(mark), value, None, mark=mark)
+        found[name] = _bounded(name, path, mark_unit(mark), value, POSITIVE, mark=mark)
     lasts = {key: name.rpartition(".")[2] for key, name in circuit.start_names.items()}
     starts = {key: start_mark(last)[1] for key, last in lasts.items() if last != "contact_age_s"}
     return found | start_numbers(starts)
