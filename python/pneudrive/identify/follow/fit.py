@@ -111,9 +111,8 @@ def other_readings(solution: FollowSolution) -> list[str]:
         records = [replace(r, pressures_pa=r.pressures_pa + shift) for r in problem.records]
         if min(float(r.pressures_pa.min()) for r in records) < LEAST_LEVEL * ambient:
             continue
-        other = replace(problem, records=records)
         try:
-            size = rms(solve_follow(other, FollowPoint(point.shared, point.local), passes=1).every_rms)
+            size = rms(solve_follow(replace(problem, records=records), point, passes=1).every_rms)
         except FitError:
             continue
         # A reading is the cause only if the model fits with it. A wrong model says nothing about sensors.
@@ -401,20 +400,18 @@ def _parts(solution: FollowSolution) -> dict[str, tuple[float, ...]]:
 
     These values show changes from run to run, which the interval from one recording does not contain.
     """
-    problem, point = solution.problem, solution.point
+    problem, point = replace(solution.problem, model="part of the recordings"), solution.point
+    pieces = [(replace(problem, parts=own), point) for own, _ in _folds(problem)]
     if len(problem.records) > 1:
         each = zip(problem.records, problem.parts, problem.weights, point.local, strict=True)
         pieces = [
-            (replace(problem, records=[record], parts=[part], weights=[weight]), local[None])
+            (replace(problem, records=[record], parts=[part], weights=[weight]), FollowPoint(point.shared, local[None]))
             for record, part, weight, local in each
         ]
-    else:
-        pieces = [(replace(problem, parts=own), point.local) for own, _ in _folds(problem)]
     found: dict[str, list[float]] = {}
-    for piece, local in pieces:
-        piece.model = "part of the recordings"
+    for piece, start in pieces:
         try:
-            solved = solve_follow(piece, FollowPoint(point.shared, local), passes=1)
+            solved = solve_follow(piece, start, passes=1)
         except FitError:
             continue  # this part does not depend on a number
         for place, (name, value) in enumerate(solved.values.items()):
@@ -516,7 +513,7 @@ def _predict(problem: FollowProblem, point: FollowPoint, fold: tuple[list[Interv
     own = replace(problem, parts=fold[0])
     solved = solve_follow(own, point, passes=1)
     every = replace(own, parts=[(0.0, np.inf)] * len(problem.records))
-    whole_run = replace(solved, problem=every, raws=simulated(every, solved.point)[0])
+    whole_run = simulated(every, solved.point)
     return float(np.sum([np.square(whole_run.rms(at, part)) for at, part in enumerate(fold[1])]))
 
 

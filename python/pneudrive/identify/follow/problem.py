@@ -7,7 +7,8 @@ and correlation time, and the covariance is a sandwich estimate over blocks of t
 from __future__ import annotations
 
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from contextlib import suppress
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
@@ -114,9 +115,9 @@ class FollowProblem:
         return np.nan_to_num(rest) * self.weights[at][:, None]
 
     def priors(self, at: int) -> Array:
-        """Return the prior standard uncertainties of a recording's parameters; 0 if held, inf without a prior."""
+        """Return the prior standard uncertainties of a recording's parameters; inf without a prior."""
         kelvin = AT_REST_K if self.records[at].at_rest else IN_MOTION_K
-        return np.array([np.inf, np.inf, *([0.0, 0.0, 0.0] if self.is_held else [kelvin, kelvin, DELAY_S])])
+        return np.array([np.inf, np.inf, kelvin, kelvin, DELAY_S])
 
 
 def _first_weights(record: DrivenRecording) -> Array:
@@ -128,7 +129,7 @@ def _first_weights(record: DrivenRecording) -> Array:
 
 @dataclass
 class FollowSolution:
-    """A solved problem.
+    """Simulation of a problem at a point, with its covariance if the problem is solved.
 
     Attributes
     ----------
@@ -140,14 +141,31 @@ class FollowSolution:
         Covariance of all parameters, shape (n, n), with shared parameters as logarithms.
     freedom : float
         Degrees of freedom of the intervals.
+    converged : bool
+        Whether the point is a minimum.
     """
 
     problem: FollowProblem
     point: FollowPoint
     raws: list[Array]
-    covariance: Array
-    freedom: float
-    converged: bool
+    covariance: Array = field(default_factory=lambda: np.zeros((0, 0)))
+    freedom: float = np.nan
+    converged: bool = False
+
+    @property
+    def residuals(self) -> list[Array]:
+        """Weighted residuals of all recordings, shape (2, n) each."""
+        delays = self.point.local[:, 4]
+        return [self.problem.residual(at, raw, delays[at]) for at, raw in enumerate(self.raws)]
+
+    @property
+    def cost(self) -> float:
+        """Half the sum of squares of the residuals, and of the changes relative to their priors."""
+        total = 0.0
+        for at, residual in enumerate(self.residuals):
+            total += np.sum(residual**2)
+            total += np.sum((self.point.local[at] / self.problem.priors(at)) ** 2)
+        return 0.5 * total
 
     def shown(self, at: int) -> Array:
         """Return the simulated readings of both pressures of a recording, Pa; NaN outside the run."""
@@ -196,90 +214,71 @@ def solve_follow(problem: FollowProblem, begin: FollowPoint | None = None, passe
     FitError
         The circuit cannot be simulated at the start values, or a number has no effect.
     """
-    point = begin or problem.begin()
+    found = FollowSolution(problem, begin or problem.begin(), [])
     with ThreadPoolExecutor(2) as pool:
-        raws, converged = [], False
         for number in range(passes):
-            point, raws, converged = _search(problem, point, pool, is_first=number == 0)
-            problem.weights = [_weights(problem, at, raw, point.local[at, 4]) for at, raw in enumerate(raws)]
-        residuals = [problem.residual(at, raw, point.local[at, 4]) for at, raw in enumerate(raws)]
-        jacobians = _jacobians(problem, point, raws, residuals, pool)
-    covariance, freedom = _covariance(problem, point, residuals, jacobians)
-    return FollowSolution(problem, point, raws, covariance, freedom, converged)
+            found = _search(problem, found.point, pool, is_first=number == 0)
+            problem.weights = [_weights(found, at) for at in range(len(problem.records))]
+        covariance, freedom = _covariance(found, _jacobians(found, pool))
+    return replace(found, covariance=covariance, freedom=freedom)
 
 
-def simulated(problem: FollowProblem, point: FollowPoint) -> tuple[list[Array], list[Array], float]:
-    """Return simulated pressures, weighted residuals, and half the sum of their squares and those of the priors."""
-    form, total = problem.driven.values_form(problem.numbers, np.exp(point.shared)), 0.0
-    raws = [problem.raw(at, form, local) for at, local in enumerate(point.local)]
-    residuals = [problem.residual(at, raw, point.local[at, 4]) for at, raw in enumerate(raws)]
-    for at, residual in enumerate(residuals):
-        spread = problem.priors(at)
-        there = spread > 0.0
-        total += np.sum(residual**2)
-        total += np.sum((point.local[at][there] / spread[there]) ** 2)
-    return raws, residuals, 0.5 * total
+def simulated(problem: FollowProblem, point: FollowPoint) -> FollowSolution:
+    """Run all recordings at a point."""
+    form = problem.driven.values_form(problem.numbers, np.exp(point.shared))
+    return FollowSolution(problem, point, [problem.raw(at, form, local) for at, local in enumerate(point.local)])
 
 
-def _jacobians(
-    problem: FollowProblem, point: FollowPoint, raws: list[Array], residuals: list[Array], pool: ThreadPoolExecutor
-) -> list[Array]:
+def _jacobians(found: FollowSolution, pool: ThreadPoolExecutor) -> list[Array]:
     """Return the Jacobian of each recording's residuals: shared parameters, then separate ones."""
-    shared = len(problem.numbers)
+    problem, point, residuals = found.problem, found.point, found.residuals
+    shared, groups = len(problem.numbers), _groups(problem)
     jobs, steps = [], np.r_[np.full(shared, SHARED_STEP), STEPS]
     for at, local in enumerate(point.local):
-        free = np.flatnonzero(np.r_[np.ones(shared), problem.priors(at)[:-1]] > 0.0).tolist()  # the delay needs no run
-        for columns in _together(problem, free):
+        for group in groups:
             moved = np.r_[point.shared, local]
-            moved[columns] += steps[columns]
+            moved[[*group]] += steps[[*group]]
             form = problem.driven.values_form(problem.numbers, np.exp(moved[:shared]))
-            jobs.append((at, columns, pool.submit(problem.raw, at, form, moved[shared:])))
+            jobs.append((at, group, pool.submit(problem.raw, at, form, moved[shared:])))
     out = [np.zeros((shared + LOCAL, *residual.shape)) for residual in residuals]
-    for at, columns, job in jobs:
+    for at, group, job in jobs:
         problem.watch.look()
         change = problem.residual(at, job.result(), point.local[at, 4]) - residuals[at]
-        for column in columns:
-            rows = slice(None) if len(columns) == 1 else SIDES.index(_side(problem, column))
+        for column, rows in group.items():
             out[at][column][rows] = change[rows] / steps[column]
-    for at, raw in enumerate(raws):
-        if not problem.is_held:
-            delay, step = point.local[at, 4], STEPS[4]
-            ends = [problem.residual(at, raw, delay + sign * step) for sign in (1.0, -1.0)]
-            out[at][-1] = (ends[0] - ends[1]) / (2.0 * step)
+    for at, raw in enumerate(found.raws if not problem.is_held else ()):
+        delay, step = point.local[at, 4], STEPS[4]
+        ends = [problem.residual(at, raw, delay + sign * step) for sign in (1.0, -1.0)]
+        out[at][-1] = (ends[0] - ends[1]) / (2.0 * step)
     return out
 
 
-def _side(problem: FollowProblem, column: int) -> str:
-    """Return the chamber affected by a parameter; empty if both may be affected."""
-    own = column - len(problem.numbers)
-    return problem.numbers[column].side if own < 0 else SIDES[own % 2]
+def _groups(problem: FollowProblem) -> list[dict[int, int | slice]]:
+    """Return the parameters that are changed in each run -> rows of the residuals that they affect.
+
+    If no gas passes between the chambers, a run changes a parameter of each chamber. The delay needs no run.
+    """
+    sides = [number.side for number in problem.numbers] + list("ab" if problem.is_held else "abab")
+    chambers = ([column for column, own in enumerate(sides) if own == side] for side in SIDES)
+    pairs = [] if problem.driven.is_coupled else list(zip(*chambers, strict=False))
+    left = set(range(len(sides))).difference(*pairs)
+    return [*({a: 0, b: 1} for a, b in pairs), *({column: slice(None)} for column in sorted(left))]
 
 
-def _together(problem: FollowProblem, columns: list[int]) -> list[list[int]]:
-    """Group parameters that share one run: one for each chamber, if no gas passes between the chambers."""
-    if problem.driven.is_coupled:
-        return [[column] for column in columns]
-    sides = {side: [c for c in columns if _side(problem, c) == side] for side in ("", *SIDES)}
-    pairs = [list(pair) for pair in zip(sides["a"], sides["b"], strict=False)]
-    left = [c for c in columns if c not in [c for pair in pairs for c in pair]]
-    return [*pairs, *([column] for column in left)]
-
-
-def _normal(problem: FollowProblem, point: FollowPoint, residuals: list[Array], jac: list[Array]) -> ArrayPair:
+def _normal(found: FollowSolution, jac: list[Array]) -> ArrayPair:
     """Return the normal matrix and the gradient over all numbers."""
-    shared, n = len(problem.numbers), len(problem.numbers) + LOCAL * len(residuals)
+    problem, local = found.problem, found.point.local
+    shared, n = len(problem.numbers), len(problem.numbers) + local.size
     matrix, gradient = np.zeros((n, n)), np.zeros(n)
-    for at, (rest, columns) in enumerate(zip(residuals, jac, strict=True)):
-        places = _places(shared, at)
-        flat = columns.reshape(columns.shape[0], -1)
+    for at, (rest, columns) in enumerate(zip(found.residuals, jac, strict=True)):
+        places, spread = _places(shared, at), problem.priors(at)
+        flat, own = columns.reshape(columns.shape[0], -1), places[shared:]
         matrix[np.ix_(places, places)] += flat @ flat.T
         gradient[places] += flat @ rest.ravel()
-        spread, own = problem.priors(at), places[shared:]
-        there = spread > 0.0
-        matrix[own[there], own[there]] += 1.0 / spread[there] ** 2
-        gradient[own[there]] += point.local[at][there] / spread[there] ** 2
-        held = own[spread == 0.0]
-        matrix[held, held] += 1.0
+        matrix[own, own] += 1.0 / spread**2
+        gradient[own] += local[at] / spread**2
+        if problem.is_held:
+            matrix[own[2:], own[2:]] = 1.0
     return matrix, gradient
 
 
@@ -288,54 +287,50 @@ def _places(shared: int, at: int) -> NDArray[np.intp]:
     return np.r_[np.arange(shared), np.arange(own, own + LOCAL)].astype(np.intp)
 
 
-def _search(
-    problem: FollowProblem, point: FollowPoint, pool: ThreadPoolExecutor, *, is_first: bool
-) -> tuple[FollowPoint, list[Array], bool]:
+def _search(problem: FollowProblem, point: FollowPoint, pool: ThreadPoolExecutor, *, is_first: bool) -> FollowSolution:
     """Return the minimum by damped Gauss-Newton steps."""
     try:
-        raws, residuals, cost = found = simulated(problem, point)
+        found = simulated(problem, point)
+        cost = found.cost
     except (ValueError, RuntimeError) as error:
         raise FitError(f"the circuit cannot be simulated at the start values: {error}") from None
-    damping, small = 1e-3, 0
-    low, high = problem.begin().shared - REACH, problem.begin().shared + REACH
+    damping, small, start = 1e-3, 0, problem.begin().shared
     for step in range(MOST_STEPS):
         problem.watch.tell(step, MOST_STEPS, f"{problem.model}: steps of a search, most")
-        matrix, gradient = _normal(problem, point, residuals, _jacobians(problem, point, raws, residuals, pool))
+        matrix, gradient = _normal(found, _jacobians(found, pool))
         diagonal = np.diag(matrix).copy()
         if is_first and step == 0:  # no shared number may be without an effect on the pressures
-            own = diagonal[: low.size]
+            own = diagonal[: start.size]
             idle = [n.name for n, v in zip(problem.numbers, own, strict=True) if v <= WITHOUT_EFFECT * own.max()]
             if idle:
                 names = ", ".join(r.name for r in problem.records)
                 raise FitError.of("identify.no_effect", name=idle[0], recordings=names)
+        trial, lower = found, np.inf
         for _ in range(8):
             scaled = matrix + np.diag(damping * np.maximum(diagonal, 1e-12))
             move = np.asarray(np.linalg.solve(scaled, -gradient), float)
-            shared = point.shared + np.clip(move[: low.size], -LARGEST_STEP, LARGEST_STEP)
-            local = point.local + move[low.size :].reshape(point.local.shape)
-            trial = FollowPoint(np.clip(shared, low, high), np.clip(local, -FARTHEST, FARTHEST))
-            try:
-                found = simulated(problem, trial)
-            except (ValueError, RuntimeError):
-                found = [], [], np.inf
-            if found[2] < cost:
-                break
+            shared = found.point.shared + np.clip(move[: start.size], -LARGEST_STEP, LARGEST_STEP)
+            local = found.point.local + move[start.size :].reshape(found.point.local.shape)
+            point = FollowPoint(np.clip(shared, start - REACH, start + REACH), np.clip(local, -FARTHEST, FARTHEST))
+            with suppress(ValueError, RuntimeError):
+                trial = simulated(problem, point)
+                lower = trial.cost
+                if lower < cost:
+                    break
             damping = min(damping * 5.0, 1e6)
         else:
-            return point, raws, True
-        gain, point, damping = (cost - found[2]) / cost, trial, max(damping / 5.0, 1e-9)
-        raws, residuals, cost = found
+            return replace(found, converged=True)
+        gain, found, cost, damping = (cost - lower) / cost, trial, lower, max(damping / 5.0, 1e-9)
         small = small + 1 if gain < CONVERGED else 0
         if small >= 2 or gain < 1e-3 * CONVERGED:
-            return point, raws, True
-    return point, raws, False
+            return replace(found, converged=True)
+    return found
 
 
-def _weights(problem: FollowProblem, at: int, raw: Array, delay_s: float) -> Array:
+def _weights(found: FollowSolution, at: int) -> Array:
     """Return the weights of both residuals of a recording, from their size and correlation time."""
-    record = problem.records[at]
-    rest = record.pressures_pa - problem.shown(at, raw, delay_s)
-    rest = rest[:, record.within(problem.parts[at]) & np.isfinite(rest[0])]
+    record, rest = found.problem.records[at], found.rest(at)
+    rest = rest[:, record.within(found.problem.parts[at]) & np.isfinite(rest[0])]
     size = np.maximum(np.sqrt(np.mean(rest**2, axis=1)), record.noise_pa)
     return 1.0 / (size * np.sqrt([_correlation_time(one) for one in rest]))
 
@@ -352,16 +347,14 @@ def _correlation_time(rest: Array) -> float:
     return float(max(1.0 + 2.0 * correlation[1:end].sum(), 1.0))
 
 
-def _covariance(
-    problem: FollowProblem, point: FollowPoint, residuals: list[Array], jac: list[Array]
-) -> tuple[Array, float]:
+def _covariance(found: FollowSolution, jac: list[Array]) -> tuple[Array, float]:
     """Return the covariance: the larger of the weighted estimate and the sandwich estimate over blocks of time."""
-    shared, n = len(problem.numbers), len(problem.numbers) + LOCAL * len(residuals)
-    matrix, _ = _normal(problem, point, residuals, jac)
+    problem, shared = found.problem, len(found.problem.numbers)
+    matrix, _ = _normal(found, jac)
     scale = 1.0 / np.sqrt(np.maximum(np.diag(matrix), 1e-300))
     inverse = scale[:, None] * np.linalg.pinv(matrix * np.outer(scale, scale), rcond=1e-12) * scale[None, :]
-    meat, blocks = np.zeros((n, n)), 0
-    for at, (rest, columns) in enumerate(zip(residuals, jac, strict=True)):
+    meat, blocks = np.zeros_like(matrix), 0
+    for at, (rest, columns) in enumerate(zip(found.residuals, jac, strict=True)):
         grid, places = problem.records[at].grid_s, _places(shared, at)
         begin = max(problem.parts[at][0], 0.0)
         end = min(problem.parts[at][1], float(grid[-1]))
