@@ -60,14 +60,7 @@ def cycle_count(protocol: Protocol) -> int:
     return points * len(protocol.pressure.levels) * protocol.repeats * blocks
 
 
-@lru_cache(maxsize=4096)
-def _time_and_samples(step: Step, distance_m: float, limits: Limits, sampling: Sampling) -> tuple[float, int]:
-    """Return time, s, and number of samples of a step from rest to rest; see `pneudrive.rig.motion.step_times`."""
-    if isinstance(step, Hold):
-        time_s = step.duration_s
-    else:
-        time_s = move(distance_m, step.speed_m_s, limits).duration_s if distance_m else 0.0
-    return time_s, step_samples(time_s, isinstance(step, Move), sampling)
+_move_s = lru_cache(maxsize=4096)(lambda *values: move(*values).duration_s)
 
 
 def axis_use(cycle: Cycle, limits: Limits) -> tuple[float, int]:
@@ -75,11 +68,13 @@ def axis_use(cycle: Cycle, limits: Limits) -> tuple[float, int]:
     at, time_s, samples = cycle.start_m, 0.0, int(bool(cycle.steps))
     assert at is not None
     for step in cycle.steps:
-        distance = 0.0
-        if isinstance(step, Move):
+        if isinstance(step, Hold):
+            step_s = step.duration_s
+        else:
             distance, at = step.to_m - at, step.to_m
-        step_s, count = _time_and_samples(step, distance, limits, cycle.sampling)
-        time_s, samples = time_s + step_s, samples + count
+            step_s = _move_s(distance, step.speed_m_s, limits) if distance else 0.0
+        time_s += step_s
+        samples += step_samples(step_s, isinstance(step, Move), cycle.sampling)
     return time_s, samples
 
 
@@ -204,7 +199,6 @@ def _planned(plan: Plan) -> Iterator[Planned]:
     protocol = plan.protocol
     pairs = protocol.pressure.levels
     before = None
-    uses = dict[str, tuple[float, int]]()
     families = (
         [[_sweep(plan, pair, *levels) for levels in _sweep_levels(protocol)] for pair in pairs],
         [[_stop(plan, pair, *levels) for levels in product(*_stop_levels(protocol))] for pair in pairs],
@@ -214,14 +208,13 @@ def _planned(plan: Plan) -> Iterator[Planned]:
         numbers = Counter[str]()
         for entry in _block(plan, before, levels, ordered_points(protocol, block, families)):
             cycle, name = entry.cycle, entry.cycle.key
-            if name not in uses:
-                uses[name] = axis_use(cycle, plan.limits)
             numbers[name] += 1
             key = f"b{block}/{name}{NUMBERED.get(cycle.kind, '').format(numbers[name])}"
             repeat = numbers[name] if cycle.kind in POINTS else 1
             before_pa, at = at, (cycle.pressure_a_pa, cycle.pressure_b_pa)
             wait_s = entry.wait_s + (protocol.pressure.settling_s if at != before_pa else 0.0)
-            yield Planned(replace(cycle, key=key, block=block, repeat=repeat, levels=levels), wait_s, *uses[name])
+            cycle = replace(cycle, key=key, block=block, repeat=repeat, levels=levels)
+            yield Planned(cycle, wait_s, entry.axis_s, entry.samples)
         before = levels
 
 
@@ -301,7 +294,7 @@ def _entry(
     """Return a cycle without its place in the plan: its key is only the part that does not depend on the block."""
     pressures = pair.absolute_pa(plan.identity.ambient_pressure_pa)
     cycle = Cycle(name, kind, steps, sampling or plan.protocol.sampling, *pressures, start_m=plan.ends_m[0], **about)
-    return Planned(cycle, wait_s)
+    return Planned(cycle, wait_s, *axis_use(cycle, plan.limits))
 
 
 def _out_and_back(plan: Plan, speed_m_s: float, times: int = 1) -> tuple[Step, ...]:

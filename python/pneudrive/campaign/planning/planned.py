@@ -35,15 +35,14 @@ class Planned:
     wait_s : float
         Assumed time before the cycle, s, from the protocol: pressure settling, or work of the operator.
     axis_s : float
-        Time of the moves and holds, s. Exact if the axis reaches its limits. It and `samples` are 0 until the cycle has
-        its place in a plan.
+        Time of the moves and holds, s. Exact if the axis reaches its limits.
     samples : int
     """
 
     cycle: Cycle
     wait_s: float
-    axis_s: float = 0.0
-    samples: int = 0
+    axis_s: float
+    samples: int
 
     @property
     def time_s(self) -> float:

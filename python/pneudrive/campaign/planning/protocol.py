@@ -15,7 +15,7 @@ from pneudrive import units
 from pneudrive.describe import marks
 from pneudrive.describe.base import Described
 from pneudrive.describe.files import toml
-from pneudrive.describe.marks import POSITIVE, Bounds, Mark, MaybePressure, Percent, Quantity, StatedPressure, Whole
+from pneudrive.describe.marks import POSITIVE, Bounds, Mark, Percent, Quantity, Reads, StatedPressure, Whole
 from pneudrive.errors import DescriptionError, ProtocolError, WrongValueError, nearest, wrong
 from pneudrive.files.bounds import within
 from pneudrive.rig.interface import Sampling
@@ -51,28 +51,14 @@ class Pair(NamedTuple):
 VENTED = Pair(AMBIENT, AMBIENT)
 
 
-@dataclass(frozen=True)
-class MovingAverage(Quantity):
-    """Annotation of a field that takes a number of samples, or ``"none"`` for 1."""
-
-    si_unit: str = ""
-
-    def read(self, given: object) -> int:
-        """Convert and check."""
-        if given == "none":
-            return 1
-        if isinstance(given, bool) or not isinstance(given, int) or given < 1:
-            raise WrongValueError(f"{given!r} is not a number of samples", remedy='Write 5, or "none".')
-        Bounds(bound="samples").beyond(given, given)
-        return given
-
-    def show(self, value: float) -> str | float:
-        """Return the value as users write it."""
-        return "none" if value == 1 else int(value)
-
-    def schema(self) -> Plain:
-        """Return the schema of its written form."""
-        return {"anyOf": [{"type": "integer", "minimum": 1}, {"const": "none"}]}
+def _average(given: object) -> int:
+    """Read a number of samples, or ``"none"`` for 1."""
+    if given == "none":
+        return 1
+    if isinstance(given, bool) or not isinstance(given, int) or given < 1:
+        raise WrongValueError(f"{given!r} is not a number of samples", remedy='Write 5, or "none".')
+    Bounds(bound="samples").beyond(given, given)
+    return given
 
 
 @dataclass(frozen=True, order=True)
@@ -96,74 +82,54 @@ class AxisPosition:
         return "x" + str(self).replace(" %", "pc").replace(" ", "")
 
 
-@dataclass(frozen=True)
-class PositionMark(Mark):
-    """Annotation of a field for a position: a length or a fraction, ``"120 mm"``, ``"50 %"``."""
-
-    def read(self, given: object) -> AxisPosition:
-        """Convert and check."""
-        fraction = units.share_of(given)
-        if fraction is not None:
-            if not 0.0 <= fraction <= 1.0:
-                raise WrongValueError(f'"{given}" lies outside the range', rule="0 % to 100 %")
-            return AxisPosition(fraction, relative=True)
-        if not isinstance(given, str):
-            raise WrongValueError(f"{given!r} has no unit", remedy='Write "50 %" or "120 mm".')
-        try:
-            return AxisPosition(units.parse(given, "m"), relative=False)
-        except DescriptionError as error:
-            raise WrongValueError(error.what, error.rule, 'Write "50 %" or "120 mm".') from None
-
-    def show(self, value: AxisPosition) -> str:
-        """Return the value as users write it."""
-        return str(value)
-
-    def schema(self) -> Plain:
-        """Return the schema of its written form."""
-        return {"type": "string", "x-unit": "m or %"}
+def _position(given: object) -> AxisPosition:
+    """Read a length or a fraction, ``"120 mm"``, ``"50 %"``."""
+    fraction = units.share_of(given)
+    if fraction is not None:
+        if not 0.0 <= fraction <= 1.0:
+            raise WrongValueError(f'"{given}" lies outside the range', rule="0 % to 100 %")
+        return AxisPosition(fraction, relative=True)
+    if not isinstance(given, str):
+        raise WrongValueError(f"{given!r} has no unit", remedy='Write "50 %" or "120 mm".')
+    try:
+        return AxisPosition(units.parse(given, "m"), relative=False)
+    except DescriptionError as error:
+        raise WrongValueError(error.what, error.rule, 'Write "50 %" or "120 mm".') from None
 
 
-@dataclass(frozen=True)
-class BetweenPositions(PositionMark):
-    """Annotation of a field that takes a range of positions, ``"10 mm .. 290 mm"`` or ``"5 % .. 95 %"``."""
-
-    def read(self, given: object) -> tuple[AxisPosition, AxisPosition]:  # type: ignore[override]
-        """Convert and check."""
-        ends = given.split("..") if isinstance(given, str) else []
-        if len(ends) != 2:
-            raise WrongValueError(f"{given!r} is not a range", remedy='Write "10 mm .. 290 mm" or "5 % .. 95 %".')
-        low, high = (super(BetweenPositions, self).read(end.strip()) for end in ends)
-        if low.relative == high.relative and not low.value < high.value:
-            raise WrongValueError(f'range "{given}" is empty', rule="the first end must lie below the second")
-        return low, high
-
-    def show(self, value: tuple[AxisPosition, AxisPosition]) -> str:  # type: ignore[override]
-        """Return the value as users write it."""
-        return f"{value[0]} .. {value[1]}"
-
-    def schema(self) -> Plain:
-        """Return the schema of its written form."""
-        return {"type": "string", "pattern": r"^.+ \.\. .+$", "x-unit": "m or %"}
+def _positions(given: object) -> tuple[AxisPosition, AxisPosition]:
+    """Read a range of positions, ``"10 mm .. 290 mm"`` or ``"5 % .. 95 %"``."""
+    ends = given.split("..") if isinstance(given, str) else []
+    if len(ends) != 2:
+        raise WrongValueError(f"{given!r} is not a range", remedy='Write "10 mm .. 290 mm" or "5 % .. 95 %".')
+    low, high = (_position(end.strip()) for end in ends)
+    if low.relative == high.relative and not low.value < high.value:
+        raise WrongValueError(f'range "{given}" is empty', rule="the first end must lie below the second")
+    return low, high
 
 
-@dataclass(frozen=True)
-class PressurePair(StatedPressure):
-    """Annotation of a field that takes ``{ a = ..., b = ... }``, a pressure in each chamber."""
+def _pair(given: object) -> Pair:
+    """Read ``{ a = ..., b = ... }``, a pressure in each chamber."""
+    if not isinstance(given, dict) or set(given) != {"a", "b"}:
+        raise WrongValueError(f"{given!r} is not a pair of pressures", remedy="Write { a = ..., b = ... }.")
+    return Pair(*(PRESSURE.read(given[chamber]) for chamber in "ab"))
 
-    def read(self, given: object) -> Pair:  # type: ignore[override]
-        """Convert and check both pressures."""
-        if not isinstance(given, dict) or set(given) != {"a", "b"}:
-            raise WrongValueError(f"{given!r} is not a pair of pressures", remedy="Write { a = ..., b = ... }.")
-        return Pair(super().read(given["a"]), super().read(given["b"]))
 
-    def show(self, value: Pair) -> dict[str, str]:  # type: ignore[override]
-        """Return both pressures in the form that users write."""
-        return {"a": str(value.a), "b": str(value.b)}
-
-    def schema(self) -> Plain:
-        """Return the schema of its written form."""
-        both = {"a": super().schema(), "b": super().schema()}
-        return {"type": "object", "properties": both, "required": ["a", "b"], "additionalProperties": False}
+PRESSURE = StatedPressure()
+_OF_POSITION: Plain = {"type": "string", "x-unit": "m or %"}
+#: Annotations of fields: a moving average, a position, a range of positions, and a pressure in each chamber.
+AVERAGE = Reads(
+    _average,
+    lambda count: "none" if count == 1 else count,
+    {"anyOf": [{"type": "integer", "minimum": 1}, {"const": "none"}]},
+)
+POSITION = Reads(_position, str, _OF_POSITION)
+POSITIONS = Reads(_positions, lambda ends: f"{ends[0]} .. {ends[1]}", _OF_POSITION | {"pattern": r"^.+ \.\. .+$"})
+PAIR = Reads(
+    _pair,
+    lambda pair: {"a": str(pair.a), "b": str(pair.b)},
+    marks.table_schema({"a": PRESSURE.schema(), "b": PRESSURE.schema()}, ["a", "b"]),
+)
 
 
 @dataclass(frozen=True)
@@ -244,8 +210,7 @@ class ListOf(Mark):
             return several | {"x-unit": "Pa"}
         count = {"type": "integer", "minimum": 2}
         keys = {"from": entry, "to": entry, "count": count, "spacing": {"enum": list(SPACINGS)}}
-        needed = {"required": ["from", "to", "count"], "additionalProperties": False}
-        ranges = [{"type": "object", "properties": keys, **needed}] if self.spacing else []
+        ranges = [marks.table_schema(keys, ["from", "to", "count"])] if self.spacing else []
         return {"anyOf": [entry, several, *ranges], "x-unit": entry["x-unit"]}
 
 
@@ -291,7 +256,7 @@ CountOrNone = Annotated[int, Whole(at_least=0)]
 MaybeSpeed = Annotated[float | None, SPEED]
 MaybeDuration = Annotated[float | None, Quantity("s", "s", LASTS)]
 MaybeDistance = Annotated[float | None, Quantity("m", "mm", POSITIVE)]
-MaybePressures = Annotated[tuple[units.Pressure, ...] | None, ListOf(StatedPressure(), "linear", sorts=False)]
+MaybePressures = Annotated[tuple[units.Pressure, ...] | None, ListOf(PRESSURE, "linear", sorts=False)]
 
 
 class ProtocolTable(Described):
@@ -364,7 +329,7 @@ class Pressures(ProtocolTable):
     """chamber a; with b: every combination"""
     b: MaybePressures = None
     """chamber b"""
-    pairs: Annotated[tuple[Pair, ...] | None, ListOf(PressurePair(), sorts=False, only_list=True)] = None
+    pairs: Annotated[tuple[Pair, ...] | None, ListOf(PAIR, sorts=False, only_list=True)] = None
     """`[{ a = ..., b = ... }, ...]`"""
     settling_s: DurationOrZero = 5.0
     """wait after the rig has set a new pressure"""
@@ -413,7 +378,7 @@ class Stops(ProtocolTable):
     """speed after the stop; a value or a list"""
     approach_speed_m_s: MaybeSpeed = None
     """speed before the stop; absent: the restart speed"""
-    position: Annotated[tuple[AxisPosition, ...], ListOf(PositionMark())] = Field(
+    position: Annotated[tuple[AxisPosition, ...], ListOf(POSITION)] = Field(
         (AxisPosition(0.5, relative=True),),
         description='positions; a value or a list: "50 %" of the range, or "120 mm"',
     )
@@ -545,7 +510,7 @@ class Sentinel(ProtocolTable):
     """speed of the strokes out and back"""
     every: Count = 10
     """number of points between two control runs"""
-    pressure: MaybePressure = None
+    pressure: marks.MaybePressure = None
     """pressures of control runs; absent: the first pair of the protocol"""
 
 
@@ -553,9 +518,7 @@ class Filter(ProtocolTable):
     """Filters of the analysis; the files keep every raw sample."""
 
     table_name = "filter"
-    average: Annotated[int, MovingAverage()] = Field(
-        default=1, description='moving average over this many samples, or "none"'
-    )
+    average: Annotated[int, AVERAGE] = Field(default=1, description='moving average over this many samples, or "none"')
     ignore_initial: Annotated[float, Percent(bounds=Bounds(at_least=0.0, below=50.0))] = 0.05
     """fraction of the samples at the beginning of each stroke that is ignored [bracha]"""
 
@@ -564,7 +527,7 @@ class Conditions(ProtocolTable):
     """Conditions for measuring; outside them the campaign waits."""
 
     table_name = "conditions"
-    supply_pressure: MaybePressure = None
+    supply_pressure: marks.MaybePressure = None
     """least supply pressure"""
     temperature_k: Annotated[tuple[float, float] | None, marks.Between("K", "degC")] = Field(
         default=None, description='range, "15 degC .. 30 degC"'
@@ -583,7 +546,7 @@ class Tightened(ProtocolTable):
     """highest acceleration that a move may reach"""
     force_n: Annotated[float | None, Quantity("N", "N", POSITIVE)] = None
     """highest force, either sign"""
-    pressure: MaybePressure = None
+    pressure: marks.MaybePressure = None
     """highest pressure in either chamber"""
     time_s: Duration = 28800.0
     """duration of the campaign above which the plan has a note"""
@@ -593,7 +556,7 @@ class Range(ProtocolTable):
     """Part of the stroke that is used."""
 
     table_name = "position"
-    range: Annotated[tuple[AxisPosition, AxisPosition] | None, BetweenPositions()] = Field(
+    range: Annotated[tuple[AxisPosition, AxisPosition] | None, POSITIONS] = Field(
         None,
         description='"20 mm .. 280 mm", or "5 % .. 95 %" of the rig\'s range; absent: the range without the margin',
     )

@@ -200,7 +200,7 @@ class CampaignRun:
         files, tidied = tidy(campaign)
         for line in tidied:
             self._tell(line)
-        self._requests = control.Requests(campaign.path, someone_there=self._prompt.there, cancel=cancel)
+        self._requests = control.Requests(campaign.path, cancel)
         self._bounds = MeasuringBounds.of(plan)
         self._attempts = Attempts(rig, self._bounds.during, self._display.part)
         self.finished = {file.head.cycle.key: file.head.flags for file in files}
@@ -209,7 +209,7 @@ class CampaignRun:
         if files:
             self._attempts.finished(files[-1].head)
         self._pausing = ""  # PAUSE: after the cycle; STOP: now
-        self._leaving = False  # nobody can end a pause
+        self._leaving = False  # whether a pause ends the campaign
         self._path = campaign.path  # file of the last cycle
         self._bad = 0
         self._failures: dict[str, int] = {}
@@ -326,13 +326,14 @@ class CampaignRun:
         request = self._requests.take()
         if request is None:
             return
-        self._leaving, word = request.leave, request.word
+        word = request.word
+        self._leaving = request.by == control.CTRL_C and not self._prompt.there  # nobody could end a pause
         if word == control.RESUME:
             self._tell(f"{request.by} asked to continue, but nothing is paused")
             return
         about = WORDS["requests"][word]
         self._lock.tell(state=about["state"], text=about["text"])
-        self._tell(about["line"].format(action="ending" if request.leave else "pausing", by=request.by))
+        self._tell(about["line"].format(action="ending" if self._leaving else "pausing", by=request.by))
         if word != control.ABORT:
             self._pausing = word
         if word != control.PAUSE:

@@ -7,7 +7,7 @@ import json
 import sys
 import threading
 import time
-from typing import TYPE_CHECKING, Any, NamedTuple, cast
+from typing import TYPE_CHECKING, Any, cast
 from zlib import crc32
 
 import numpy as np
@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from pneudrive.arrays import Columns, Plain
     from pneudrive.campaign.cycle import Cycle
     from pneudrive.campaign.planning.planned import Plan
     from pneudrive.rig.interface import Samples
@@ -277,34 +278,21 @@ def thinned(points: Points, most: int) -> Points:
     return points[np.unique(chosen)]
 
 
-class LiveCycle(NamedTuple):
-    """The cycle that a campaign runs now.
+def read_live(folder: Path) -> tuple[Plain, Columns] | None:
+    """Read the files of the running cycle of a campaign. Return None if they are missing or being replaced.
 
-    Attributes
-    ----------
-    cycle, left : str
-        Key of the cycle; remaining wall-clock time in words.
-    samples : int
-        Samples of this cycle so far.
-    points : dict of ndarray, shape (n,)
-        Values by `COLUMNS`.
+    Returns
+    -------
+    dict, dict of ndarray
+        Key of the ``cycle``, remaining wall-clock time ``left`` in words, and number of ``samples`` so far. Then the
+        values by `COLUMNS`, shape (n,) each.
     """
-
-    cycle: str
-    left: str
-    samples: int
-    points: dict[str, Points]
-
-
-def read_live(folder: Path) -> LiveCycle | None:
-    """Read the files of the running cycle of a campaign. Return None if they are missing or being replaced."""
     try:
         about = read_json(folder / FOLDER / LIVE, CampaignError)
         data = read_bytes(folder / FOLDER / LIVE_POINTS, CampaignError)
         if about["crc32"] != crc32(data) or tuple(about["columns"]) != COLUMNS:
             return None
         rows = np.frombuffer(data, dtype="<f4").reshape(-1, len(COLUMNS))
-        points: dict[str, Points] = {name: rows[:, place] for place, name in enumerate(COLUMNS)}
-        return LiveCycle(str(about["cycle"]), str(about["left"]), int(about["samples"]), points)
+        return {key: about[key] for key in ("cycle", "left", "samples")}, dict(zip(COLUMNS, rows.T, strict=True))
     except (CampaignError, KeyError, TypeError, ValueError):
         return None

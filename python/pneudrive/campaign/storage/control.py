@@ -309,13 +309,10 @@ class Request:
         One of `REQUESTS`.
     by : str
         Person who made the request, in words.
-    leave : bool
-        Whether a pause ends the campaign, because nobody can resume it.
     """
 
     word: str
     by: str
-    leave: bool = False
 
 
 class Requests:
@@ -325,15 +322,12 @@ class Requests:
     ----------
     folder : Path
         Folder of the campaign.
-    someone_there : bool
-        Whether somebody answers prompts.
     cancel : object with ``is_set()``, optional
         Once set, it counts as a request to end.
     """
 
-    def __init__(self, folder: Path, *, someone_there: bool, cancel: Flag | None = None) -> None:
-        self._folder = folder / FOLDER
-        self._someone_there, self._cancel = someone_there, cancel
+    def __init__(self, folder: Path, cancel: Flag | None = None) -> None:
+        self._folder, self._cancel = folder / FOLDER, cancel
         self._queue: deque[Request] = deque()
         self.presses, self._last_press = 0, 0.0
         # Not a threading.Event: its lock is not re-entrant, and a signal handler may run while its thread holds it.
@@ -415,8 +409,7 @@ class Requests:
             since, self._last_press = time.monotonic() - self._last_press, time.monotonic()
             if since >= BOUNCE_S:
                 self.presses += 1
-                word = {1: PAUSE, 2: STOP}.get(self.presses, ABORT)
-                self.put(Request(word, CTRL_C, leave=not self._someone_there))
+                self.put(Request({1: PAUSE, 2: STOP}.get(self.presses, ABORT), CTRL_C))
 
 
 def ask(folder: Path, word: str, by: str) -> Holder:

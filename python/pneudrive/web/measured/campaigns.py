@@ -114,9 +114,7 @@ def running_cycle(workspace: Workspace, path: str) -> bytes:
     """Return the running cycle as a frame. Without a running cycle, the head does not contain a cycle."""
     folder = workspace.folder(path)
     found = read_live(folder) if holder(folder) is not None else None
-    if found is None:
-        return pack({"cycle": ""}, {})
-    return pack({"cycle": found.cycle, "left": found.left, "samples": found.samples}, found.points)
+    return pack(*(found or ({"cycle": ""}, {})))
 
 
 def ask_campaign(workspace: Workspace, path: str, control: bool, word: object = None) -> None:
