@@ -407,12 +407,12 @@ class AnyLaw(StaticLaw):
     @cached_property
     def positive(self) -> Bools:
         """Mask of parameters whose coordinate is their logarithm, shape (p,)."""
-        return np.array([entry["lower"] is not None and entry["lower"] >= 0.0 for entry in self.entries()])
+        return np.array([entry["lower"] >= 0.0 for entry in self.entries()])
 
     @property
     def uppers(self) -> Array:
         """Upper bounds of the law, shape (p,), SI; infinite without one."""
-        return np.array([np.inf if entry["upper"] is None else float(entry["upper"]) for entry in self.entries()])
+        return np.array([entry["upper"] for entry in self.entries()])
 
     @property
     def given(self) -> Array:
@@ -490,14 +490,15 @@ NOT_SLIDING = ("stick_slip",)
 NO_FRICTION_N = 1e-12
 
 
-def observations(
+def selected(
     friction_map: xr.Dataset,
+    direction: int | None = None,
+    exclude_flags: Collection[str] = NOT_SLIDING,
     *,
-    direction: int | None,
-    ambient_pressure_pa: float,
-    exclude_flags: Collection[str],
-) -> tuple[Observations, list[str]]:
-    """Select and combine the rows of a friction map.
+    needs_ambient: bool = True,
+    ambient_pressure_pa: float | None = None,
+) -> tuple[Observations, list[str], Plain]:
+    """Select and combine the rows of a friction map for a fit.
 
     Both rows of a pair have the same friction (half the difference of both directions) and count as one value. A fit to
     one direction uses ``direction * balance_n`` of its rows instead.
@@ -508,21 +509,24 @@ def observations(
         One dimension ``row``, variables of the friction map format, SI.
     direction : int or None
         None for the paired friction, +1 or -1 for one direction.
-    ambient_pressure_pa : float
-        Reference of gauge pressures.
     exclude_flags : collection of str
         Rows with any of these flags are left out.
+    needs_ambient : bool
+        Whether to reject a map without its ambient pressure.
+    ambient_pressure_pa : float, optional
+        Reference of gauge pressures; default: that of the map.
 
     Returns
     -------
-    Observations, list of str
-        Values, and notes on omissions and assumptions.
+    Observations, list of str, dict
+        Values, notes on omissions and assumptions, and the provenance of the values.
 
     Raises
     ------
     FitError
         A variable is missing, a value is not valid, or no row is left.
     """
+    ambient = ambient_of(friction_map, needs_ambient) if ambient_pressure_pa is None else ambient_pressure_pa
     column = _columns(friction_map)
     keep, notes = _usable(column, direction, exclude_flags)
     pairs = _pairs(column, keep) if direction is None else np.repeat(np.flatnonzero(keep)[:, None], 2, axis=1)
@@ -542,9 +546,18 @@ def observations(
         more.append(sentence("notes", name, half=zero_n.max()))
         shared_n = np.hypot(shared_n, zero_n)
     number = np.unique(column["recording"].astype(str), return_inverse=True)[1]
-    a, b = (mean[f"pressure_{side}_pa"] - ambient_pressure_pa for side in "ab")
+    a, b = (mean[f"pressure_{side}_pa"] - ambient for side in "ab")
     group = number[pairs[:, 0]].astype(np.int64)
-    return Observations(speed, value, stderr, a, b, shared_n, group), notes + more
+    data = Observations(speed, value, stderr, a, b, shared_n, group)
+    provenance = {
+        "direction": "both" if direction is None else f"{direction:+d}",
+        "ambient_pressure_pa": ambient,
+        "exclude_flags": sorted(exclude_flags),
+        "recordings": recordings_of(friction_map),
+        INPUTS: [stored_input("friction map", "friction map", friction_map.attrs.get(FILE), fingerprint(data))],
+    }
+    more += [SIMULATED] if friction_map.attrs.get("synthetic", False) else []
+    return data, notes + more, provenance
 
 
 _AVERAGED = ("pressure_a_pa", "pressure_b_pa", "u_systematic_n")
@@ -635,28 +648,6 @@ def _standard_errors(
         notes.append(f"{np.sum(~known)} rows have no standard error: the median of the others is used")
     dof = np.where(np.isfinite(strokes), np.maximum(strokes - 2.0, 1.0), np.inf)
     return np.sqrt(moderate(stated**2, dof, speed)), notes
-
-
-def selected(
-    friction_map: xr.Dataset,
-    direction: int | None = None,
-    exclude_flags: Collection[str] = NOT_SLIDING,
-    *,
-    needs_ambient: bool = True,
-) -> tuple[Observations, list[str], Plain]:
-    """Return the values of a map for a fit, notes, and their provenance; see `observations`."""
-    ambient = ambient_of(friction_map, needs_ambient)
-    data, notes = observations(
-        friction_map, direction=direction, ambient_pressure_pa=ambient, exclude_flags=exclude_flags
-    )
-    provenance = {
-        "direction": "both" if direction is None else f"{direction:+d}",
-        "ambient_pressure_pa": ambient,
-        "exclude_flags": sorted(exclude_flags),
-        "recordings": recordings_of(friction_map),
-        INPUTS: [stored_input("friction map", "friction map", friction_map.attrs.get(FILE), fingerprint(data))],
-    }
-    return data, notes + [SIMULATED] * bool(friction_map.attrs.get("synthetic", False)), provenance
 
 
 #: Largest number of listed recordings. More recordings are given by their number, first and last name.

@@ -524,11 +524,11 @@ def values_of_fit(friction_map: xr.Dataset, provenance: Keyed) -> sliding.Observ
             return None
         friction_map = friction_map.isel(row=np.flatnonzero(np.isin(of_row, names)))
     direction = provenance["direction"]
-    return sliding.observations(
+    return sliding.selected(
         friction_map,
-        direction=None if direction == "both" else int(direction),
+        None if direction == "both" else int(direction),
+        provenance.get("exclude_flags", ()),
         ambient_pressure_pa=float(provenance["ambient_pressure_pa"]),
-        exclude_flags=provenance.get("exclude_flags", ()),
     )[0]
 
 
