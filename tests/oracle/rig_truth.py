@@ -25,7 +25,7 @@ from pneudrive.rig.machine import steady_friction_n
 
 if TYPE_CHECKING:
     from pneudrive.arrays import Array
-    from pneudrive.rig.description import AnalogSensor
+    from pneudrive.rig.description import AnalogSensor, RigDescription
     from pneudrive.rig.interface import Step
     from pneudrive.rig.machine import Machine, Past
     from pneudrive.rig.motion import Motion
@@ -65,12 +65,10 @@ def truth_of_step(machine: Machine, before: Past, step: Step, motion: Motion, tr
 def _of_move(
     machine: Machine, before: Past, step: Move, motion: Motion, true: dict[str, Array], age_s: float
 ) -> dict[str, Any]:
-    after, machine.past = machine.past, before
-    friction = machine.friction()
+    friction = machine.friction(before)
     direction = 1.0 if step.to_m > motion.start_m else -1.0
-    steady = _steady_n(machine, friction, direction * step.speed_m_s, (motion.start_m, step.to_m))
-    increment = _dwell_increment_n(machine, friction, age_s)
-    machine.past = after
+    steady = _steady_n(machine, before, friction, direction * step.speed_m_s, (motion.start_m, step.to_m))
+    increment = _dwell_increment_n(machine, before, friction, age_s)
     begins = np.abs(true["position_m"] - true["position_m"][0]) <= RESTART_M
     out: dict[str, Any] = {
         "speed_m_s": step.speed_m_s,
@@ -101,24 +99,26 @@ def _of_move(
     }
 
 
-def _steady_n(machine: Machine, friction: dict[str, Any], velocity_m_s: float, way_m: tuple[float, float]) -> float:
+def _steady_n(
+    machine: Machine, past: Past, friction: dict[str, Any], velocity_m_s: float, way_m: tuple[float, float]
+) -> float:
     """Return the steady friction at a velocity and the set pressures, its mean along a move if it depends on x."""
     if friction.get("position") is None:
-        return machine.steady_n(friction, velocity_m_s)
-    d, past = machine.d, machine.past
+        return machine.steady_n(past, friction, velocity_m_s)
+    d = machine.d
     gauges = (past.pressure_a_pa - d.ambient_pressure_pa, past.pressure_b_pa - d.ambient_pressure_pa)
     borders = np.linspace(*way_m, PLACES + 1)
     places = 0.5 * (borders[1:] + borders[:-1])
     return float(np.mean([abs(steady_friction_n(friction, velocity_m_s, gauges, x)[0]) for x in places]))
 
 
-def _dwell_increment_n(machine: Machine, friction: dict[str, Any], age_s: float) -> float:
+def _dwell_increment_n(machine: Machine, past: Past, friction: dict[str, Any], age_s: float) -> float:
     """Return the increase of friction by the age of the contact at the set pressures, N."""
     dwell = friction.get("dwell")
     if dwell is None or not age_s > 0.0:
         return 0.0
     speed = dwell["distance_m"] / age_s  # age of the contact in steady sliding at this speed
-    return machine.steady_n(friction, speed) - machine.steady_n({**friction, "dwell": None}, speed)
+    return machine.steady_n(past, friction, speed) - machine.steady_n(past, {**friction, "dwell": None}, speed)
 
 
 def _ages(true: dict[str, Array]) -> dict[str, float]:
@@ -127,9 +127,8 @@ def _ages(true: dict[str, Array]) -> dict[str, float]:
     return {} if age is None else {"age_begin_s": float(age[0]), "age_end_s": float(age[-1])}
 
 
-def truth_of_cycle(machine: Machine, force: AnalogSensor, steps: list[dict[str, Any]]) -> dict[str, Any]:
+def truth_of_cycle(d: RigDescription, past: Past, force: AnalogSensor, steps: list[dict[str, Any]]) -> dict[str, Any]:
     """Return the ground truth of a cycle from that of its steps."""
-    d, past = machine.d, machine.past
     room = float(past.room_k(d))
     return {
         "rig": d.name,
@@ -161,5 +160,7 @@ def telling(session: RigSession) -> RigSession:
 
     session.observe = lambda *step: steps.append(truth_of_step(*step))
     session.acquire = anew
-    session.truth = lambda: truth_of_cycle(session._machine, session._instruments.force, list(steps))
+    session.truth = lambda: truth_of_cycle(
+        session.rig.description, session.past, session._instruments.force, list(steps)
+    )
     return session

@@ -24,7 +24,7 @@ from pneudrive.describe.kinds import component_kinds
 from pneudrive.describe.marks import Bounds, Choice, Mark, Quantity, StatedPressure, parameter_quantity
 from pneudrive.describe.tables.friction import Friction
 from pneudrive.describe.tables.geometry import piston_areas
-from pneudrive.errors import DescriptionError, Problems, WrongValueError, package_table, wrong
+from pneudrive.errors import DescriptionError, Problems, package_table, wrong
 from pneudrive.rig.interface import Sampling
 from pneudrive.rig.motion import MotionLimits
 from pneudrive.rig.rig_file import RigFile, shipped_rigs
@@ -114,7 +114,7 @@ class AbsolutePressure(Quantity):
         """Convert and check."""
         pressure = StatedPressure().read(given)
         if pressure.gauge:
-            raise WrongValueError(f'"{given}" is not an absolute pressure', remedy='Write "... abs".')
+            raise DescriptionError(f'"{given}" is not an absolute pressure', remedy='Write "... abs".')
         return pressure.value_pa
 
 
@@ -125,7 +125,7 @@ class Difference(Quantity):
     def read(self, given: object) -> float:
         """Convert and check."""
         if not str(given).endswith(" K"):
-            raise WrongValueError(f'"{given}" is not a difference of temperatures', rule='in K, e.g. "0.5 K"')
+            raise DescriptionError(f'"{given}" is not a difference of temperatures', rule='in K, e.g. "0.5 K"')
         return super().read(given)
 
 

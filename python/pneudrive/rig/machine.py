@@ -8,7 +8,7 @@ from __future__ import annotations
 import hashlib
 import json
 import math
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
@@ -282,38 +282,39 @@ CREEP_M_S = 1e-9
 
 
 class Machine:
-    """Axis, drive and chambers with their history.
+    """Axis, drive and chambers. Each step leads from one history to the next.
 
     Parameters
     ----------
     d : RigDescription
     seed : int
-    past : Past, optional
-        History; the default is a new rig.
     """
 
-    def __init__(self, d: RigDescription, seed: int, past: Past | None = None) -> None:
+    def __init__(self, d: RigDescription, seed: int) -> None:
         self.d, self.seed = d, seed
-        ambient = d.ambient_pressure_pa
-        self.past = past or Past(commanded_m=d.tables.servo.margin, pressure_a_pa=ambient, pressure_b_pa=ambient)
 
-    def motion(self, step: Step) -> Motion | None:
+    def new(self) -> Past:
+        """Return the history of a new rig."""
+        ambient = self.d.ambient_pressure_pa
+        return Past(commanded_m=self.d.tables.servo.margin, pressure_a_pa=ambient, pressure_b_pa=ambient)
+
+    def motion(self, past: Past, step: Step) -> Motion | None:
         """Plan the motion of a step from the present position. Return None without a motion."""
-        at = self.past.commanded_m
+        at = past.commanded_m
         if isinstance(step, Hold):
             return dwell(step.duration_s, at) if step.duration_s > 0.0 else None
         if abs(step.to_m - at) < SHORTEST_M:
             return None
         return move(step.to_m - at, step.speed_m_s, self.d.limits, at)
 
-    def friction(self) -> Plain:
+    def friction(self, past: Past) -> Plain:
         """Return the friction of the present step in the core's form.
 
         As in a drive, run-in and temperature change Coulomb and breakaway force, while only temperature changes viscous
         friction. Both effects are evaluated at the beginning of the step, which is assumed to be short compared with
         the warming.
         """
-        d, past, thermal = self.d, self.past, self.d.tables.thermal
+        d, thermal = self.d, self.d.tables.thermal
         table = core_friction(d, past.levels.get("mounting", RIGID))
         excess, distance = d.tables.run_in.excess, d.tables.run_in.distance
         warmer = float(past.room_k(d)) - d.tables.ambient.temperature + past.seal_rise_k
@@ -327,20 +328,21 @@ class Machine:
             table["dwell"] = table["dwell"] | {"increment_n": table["dwell"]["increment_n"] * scale}
         return table
 
-    def steady_n(self, friction: Plain, velocity_m_s: float) -> float:
+    def steady_n(self, past: Past, friction: Plain, velocity_m_s: float) -> float:
         """Return the steady friction at a velocity, the set pressures and the present position, N; positive."""
-        d, past = self.d, self.past
-        gauges = (past.pressure_a_pa - d.ambient_pressure_pa, past.pressure_b_pa - d.ambient_pressure_pa)
+        ambient = self.d.ambient_pressure_pa
+        gauges = (past.pressure_a_pa - ambient, past.pressure_b_pa - ambient)
         return float(abs(steady_friction_n(friction, velocity_m_s, gauges, past.commanded_m)[0]))
 
     def run(
         self,
+        past: Past,
         step: Step,
         motion: Motion,
         times: Array,
         look: Callable[[float], object] | None = None,
-    ) -> Columns:
-        """Run one step and update `past`. `look` is called regularly. An exception in `look` ends the step.
+    ) -> tuple[Past, Columns]:
+        """Return the history after one step, and its true signals. An exception in `look`, called regularly, ends it.
 
         Raises
         ------
@@ -349,37 +351,35 @@ class Machine:
         SimulationError
             The core cannot continue.
         """
-        d, past, friction = self.d, self.past, self.friction()
+        d, friction = self.d, self.friction(past)
         hold = step if isinstance(step, Hold) else Hold(0.0)
         if hold.released:
-            self._stays(friction)
+            self._stays(past, friction)
         begin = past.commanded_m if past.state is None else past.state
         rig = core_rig(d, (past.pressure_a_pa, past.pressure_b_pa), friction, float(past.room_k(d)))
         result = drag(rig, motion, times, begin, released=hold.released, shut=hold.shut, look=look)
-        columns, _, past.state, past.commanded_m = result
-        if times.size:
-            past.shown = {name: float(column[-1]) for name, column in columns.items()}
+        columns, _, state, at = result
+        shown = {name: float(column[-1]) for name, column in columns.items()} if times.size else past.shown
+        after = replace(past, state=state, commanded_m=at, shown=shown)
         power = 0.0
         if isinstance(step, Move):
-            way = abs(past.commanded_m - motion.start_m)
-            past.travel_m += way
+            way = abs(at - motion.start_m)
+            after.travel_m += way
             speed = float(np.copysign(step.speed_m_s, step.to_m - motion.start_m))
-            power = self.steady_n(friction, speed) * way / motion.duration_s
+            power = self.steady_n(after, friction, speed) * way / motion.duration_s
         heat, lasts_s = d.tables.thermal, motion.duration_s  # of friction, in the seal
-        past.seal_rise_k = _core.seal_warming(heat.seal_rise, heat.seal_time, past.seal_rise_k, power, lasts_s)
-        past.clock_s += lasts_s
-        return columns
+        after.seal_rise_k = _core.seal_warming(heat.seal_rise, heat.seal_time, past.seal_rise_k, power, lasts_s)
+        after.clock_s += lasts_s
+        return after, columns
 
-    def cut(self, before: Past, step: Step, motion: Motion, time_s: float) -> None:
-        """Return to the beginning of a step, run it up to `time_s`, and brake."""
-        self.past = before
+    def cut(self, before: Past, step: Step, motion: Motion, time_s: float) -> Past:
+        """Run a step from its beginning up to `time_s`, and brake."""
         begun = motion.until(time_s)
         position, speed, acceleration = map(float, motion.at(time_s))
         rest = begun.then(brake(position, speed, acceleration, self.d.limits))
-        if rest.durations_s.size:
-            self.run(step, rest, np.array([rest.duration_s]))
+        return self.run(before, step, rest, np.array([rest.duration_s]))[0] if rest.durations_s.size else before
 
-    def settle(self, a_pa: float, b_pa: float) -> None:
+    def settle(self, past: Past, a_pa: float, b_pa: float) -> Past:
         """Set the pressures, and wait at rest until the chambers have settled.
 
         Raises
@@ -387,28 +387,28 @@ class Machine:
         RigError
             The chambers do not reach the pressures.
         """
-        past, a, b = self.past, 0.0, 0.0
+        a, b = 0.0, 0.0
 
-        def rest() -> Pair:
-            self.run(Hold(LOOK_S), dwell(LOOK_S, past.commanded_m), np.array([LOOK_S]))
-            return past.shown["pressure_a_pa"], past.shown["pressure_b_pa"]
+        def rest(past: Past) -> Past:
+            return self.run(past, Hold(LOOK_S), dwell(LOOK_S, past.commanded_m), np.array([LOOK_S]))[0]
 
         if past.state is None:  # start state, at the old pressures
-            rest()
-        past.pressure_a_pa, past.pressure_b_pa = a_pa, b_pa
+            past = rest(past)
+        past = replace(past, pressure_a_pa=a_pa, pressure_b_pa=b_pa)
         for _ in range(round(LONGEST_S / LOOK_S)):
-            a, b = rest()
+            past = rest(past)
+            a, b = past.shown["pressure_a_pa"], past.shown["pressure_b_pa"]
             if max(abs(a / a_pa - 1.0), abs(b / b_pa - 1.0)) < SETTLED:
-                return
+                return past
         raise RigError.of("rig.not-settled", a=a_pa, b=b_pa, seconds=LONGEST_S, value=f"{a:g} and {b:g} Pa")
 
-    def _stays(self, friction: Plain) -> None:
+    def _stays(self, past: Past, friction: Plain) -> None:
         """Check that pressure and weight would not move a released piston away."""
-        d, past = self.d, self.past
+        d = self.d
         area_a, area_b = d.areas_m2
         ambient = d.ambient_pressure_pa
         push = (past.pressure_a_pa - ambient) * area_a - (past.pressure_b_pa - ambient) * area_b
         push -= d.tables.cylinder.moving_mass * STANDARD_GRAVITY_M_S2 * np.sin(d.tables.cylinder.incline)
-        holds = self.steady_n(friction, CREEP_M_S)
+        holds = self.steady_n(past, friction, CREEP_M_S)
         if abs(push) > holds:
             raise RigError.of("rig.moves-away", push=push, holds=holds)

@@ -15,7 +15,7 @@ from pneudrive.describe.base import Described
 from pneudrive.describe.files import toml
 from pneudrive.describe.marks import NOT_NEGATIVE, POSITIVE, Between, Mark, PressureBetween, Quantity, Reads, absolute
 from pneudrive.describe.tables.geometry import PistonTable
-from pneudrive.errors import Problems, RigError, WrongValueError, nearest, wrong
+from pneudrive.errors import DescriptionError, Problems, RigError, nearest, wrong
 from pneudrive.rig.interface import WORDS, Envelope, Identity, Rig
 from pneudrive.signals.force_calibration import ForceCalibration, of_quantities
 
@@ -48,7 +48,7 @@ class Channels(Mark):
     def read(self, given: object) -> dict[str, Any]:
         """Convert and check."""
         if not isinstance(given, dict):
-            raise WrongValueError(f"{given!r} is not a table")
+            raise DescriptionError(f"{given!r} is not a table")
         problems, out = Problems(), {}
         for key, value in given.items():
             with problems.caught():

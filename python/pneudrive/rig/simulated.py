@@ -380,15 +380,12 @@ class RigSession:
         self._machine = Machine(rig.description, seed)
         self._instruments = Instruments(rig.description, seed)
         self._rng = stream(seed, "noise", "")
+        #: History of the rig. A step replaces it.
+        self.past = self._machine.new()
         self._running: _Run | None = None
         #: Called after each step of a cycle with machine, history before the step, step, motion and true signals.
         self.observe: Observer | None = None
         self._lock, self._halted = RLock(), Event()
-
-    @property
-    def past(self) -> Past:
-        """History of the rig."""
-        return self._machine.past
 
     # --- what it is --------------------------------------------------------------------------
 
@@ -457,7 +454,7 @@ class RigSession:
         self._idle()
         with self._lock:
             began = self.past.clock_s
-            self._machine.settle(a_pa, b_pa)
+            self.past = self._machine.settle(self.past, a_pa, b_pa)
             duration = self.past.clock_s - began
         self._wait(time.monotonic(), duration)
 
@@ -484,13 +481,13 @@ class RigSession:
             self._halt(self._running)
             ambient = self.rig.description.ambient_pressure_pa
             if (self.past.pressure_a_pa, self.past.pressure_b_pa) != (ambient, ambient):
-                self._machine.settle(ambient, ambient)
+                self.past = self._machine.settle(self.past, ambient, ambient)
 
     # --- its past ----------------------------------------------------------------------------
 
     def begin_cycle(self, key: str) -> None:
         """Seed the noise of the next cycle from the rig's seed and this key."""
-        self.past.key = key
+        self.past = replace(self.past, key=key)
         self._rng = stream(self.seed, "noise", key)
 
     def memory(self) -> Plain:
@@ -500,7 +497,7 @@ class RigSession:
     def restore(self, memory: Plain) -> None:
         """Restore a saved state from `memory`."""
         self._idle()
-        self._machine.past = Past.from_dict(memory)
+        self.past = Past.from_dict(memory)
 
     def levels(self) -> dict[str, tuple[str, ...]]:
         """Return the factors that can be changed, with their possible levels.
@@ -512,16 +509,14 @@ class RigSession:
     def change(self, levels: dict[str, str]) -> None:
         """Set mounted factor levels. A new seal or drive starts without run-in."""
         self._idle()
-        past = self.past
         known = self.levels()
         for factor, level in levels.items():
             if factor in known and level not in known[factor]:
                 raise RigError(f"{factor} = {level!r} is not known to this rig", remedy=nearest(level, known[factor]))
-        for factor, level in levels.items():
-            past.levels[factor] = level
-            past.changes[factor] = past.changes.get(factor, 0) + 1
-            if factor in ("seal", "drive"):
-                past.travel_m = past.seal_rise_k = 0.0
+        past, anew = self.past, {"seal", "drive"} & levels.keys()
+        changes = past.changes | {factor: past.changes.get(factor, 0) + 1 for factor in levels}
+        unworn = {"travel_m": 0.0, "seal_rise_k": 0.0} if anew else {}
+        self.past = replace(past, levels=past.levels | levels, changes=changes, **unworn)
 
     # --- how ---------------------------------------------------------------------------------
 
@@ -545,7 +540,7 @@ class RigSession:
         """Run one step without samples and without random noise."""
         self._idle()
         self._check([step])
-        if self._machine.motion(step) is not None:
+        if self._machine.motion(self.past, step) is not None:
             for _ in self._acquire([step], None):
                 pass
 
@@ -560,13 +555,13 @@ class RigSession:
         last = max((i for i, step in enumerate(steps) if getattr(step, "duration_s", 1.0) > 0.0), default=-1)
         try:
             for i, step in enumerate(steps):
-                motion = self._machine.motion(step)
+                motion = self._machine.motion(self.past, step)
                 if motion is None:
                     continue
                 times = self._times(motion.duration_s, isinstance(step, Move), sampling)
-                machine, before, true = self._ahead(run, step, motion, times)
+                before, true = self._ahead(run, step, motion, times)
                 if sampling is not None and self.observe is not None:
-                    self.observe(machine, before, step, motion, true)
+                    self.observe(self._machine, before, step, motion, true)
                 seen = self._instruments.read(true, before, rng, getattr(step, "weight_n", 0.0))
                 count = times.size if i == last else times.size - 1
                 for part in self._parts(times[:count], motion.duration_s):
@@ -595,29 +590,22 @@ class RigSession:
             times = np.arange(1, int(duration_s / (PART_S * self.pace)) + 1) * (PART_S * self.pace)
         return np.append(times, duration_s)
 
-    def _ahead(self, run: _Run, step: Step, motion: Motion, times: Array) -> tuple[Machine, Past, Columns]:
-        """Run a step on a copy of the machine. At the end, use the copy unless the axis was stopped.
+    def _ahead(self, run: _Run, step: Step, motion: Motion, times: Array) -> tuple[Past, Columns]:
+        """Run a step. Return the history before it, and the true signals.
 
         During the step, no lock is held, so that other threads can stop or display the axis.
-
-        Returns
-        -------
-        Machine, Past, dict
-            The machine after the step, the history before it, and the true signals.
         """
         with self._lock:
             self._alive(run)
-            run.before = deepcopy(self.past)
+            run.before = before = self.past
             run.step = step
             run.motion = motion
             run.reached_s = 0.0
-            machine = Machine(self._machine.d, self.seed, deepcopy(self.past))
-            before = run.before
-        true = machine.run(step, motion, times, lambda _: self._alive(run))
+        after, true = self._machine.run(before, step, motion, times, lambda _: self._alive(run))
         with self._lock:
             self._alive(run)
-            self._machine = machine
-        return machine, before, true
+            self.past = after
+        return before, true
 
     def _parts(self, times: Array, duration_s: float) -> Iterator[slice]:
         """Split the samples of a step into parts: by time if there is a pace, otherwise by number."""
@@ -643,7 +631,7 @@ class RigSession:
         if self._running is run:
             self._running = None
         if run.motion is not None and run.before is not None and run.step is not None:
-            self._machine.cut(run.before, run.step, run.motion, run.reached_s)
+            self.past = self._machine.cut(run.before, run.step, run.motion, run.reached_s)
 
     def _wait(self, began: float, until_s: float) -> None:
         """Wait until a time of the rig at its pace, or until the rig is stopped."""

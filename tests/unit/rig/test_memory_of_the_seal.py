@@ -83,9 +83,9 @@ def test_mounting_direction_and_place_are_in_the_friction():
 
     def friction(mounting):
         rig.change({"mounting": mounting})
-        table = rig._machine.friction()
+        table = rig._machine.friction(rig.past)
         scale = table["parameters"]["coulomb"] / d.friction["parameters"]["coulomb"]  # each mounting has its own level
-        return [rig._machine.steady_n(table, v) / scale for v in (0.1, -0.1)], scale
+        return [rig._machine.steady_n(rig.past, table, v) / scale for v in (0.1, -0.1)], scale
 
     (out, back), _ = friction("rigid")
     (out_offset, back_offset), scale = friction("offset")

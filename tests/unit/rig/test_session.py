@@ -289,7 +289,7 @@ def test_levels_vary_between_cycles_days_and_mountings_as_the_file_says():
         out = []
         for i in range(count):
             change(rig, i)
-            out.append(np.log(rig._machine.friction()["parameters"]["coulomb"] / 9.0))
+            out.append(np.log(rig._machine.friction(rig.past)["parameters"]["coulomb"] / 9.0))
         return np.std(out)
 
     def day(rig, i):

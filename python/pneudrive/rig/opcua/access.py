@@ -20,7 +20,7 @@ from cryptography.hazmat.primitives.serialization import Encoding
 from pydantic import model_validator
 
 from pneudrive.describe.marks import Bounds, Quantity, Reads
-from pneudrive.errors import CommandError, RigError, WrongValueError, wrong
+from pneudrive.errors import CommandError, DescriptionError, RigError, wrong
 from pneudrive.rig.rig_file import RigFile
 
 ua: Any = asyncua.ua
@@ -32,14 +32,15 @@ OTHERS_MAY_READ = 0o077
 
 def _no_password(_: object) -> None:
     remedy = 'password_file = "password.txt", or password_env = "PNEUDRIVE_RIG_PASSWORD"'
-    raise WrongValueError("a password", "a rig file contains no password itself", remedy)
+    raise DescriptionError("a password", rule="a rig file contains no password itself", remedy=remedy)
 
 
 def _variable(given: object) -> str:
     """Read the name of an environment variable. A rig file cannot name the variables of other programs."""
     if not isinstance(given, str) or not given.startswith(PREFIX):
         rule = f"a rig file may send only variables whose names begin with {PREFIX}"
-        raise WrongValueError(f"{given!r} is not a variable of a rig", rule, 'password_env = "PNEUDRIVE_RIG_PASSWORD"')
+        remedy = 'password_env = "PNEUDRIVE_RIG_PASSWORD"'
+        raise DescriptionError(f"{given!r} is not a variable of a rig", rule=rule, remedy=remedy)
     return given
 
 
@@ -47,13 +48,14 @@ def _file_next_to_it(given: object) -> str:
     """Read the name of a password file next to the rig file. A path could lead to a private file."""
     if not isinstance(given, str) or Path(given).name != given or given.startswith(("~", "..")) or "\\" in given:
         rule = "the password file lies in the folder of the rig file, and is named without a path"
-        raise WrongValueError(f"{given!r} is not the name of a password file", rule, 'password_file = "password.txt"')
+        remedy = 'password_file = "password.txt"'
+        raise DescriptionError(f"{given!r} is not the name of a password file", rule=rule, remedy=remedy)
     return given
 
 
 def _address(given: object) -> str:
     if not isinstance(given, str) or not given.startswith(f"{SCHEME}://") or "@" in given:
-        raise WrongValueError(f"{given!r} is not an address", rule=f"{SCHEME}://HOST:PORT, without user and password")
+        raise DescriptionError(f"{given!r} is not an address", rule=f"{SCHEME}://HOST:PORT, without user and password")
     return given
 
 

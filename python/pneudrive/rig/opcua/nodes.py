@@ -29,7 +29,7 @@ from pydantic import Field, create_model
 from pneudrive.describe.base import Described
 from pneudrive.describe.files import toml
 from pneudrive.describe.marks import Bounds, Mark, Quantity, StatedPressure, Whole
-from pneudrive.errors import RigError, WrongValueError, nearest, package_table, wrong
+from pneudrive.errors import DescriptionError, RigError, nearest, package_table, wrong
 from pneudrive.rig.interface import WORDS
 from pneudrive.signals.columns import column_unit
 
@@ -203,16 +203,16 @@ class NodeOf(Mark):
         table = {"node": given} if isinstance(given, str) else given
         if not isinstance(table, dict) or ("node" in table) == ("constant" in table):
             what = f"{given!r} is neither the id nor the table of a node"
-            raise WrongValueError(what, remedy='{ node = "ns=4;s=...", unit = "mm" }')
+            raise DescriptionError(what, remedy='{ node = "ns=4;s=...", unit = "mm" }')
         known = ["node", "type", "constant", *(["unit", "positive"] if kind.unit else [])]
         for key in table:
             if key not in known:
-                raise WrongValueError(f"{key} is not a known key", remedy=nearest(key, known))
+                raise DescriptionError(f"{key} is not a known key", remedy=nearest(key, known))
         if "constant" in table:
             return Node(kind, kind.type, constant=_constant(name, kind, table["constant"]))
         node_type = table.get("type", kind.type)
         if node_type not in TYPES[kind.type]:
-            raise WrongValueError(f"type = {node_type!r} does not fit", rule=f"one of {', '.join(TYPES[kind.type])}")
+            raise DescriptionError(f"type = {node_type!r} does not fit", rule=f"one of {', '.join(TYPES[kind.type])}")
         return Node(kind, node_type, _node_id(name, table["node"]), None, *_scale(kind, table))
 
 
@@ -233,16 +233,16 @@ def _map_file() -> type[MapFile]:
 def _node_id(name: str, text: object) -> str:
     if not isinstance(text, str) or not re.fullmatch(r"(ns=\d+;)?[isgb]=.+", text):
         rule = '"ns=4;s=NAME", "ns=4;i=NUMBER", or "s=NAME" in the namespace'
-        raise WrongValueError(f"{text!r} is not a node id", rule=rule)
+        raise DescriptionError(f"{text!r} is not a node id", rule=rule)
     if ("{slot}" in text) != (name in IN_RING):
-        raise WrongValueError(text, rule="ids of nodes of the ring contain {slot}, others do not")
+        raise DescriptionError(text, rule="ids of nodes of the ring contain {slot}, others do not")
     return text
 
 
 def _constant(name: str, kind: NodeKind, given: object) -> float:
     if kind.client or not kind.unit or name.partition(".")[2] in ("time", "position", "force"):
         rule = "only unmeasured pressures and temperatures can be constant"
-        raise WrongValueError("the node cannot be a constant", rule=rule)
+        raise DescriptionError("the node cannot be a constant", rule=rule)
     if kind.unit == "Pa":
         return StatedPressure(gauge_allowed=False).read(given).value_pa
     return Quantity(kind.unit).read(given)
@@ -252,7 +252,7 @@ def _scale(kind: NodeKind, table: dict[str, Any]) -> tuple[float, float, bool]:
     """Return factor, offset and gauge of a node."""
     sign = {"+x": 1.0, "-x": -1.0}.get(table.get("positive", "+x"))
     if sign is None or ("positive" in table and kind.unit not in ("m", "N")):
-        raise WrongValueError(f"positive = {table.get('positive')!r}", rule='"+x" or "-x", of a position or force')
+        raise DescriptionError(f"positive = {table.get('positive')!r}", rule='"+x" or "-x", of a position or force')
     if "unit" not in table:
         return sign, 0.0, False
     unit = column_unit(table["unit"], kind.unit)

@@ -218,7 +218,7 @@ def test_the_zeros_of_a_simulated_rig_are_told_apart(tmp_path):
     rig, true = load_rig("default", seed=3), {}
 
     def observe(machine, *_):
-        past, zero = machine.past, rig.rig.description.force_sensor.zero
+        past, zero = rig.past, machine.d.force_sensor.zero
         drifted = zero + float(past.force_drift_n(machine.d))
         true[past.key] = {"a": past.pressure_a_pa, "b": past.pressure_b_pa, "force_zero_n": drifted}
 
