@@ -156,13 +156,6 @@ class Identified:
     model_errors: Mapping[str, float] = field(default_factory=dict)
     correlations: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
 
-    def lowered(self, forces: Mapping[str, float]) -> Identified:
-        """Subtract forces from values and intervals, by name."""
-        every = {name: forces.get(name, 0.0) for name in self.values}
-        values = {name: value - every[name] for name, value in self.values.items()}
-        ends = {name: (low - every[name], high - every[name]) for name, (low, high) in self.intervals.items()}
-        return replace(self, values=values, intervals=ends)
-
     def origins(self, marks: Mapping[str, Written | None]) -> dict[str, dict[str, object]]:
         """Return the tables of provenance, with the units of `marks`."""
         out = {}
@@ -209,7 +202,13 @@ def apply_identified(
     """
     changes: dict[str, object] = dict(tables or {})
     if beside is not None:
-        found = found.lowered({f"friction.{name}": force for name, force in beside.sliding.items()})
+        forces = {f"friction.{name}": force for name, force in beside.sliding.items()}
+        values, ends = dict(found.values), dict(found.intervals)
+        for name in forces.keys() & values.keys():
+            values[name] -= forces[name]
+            if name in ends:
+                ends[name] = ends[name][0] - forces[name], ends[name][1] - forces[name]
+        found = replace(found, values=values, intervals=ends)
     law = changes.get("friction.law")
     if isinstance(drive, Circuit):
         known = {name: number.mark for name, number in circuit_numbers(drive).items()}

@@ -372,11 +372,7 @@ def _result(
         covariance=solved.covariance,
         intervals=intervals,
         undetermined=(*held, *lost),
-        notes=(
-            *_notes(tank, solved, tau, interrupted),
-            *_alternatives(others),
-            *applied_note(solved, {u.parameter for u in lost}),
-        ),
+        notes=(*_notes(tank, solved, others, tau, interrupted), *applied_note(solved, {u.parameter for u in lost})),
         statistics={
             "samples": float(off.size),
             "rms.pressure": rms(off),
@@ -425,17 +421,7 @@ def _lost(
     return Undetermined(name, reason, sentences("tank")[name])
 
 
-def _alternatives(others: list[Solved]) -> list[str]:
-    """Return a note on values that fit as well as the best values."""
-    notes = []
-    for minimum in others:
-        values = zip(minimum.problem.parameters, minimum.values, strict=True)
-        words = ", ".join(named_value(p.name, value, p.unit, 3) for p, value in values)
-        notes.append(f"other values fit as well: {words}; the intervals include both; also record with the line shut")
-    return notes
-
-
-def _notes(tank: Tank, solved: Solved, tau: float, interrupted: list[str]) -> list[str]:
+def _notes(tank: Tank, solved: Solved, others: list[Solved], tau: float, interrupted: list[str]) -> list[str]:
     notes = []
     if tank.line is not None and tank.line.linear_above == SHORT_REGION:
         notes.append(f"line.linear_above = {SHORT_REGION:g} fits the end of the recordings better than the default")
@@ -447,6 +433,10 @@ def _notes(tank: Tank, solved: Solved, tau: float, interrupted: list[str]) -> li
         notes.append(sentence("notes", "tank_misfit", ratio=max(solved.missed.values())))
     elif tau > CORRELATED:
         notes.append(f"residuals are correlated over {tau:.0f} samples; intervals are widened for it")
+    for minimum in others:
+        values = zip(minimum.problem.parameters, minimum.values, strict=True)
+        words = ", ".join(named_value(p.name, value, p.unit, 3) for p, value in values)
+        notes.append(f"other values fit as well: {words}; the intervals include both; also record with the line shut")
     return notes
 
 

@@ -204,7 +204,7 @@ def identify(
     names = [c for c in sensing.CHANNELS if any(c in p for p in present)]
     if not isinstance(drive, Circuit):
         drive = with_shape(drive, free)
-    described = {c.name: c for c in sensing.channels_of(names, sensors)}
+    described = sensing.channels_of(names, sensors)
     options.delay_s = sensing.command_delay(sensors)
     parameters = _resolvable(drive, chosen(drive, free), records, described, options)
     watcher = search.Watcher(progress, Watch(cancel=cancel))
@@ -221,9 +221,7 @@ def identify(
             how = options.rtol, options.threads, options.delay_s or 0.0, watcher.watch
             experiments.append(FittedRecording(record, own, starts, family, noise, *how))
             states.append(start_states(experiments[-1], drive, start))
-        free_sensors = sensing.sensor_parameters(
-            [*described.values()], [r.name for r in records], [set(p) for p in present], delay=options.delay_s is None
-        )
+        free_sensors = sensing.sensor_parameters(described.values(), experiments, delay=options.delay_s is None)
         transforms = transforms_of(parameters, free_sensors, drive)
         problem = FitProblem(parameters, free_sensors, transforms, experiments)
         first = transforms.internal(np.r_[start, [sensing.START[s.kind] for s in free_sensors]])
@@ -339,7 +337,7 @@ def solve(problem: FitProblem, point: Iterate, options: search.SearchOptions, wa
             at, converged = search.join_segments(problem, point, watcher)
     except KeyboardInterrupt:
         options.interrupted = True
-        problem.held[:], problem.believed = False, believed
+        problem.held[:], problem.is_separate, problem.believed = False, False, believed
         options.notes.append("the search was interrupted: these are the best values so far")
         point, at, converged = watcher.point, None, False
     if at is None:

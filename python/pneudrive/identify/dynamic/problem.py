@@ -290,6 +290,8 @@ class FitProblem:
         self.prior = np.r_[np.zeros(self.drive_size), precision]
         #: Prior starts of each recording, of which only the first one is used.
         self.believed: list[Array] = []
+        #: Whether segments start from measurements, so that only unmeasured states are carried over.
+        self.is_separate = False
         #: Mask of temporarily held coordinates.
         self.held = np.zeros(self.size, dtype=bool)
 
@@ -332,15 +334,8 @@ class FitProblem:
         for i, (experiment, residual) in enumerate(zip(self.experiments, residuals, strict=True)):
             yield from ((i, c, residual[good, c]) for c, good in enumerate(experiment.weight.T > 0.0))
 
-    def run(
-        self,
-        point: Iterate,
-        stage: str,
-        *,
-        derivatives: bool = True,
-        reset: bool = False,
-    ) -> list[Shot]:
-        """Run all recordings.
+    def run(self, point: Iterate, stage: str, *, derivatives: bool = True) -> list[Shot]:
+        """Run all recordings. Derivatives with respect to the starts cover only the states that are carried over.
 
         Parameters
         ----------
@@ -348,9 +343,6 @@ class FitProblem:
         stage : str
             Part of the search, for the message: a key of the sentences ``not_simulated``.
         derivatives : bool
-        reset : bool
-            Whether only unmeasured states continue from the previous segment. Derivatives with respect to the starts
-            then cover only these.
 
         Raises
         ------
@@ -361,7 +353,7 @@ class FitProblem:
         shots = []
         for i, (experiment, states) in enumerate(zip(self.experiments, point.states, strict=True)):
             delay_s = float(values[self.delays[i]]) if i in self.delays else None
-            hidden = np.flatnonzero(experiment.hidden) if reset else None
+            hidden = np.flatnonzero(experiment.hidden) if self.is_separate else None
             shot = experiment.run(
                 values[: self.drive_size], states, derivatives=derivatives, by_start=hidden, delay_s=delay_s
             )

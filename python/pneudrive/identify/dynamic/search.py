@@ -170,18 +170,8 @@ class Joined(Misfit):
     carried: list[ArrayPair]
 
 
-def judge(problem: FitProblem, point: Iterate, shots: list[Shot], *, reset: bool = False) -> Misfit:
-    """Return the misfit of a point from its runs.
-
-    Parameters
-    ----------
-    problem : FitProblem
-    point : Iterate
-    shots : list of Shot
-        Runs of each recording's segments.
-    reset : bool
-        Whether segments start from measurements, so that only unmeasured states are carried over.
-    """
+def judge(problem: FitProblem, point: Iterate, shots: list[Shot]) -> Misfit:
+    """Return the misfit of a point from the runs of each recording's segments."""
     residuals: list[Array] = []
     gap, cost = 0.0, float(problem.prior @ point.eta**2)
     penalty = 0.0
@@ -189,14 +179,14 @@ def judge(problem: FitProblem, point: Iterate, shots: list[Shot], *, reset: bool
         r = problem.measure(i, point.eta, shot.outputs)[0]
         away = (problem.believed[i][0] - point.states[i][0]) / experiment.belief
         cost += float(np.sum(r**2)) + float(away @ away)
-        scaled = _gaps(problem, point, shot, i, reset=reset) / experiment.size
+        scaled = _gaps(problem, point, shot, i) / experiment.size
         penalty += r.size / max(len(scaled), 1) * float(np.sum(scaled**2))
         gap = max(gap, float(np.abs(scaled).max(initial=0.0)))
         residuals.append(r)
-    return Misfit(point, cost, cost if reset else cost + penalty, gap, residuals)
+    return Misfit(point, cost, cost if problem.is_separate else cost + penalty, gap, residuals)
 
 
-def linearise(problem: FitProblem, point: Iterate, shots: list[Shot], *, reset: bool = False) -> Joined:
+def linearise(problem: FitProblem, point: Iterate, shots: list[Shot]) -> Joined:
     """Return the normal equations of all recordings, from runs with derivatives; parameters as for `judge`.
 
     Raises
@@ -208,7 +198,7 @@ def linearise(problem: FitProblem, point: Iterate, shots: list[Shot], *, reset: 
     size = problem.size
     for i, (experiment, shot) in enumerate(zip(problem.experiments, shots, strict=True)):
         with np.errstate(over="ignore", invalid="ignore"):  # what is not finite is named below
-            by_unknown, closing = _condense(problem, point, shot, i, reset=reset)
+            by_unknown, closing = _condense(problem, point, shot, i)
             outputs = shot.outputs.copy()  # with gaps closed to first order, and their Jacobian
             jac = np.empty((*outputs.shape, by_unknown.shape[2]))
             for j, where in enumerate(experiment.segments):
@@ -228,19 +218,18 @@ def linearise(problem: FitProblem, point: Iterate, shots: list[Shot], *, reset: 
         blocks.append((information, gradient))
         slopes.append(jac)
         carried.append((by_unknown, closing))
-    misfit = judge(problem, point, shots, reset=reset)
-    return Joined(**vars(misfit), blocks=blocks, slopes=slopes, carried=carried)
+    return Joined(**vars(judge(problem, point, shots)), blocks=blocks, slopes=slopes, carried=carried)
 
 
-def _gaps(problem: FitProblem, point: Iterate, shot: Shot, i: int, *, reset: bool) -> Array:
+def _gaps(problem: FitProblem, point: Iterate, shot: Shot, i: int) -> Array:
     """Return the difference between each segment's end and the next one's start, shape (k - 1, s)."""
     gaps = shot.ends[:-1] - point.states[i][1:]
-    if reset:
+    if problem.is_separate:
         gaps[:, ~problem.experiments[i].hidden] = 0.0
     return gaps
 
 
-def _condense(problem: FitProblem, point: Iterate, shot: Shot, i: int, *, reset: bool) -> ArrayPair:
+def _condense(problem: FitProblem, point: Iterate, shot: Shot, i: int) -> ArrayPair:
     """Return the changes of all starts as functions of first start and coordinates, by linearised continuity.
 
     Returns
@@ -251,9 +240,9 @@ def _condense(problem: FitProblem, point: Iterate, shot: Shot, i: int, *, reset:
     k, s = point.states[i].shape
     size = problem.size
     by_eta = problem.by_coordinates(i, shot.ends_by_parameter, point.eta)
-    gaps = _gaps(problem, point, shot, i, reset=reset)
+    gaps = _gaps(problem, point, shot, i)
     by_unknown, closing = np.zeros((k, s, size + s)), np.zeros((k, s))
-    carried = problem.experiments[i].hidden if reset else np.ones(s, dtype=bool)
+    carried = problem.experiments[i].hidden if problem.is_separate else np.ones(s, dtype=bool)
     by_unknown[0, carried, size:] = np.diag(problem.experiments[i].belief)[carried]
     for j in range(k - 1):
         onward = shot.ends_by_start[j] @ by_unknown[j]
@@ -269,48 +258,40 @@ def predict_segments(problem: FitProblem, point: Iterate, watcher: Watcher) -> I
     The noise is set to the present error of the model, at least the noise of the sensors. Offsets are held: because
     segments start from the measurements, offsets act only through volumes and flows.
     """
-    problem.held = problem.offsets
+    problem.held, problem.is_separate = problem.offsets, True
     least = [e.noise.copy() for e in problem.experiments]
     problem.believed = [s.copy() for s in point.states]
-    shots = problem.run(point, "start", reset=True)
+    shots = problem.run(point, "start")
     longest, closings = LONGEST, 0
     for _ in range(MOST_STEPS):
-        residuals = judge(problem, point, shots, reset=True).residuals
+        residuals = judge(problem, point, shots).residuals
         for experiment, residual, floor in zip(problem.experiments, residuals, least, strict=True):
             count = np.maximum(experiment.weight.sum(axis=0), 1.0)
             off = experiment.noise * np.sqrt(np.sum(residual**2, axis=0) / count)
             experiment.noise = np.maximum(floor, off)
-        at = linearise(problem, point, shots, reset=True)
-        found = _shortened(problem, at, longest, reset=True)
+        at = linearise(problem, point, shots)
+        found = _shortened(problem, at, longest)
         if found is None:  # carried states may be far off: first move only these
             if closings == MOST_CLOSINGS:
                 break
             states = [s + closing for s, (_, closing) in zip(point.states, at.carried, strict=True)]
             point = problem.possible(replace(point, states=states))
-            longest = LONGEST
-            closings = closings + 1
-            shots = problem.run(point, "reached", reset=True)
+            longest, closings = LONGEST, closings + 1
+            shots = problem.run(point, "reached")
             continue
         standing, longest = found
         point, closings = standing.point, 0
         watcher.step(problem, "steps with separate segments", standing)
         if 1.0 - standing.cost / at.cost < SMALL_GAIN:
             break
-        shots = problem.run(point, "reached", reset=True)
+        shots = problem.run(point, "reached")
     for experiment, noise in zip(problem.experiments, least, strict=True):
         experiment.noise = noise
-    problem.held = np.zeros(problem.size, dtype=bool)
+    problem.held, problem.is_separate = np.zeros(problem.size, dtype=bool), False
     return point
 
 
-def _shortened(
-    problem: FitProblem,
-    at: Joined,
-    longest: float,
-    *,
-    reset: bool = False,
-    share: float = 1.0,
-) -> tuple[Misfit, float] | None:
+def _shortened(problem: FitProblem, at: Joined, longest: float, share: float = 1.0) -> tuple[Misfit, float] | None:
     """Shorten the step until it lowers the merit function, by runs without derivatives.
 
     Only the step of the coordinates is shortened; `share` also shortens the step of the starts. Return the misfit of
@@ -325,7 +306,7 @@ def _shortened(
             states.append(state + share * (by_unknown @ np.r_[step, start_solution(n, right)] + closing))
         trial = problem.possible(Iterate(at.point.eta + share * step, states))
         with suppress(FitError):  # such a drive is rejected, or cannot be simulated
-            standing = judge(problem, trial, problem.run(trial, "drive", derivatives=False), reset=reset)
+            standing = judge(problem, trial, problem.run(trial, "drive", derivatives=False))
             if standing.merit < at.merit:
                 return standing, min(LONGER * longest, LONGEST)
         longest = SHORTER * min(longest, float(np.abs(step).max(initial=0.0)))
@@ -369,7 +350,7 @@ def join_segments(
             return at, True
         found = _shortened(problem, at, longest)
         if found is None and at.gap < SOLVER_GAP and length >= 1.0:  # the starts move too far
-            shares = (_shortened(problem, at, LONGEST, share=share) for share in SHARES)
+            shares = (_shortened(problem, at, LONGEST, share) for share in SHARES)
             found = next(filter(None, shares), None)
         if found is None:
             return at, length < 1.0 and at.gap < SOLVER_GAP

@@ -17,9 +17,10 @@ from pneudrive.errors import DescriptionError, FitError, RecordingError, nearest
 from pneudrive.simulation.trajectory import meaning
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Iterable, Mapping, Sequence
 
     from pneudrive.arrays import Array, Keyed
+    from pneudrive.identify.dynamic.problem import FittedRecording
     from pneudrive.signals.drive_recording import DriveRecording
 
 #: Channel -> column of a recording and of the core.
@@ -182,13 +183,13 @@ def _si(given: Any, unit: str, what: str, least: float) -> float:  # noqa: ANN40
     return value
 
 
-def channels_of(names: list[str], sensors: Mapping[str, Sensor | Keyed] | None) -> list[Channel]:
-    """Return the channels with the properties of their sensors."""
+def channels_of(names: list[str], sensors: Mapping[str, Sensor | Keyed] | None) -> dict[str, Channel]:
+    """Return the channels with the properties of their sensors, by name."""
     said = {name: given for name, given in (sensors or {}).items() if name != "command"}
     unknown = sorted(set(said) - set(names))
     if unknown:
         raise FitError.of("identify.no_channel", name=unknown[0], known=", ".join(names))
-    return [channel(name, said.get(name, {})) for name in names]
+    return {name: channel(name, said.get(name, {})) for name in names}
 
 
 #: Typical delay of a valve, s, which scales its coordinate (assumed).
@@ -215,21 +216,20 @@ class SensorParameter:
 
 
 def sensor_parameters(
-    channels: list[Channel], recordings: list[str], present: list[set[str]], *, delay: bool
+    channels: Iterable[Channel], experiments: Sequence[FittedRecording], *, delay: bool
 ) -> list[SensorParameter]:
     """Return the free parameters of the sensors: offsets for each recording with the channel; gain and lag once.
 
     With `delay`, also return the delay of each recording's command.
     """
-    which = {i: f" [{name}]" if len(recordings) > 1 else "" for i, name in enumerate(recordings)}
+    which = [f" [{one.recording.name}]" if len(experiments) > 1 else "" for one in experiments]
     out = [
         SensorParameter("delay", "command", i, f"command.delay{of}", "s", DELAY_SIZE_S, np.inf)
-        for i, of in which.items()
-        if delay
+        for i, of in enumerate(which if delay else ())
     ]
     for channel in channels:
-        for i, of in which.items():
-            if "offset" in channel.free and channel.name in present[i]:
+        for i, of in enumerate(which):
+            if "offset" in channel.free and channel in experiments[i].channels:
                 name, sizes = f"{channel.name}.offset{of}", (channel.offset_spread, channel.offset_uncertainty)
                 out.append(SensorParameter("offset", channel.name, i, name, channel.unit, *sizes))
         for kind, unit in (("gain", "1"), ("lag", "s")):

@@ -80,18 +80,8 @@ def choose_model(
     if model.stribeck and (len(levels) < needed or len(data) < needed + 2 * len(model.terms)):
         names = [*_curve_names(model), *(f"breakaway_{c}" for c in "ab" if pressure is not None)]
         lost = [s for s in lost if not s.parameter.startswith("breakaway_")]
-        if len(levels) < needed:
-            s = "s" * (len(levels) != 1)
-            lost += _lost(
-                names,
-                "few_speeds",
-                count=len(levels),
-                s=s,
-                levels=_listed(levels),
-                needed=needed,
-            )
-        else:
-            lost += _lost(names, "few_values", values=len(data))
+        counts = {"count": len(levels), "s": "s" * (len(levels) != 1), "needed": needed, "values": len(data)}
+        lost += _lost(names, "few_speeds" if len(levels) < needed else "few_values", levels=_listed(levels), **counts)
         model = model.without_stribeck()
     if not wanted.viscous:
         lost += _lost(["viscous"], "held_at_zero")
@@ -196,15 +186,8 @@ def _stribeck(found: RobustEstimate, intervals: Ends) -> list[Undetermined]:
     if data.speed_m_s.min() > TAIL * vs:
         out += _lost(curve, "tail", tail=TAIL, vs=_mm_s(vs), **span)
     if data.speed_m_s.max() < PLATEAU * vs:
-        names = [n for n in ("coulomb", "viscous") if n in theta]
-        out += _lost(
-            names,
-            "no_plateau",
-            plateau=PLATEAU,
-            vs=_mm_s(vs),
-            level=_mm_s(PLATEAU * vs),
-            **span,
-        )
+        at = {"plateau": PLATEAU, "vs": _mm_s(vs), "level": _mm_s(PLATEAU * vs)}
+        out += _lost([n for n in ("coulomb", "viscous") if n in theta], "no_plateau", **at, **span)
     if lower_upper[0] <= 0.0:
         out += _lost(curve, "far_below", **span)
     if not np.isfinite(lower_upper[1]):

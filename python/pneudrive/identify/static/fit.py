@@ -133,7 +133,7 @@ def fit_values(
     found, intervals, unsupported = selection.shrunk_to_the_data(selection.with_knee(model, data), data)
     intervals = selection.interval_over_shapes(found, intervals)
     lost += unsupported + selection.diagnose(found, intervals)
-    said = [*notes, *_confounding(data, pressure is not None), *_remarks(found)]
+    said = [*notes, *_remarks(found, averages=pressure is None)]
     provenance = {"version": __version__, "map_sha256": sliding.fingerprint(data), **_ranges(data), **options}
     fit = assembled(wanted.law, found, intervals, lost, said, provenance)
     return replace(fit, notes=(*fit.notes, *fit.correlated()))
@@ -142,30 +142,27 @@ def fit_values(
 def _ranges(data: sliding.Observations) -> dict[str, list[float]]:
     """Return the lowest and highest speed and gauge pressures, and the speeds. Outside, the fit is an extrapolation."""
     columns = {"speed_m_s": data.speed_m_s, "gauge_a_pa": data.gauge_a_pa, "gauge_b_pa": data.gauge_b_pa}
-    levels = {"speed_levels_m_s": [low for low, _ in distinct_levels(data.speed_m_s)]}
-    known = {name: values for name, values in columns.items() if values.size}
-    return {name: [float(values.min()), float(values.max())] for name, values in known.items()} | levels
+    ends = {name: [float(values.min()), float(values.max())] for name, values in columns.items()}
+    return ends | {"speed_levels_m_s": [low for low, _ in distinct_levels(data.speed_m_s)]}
 
 
-def _remarks(found: RobustEstimate) -> Iterator[str]:
+def _remarks(found: RobustEstimate, *, averages: bool) -> Iterator[str]:
+    """Yield notes on the values and the estimate. `averages`: the law does not depend on pressure."""
+    data = found.data
+    pressure = data.gauge_a_pa + data.gauge_b_pa
+    if len(data) >= 3 and np.ptp(pressure) >= 1e4:
+        if averages:
+            yield sentence("notes", "averaged", span=1e-5 * np.ptp(pressure))
+        if changed(data.speed_m_s):
+            correlation = np.corrcoef(np.log(data.speed_m_s), pressure)[0, 1]
+            if abs(correlation) > CONFOUNDED:
+                yield sentence("notes", "confounded", correlation=correlation)
     if found.scatter_n > 0.0:
         yield sentence("notes", "scatter", scatter=found.scatter_n)
-    if len(found.data) == len(found.model.names):
+    if len(data) == len(found.model.names):
         yield sentence("notes", "no_freedom")
     if np.isfinite(found.rival):
         yield sentence("notes", "rival", velocity=1e3 * found.rival)
-
-
-def _confounding(data: sliding.Observations, pressure_dependence: bool) -> Iterator[str]:
-    pressure = data.gauge_a_pa + data.gauge_b_pa
-    if len(data) < 3 or np.ptp(pressure) < 1e4:
-        return
-    if not pressure_dependence:
-        yield sentence("notes", "averaged", span=1e-5 * np.ptp(pressure))
-    if changed(data.speed_m_s):
-        correlation = np.corrcoef(np.log(data.speed_m_s), pressure)[0, 1]
-        if abs(correlation) > CONFOUNDED:
-            yield sentence("notes", "confounded", correlation=correlation)
 
 
 def assembled(
