@@ -24,7 +24,7 @@ from pneudrive.describe.kinds import component_kinds
 from pneudrive.describe.marks import Bounds, Choice, Mark, Quantity, StatedPressure, parameter_quantity
 from pneudrive.describe.tables.friction import Friction
 from pneudrive.describe.tables.geometry import piston_areas
-from pneudrive.errors import DescriptionError, Problems, package_table, wrong
+from pneudrive.errors import DescriptionError, Problems, package_table, together, wrong
 from pneudrive.rig.interface import Sampling
 from pneudrive.rig.motion import MotionLimits
 from pneudrive.rig.rig_file import RigFile, shipped_rigs
@@ -233,35 +233,6 @@ def rig_schema() -> Plain:
     return schema
 
 
-def read_tables(path: Path) -> tuple[str, Any, Friction, dict[str, Source]]:
-    """Read a rig file: name, tables in SI, friction, and the source of each value.
-
-    Raises
-    ------
-    DescriptionError
-        The file is not valid; the error lists all problems.
-    """
-    content = open_file(path)
-    problems, sources = Problems(), dict[str, Source]()
-    plain = {
-        name: problems.take(_plain, name, table, sources, problems, otherwise={})
-        for name, table in content.items()
-        if name not in TOP
-    }
-    before = dict(problems.found)
-    friction = problems.take(_friction, plain.pop("friction", {}), path)
-    tables = problems.take(_rig_class().model_validate, {name: {} for name in KEYS} | plain)
-    keys = {place: getattr(one, "key", None) or "" for place, one in problems.found.items()}
-    unknown = tuple(keys[place] for place, one in problems.found.items() if "is not a known key" in one.what)
-    without_source = {keys[place] for place in before if not keys[place].startswith(unknown)}
-    for place, key in keys.items():  # one error for each key: unknown, without source, or another problem
-        if (place in before) != (key in without_source):
-            del problems.found[place]
-    with toml.locating(path, toml.read(path)[1]):
-        problems.tell()
-    return str(content.get("name", path.stem)), tables, friction, sources
-
-
 def _friction(given: Plain, path: Path) -> Friction:
     """Read the friction table, as in a drive file but with a required law."""
     if not isinstance(given.get("law"), str):
@@ -418,10 +389,24 @@ def read_description(path: str | Path) -> RigDescription:
     DescriptionError
         If the file cannot be read, a key is unknown or missing, or a value has no unit or source.
     """
-    name, tables, friction, sources = read_tables(Path(path))
+    path, sources = Path(path), dict[str, Source]()
+    content, unsourced, problems = open_file(path), Problems(), Problems()
+    plain = {
+        name: unsourced.take(_plain, name, table, sources, unsourced, otherwise={})
+        for name, table in content.items()
+        if name not in TOP
+    }
+    friction = problems.take(_friction, plain.pop("friction", {}), path)
+    tables = problems.take(_rig_class().model_validate, {name: {} for name in KEYS} | plain)
+    # One error for each key: it is unknown, has no source, or has another problem.
+    others = {one: getattr(one, "key", None) or "" for one in problems.found.values()}
+    unknown = tuple(key for one, key in others.items() if "is not a known key" in one.what)
+    first = {one: key for one in unsourced.found.values() if not (key := getattr(one, "key", "")).startswith(unknown)}
     with toml.locating(path, toml.read(path)[1]):
+        if errors := [*first, *(one for one, key in others.items() if key not in first.values())]:
+            raise together(errors)
         _check(tables)
-    description = RigDescription(name, friction.core(), tables, sources)
+    description = RigDescription(str(content.get("name", path.stem)), friction.core(), tables, sources)
     for sensor in ("force_sensor", "pressure_sensor"):
         getattr(description, sensor)  # a resolution that is not possible is an error of the file
     return description

@@ -8,7 +8,7 @@ import secrets
 import threading
 import time
 import weakref
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 from urllib.parse import urlsplit
@@ -53,7 +53,7 @@ class OpcUaRig:
         self._link, self._nodes, self._url = link, link.nodes, link.url
         identity, limits = link.file.described()
         self._finalizer = weakref.finalize(self, link.close)
-        self._gone = False
+        self._known = link.number  # the connection that the caller knows
         self._starting = threading.RLock()
         self._told = self._told_name()
         self._identity = identity or interface.identity_of(self._described("identity"), link.url)[0]
@@ -74,12 +74,11 @@ class OpcUaRig:
         return self._limits
 
     def state(self) -> interface.RigState:
-        """Return the state of the rig; a lost connection is reopened first."""
+        """Return the state of the rig; a lost connection is reopened first, and the next verb reports it."""
         try:
             *values, fault = self._link.read(*node_map.STATE, "state.fault")
         except LinkError as error:
             self._reconnect(str(error))
-            self._gone = True  # the next verb reports it
             return self.state()
         said: Plain = dict(zip(node_map.STATE.values(), values, strict=True))
         return interface.RigState(**{**said, "moving": bool(said["moving"])}, fault=fault or None)
@@ -102,11 +101,10 @@ class OpcUaRig:
 
     def acquire(self, steps: Sequence[interface.Step], sampling: interface.Sampling) -> Iterator[interface.Samples]:
         """Run the steps in their order, and yield the samples in parts as they arrive."""
-        self._check_back()
         patience = SLACK * self._expected_s(steps) + self._nodes.handshake.patience_s
         running = True
         try:
-            with self._one_connection("the acquisition") as same:
+            with self._one_connection("the acquisition"):
                 (taken,) = self._link.read("samples.written")
                 known = {name: field for name, field in node_map.SAMPLING.items() if name in self._nodes}
                 rates = {name: getattr(sampling, field) for name, field in known.items()}
@@ -118,7 +116,6 @@ class OpcUaRig:
                     (written,) = self._link.read("samples.written")
                     look = FIRST_LOOK_S if written != taken else min(2.0 * look, self._nodes.handshake.poll_s)
                     while taken < written:
-                        same()
                         taken += 1
                         part = self._chunk(taken)
                         self._link.write({"samples.acknowledged": taken})
@@ -126,7 +123,6 @@ class OpcUaRig:
                         deadline = time.monotonic() + patience
                     if running:
                         self._wait(look, deadline, node_map.Verb.ACQUIRE)
-                same()
                 self._check_fault(node_map.Verb.ACQUIRE)
         except (_EndedError, ConnectionLostError):
             running = False  # another client has ended it, or the server is gone
@@ -142,18 +138,17 @@ class OpcUaRig:
             with self._starting:
                 if self._link.lost is None:
                     self._run(node_map.Verb.STOP)
-                    self._gone = False  # a stop starts with a fresh connection anyway
+                    self._known = self._link.number  # a stop starts with a fresh connection anyway
                     return
         except LinkError:
             pass
         if not self._back_within(min(STOP_S, self._link.file.reconnect_s)):  # connecting stops the axis
             beat = self._nodes.handshake.heartbeat_s
             raise RigError.of("rig.stop-lost", where=self._url, reason=self._link.lost, beat=beat) from None
-        self._gone = False
+        self._known = self._link.number
 
     def _do(self, verb: node_map.Verb, steps: Sequence[interface.Step] = (), arguments: Plain | None = None) -> None:
         """Run a command and wait until it is done."""
-        self._check_back()
         with self._one_connection(_words(verb)):
             self._run(verb, self._program(steps) if steps else arguments, self._expected_s(steps))
 
@@ -238,38 +233,31 @@ class OpcUaRig:
         (text,) = self._link.read(f"rig.{table}")
         return parse_json(text, self._url, RigError)
 
-    def _check_back(self) -> None:
-        """Raise an error once if the connection was lost and reopened."""
-        if self._gone:
-            self._gone = False
-            raise self._back("waiting", "the server was unreachable in between")
-
     @contextlib.contextmanager
-    def _one_connection(self, doing: str) -> Iterator[Callable[[], None]]:
-        """Run a block within one connection. The yielded function checks that the connection is still the same.
+    def _one_connection(self, doing: str) -> Iterator[None]:
+        """Run a block within one connection, which the caller knows.
 
         Raises
         ------
         ConnectionLostError
-            The connection was lost and has been reopened, possibly by another call.
+            The connection was lost and has been reopened, before or in the block, possibly by another call.
         RigError
             The connection could not be reopened; or an error of the block.
         """
-        number = self._link.number
-
-        def same() -> None:
+        before, number, self._known = self._known, self._link.number, self._link.number
+        if number != before:
+            raise self._back("waiting", "the server was unreachable in between")
+        try:
+            yield
             if self._link.number != number:
                 raise RigError("the result of a request on an earlier connection is unknown")
-
-        try:
-            yield same
         except (LinkError, RigError) as error:
             if self._link.number == number and isinstance(error, RigError):
                 raise
             reason = error.what if isinstance(error, RigError) else str(error)
             if self._link.number == number:
                 self._reconnect(reason)
-            self._gone = False
+            self._known = self._link.number
             raise self._back(doing, reason) from None
 
     def _back(self, doing: str, reason: str) -> ConnectionLostError:
@@ -334,12 +322,10 @@ class SimulatedOpcUaRig(OpcUaRig):
         self._ask(node_map.Verb.CHANGE, levels)
 
     def _ask(self, verb: node_map.Verb, question: object = None) -> Any:  # noqa: ANN401 - plain data
-        self._check_back()
-        with self._one_connection(_words(verb)) as same:
+        with self._one_connection(_words(verb)):
             self._run(verb, {"simulation.text": json.dumps(question)})
             (answer,) = self._link.read("simulation.answer")
-            same()
-            return parse_json(answer or "null", self._url, RigError)
+        return parse_json(answer or "null", self._url, RigError)
 
 
 def load_opcua(source: str | Path, seed: int = 0, pace: float | None = None) -> OpcUaRig:

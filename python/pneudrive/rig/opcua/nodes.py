@@ -19,16 +19,16 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass
 from enum import IntEnum
-from functools import cache
+from functools import cache, cached_property, partial
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import Field, create_model
+from pydantic import Field, create_model, model_validator
 
 from pneudrive.describe.base import Described
 from pneudrive.describe.files import toml
-from pneudrive.describe.marks import Bounds, Mark, Quantity, StatedPressure, Whole
+from pneudrive.describe.marks import Bounds, Quantity, Reads, StatedPressure, Whole
 from pneudrive.errors import DescriptionError, RigError, nearest, package_table, wrong
 from pneudrive.rig.interface import WORDS
 from pneudrive.signals.columns import column_unit
@@ -127,22 +127,32 @@ class Handshake(Described):
     steps: Annotated[int, Whole(bound=None)] = 256
 
 
-@dataclass(frozen=True)
-class NodeMap:
-    """All nodes by name, and the times and sizes of the handshake.
+class NodeMap(Described):
+    """File of a node map: a table for each group of nodes, made from `KINDS`, and the times and sizes of the handshake.
 
     Attributes
     ----------
-    nodes : dict of str to Node
-        Optional nodes may be absent. Ids of the ring contain ``{slot}``.
     namespace : str
         URI of the namespace of ids without ``ns=``.
     handshake : Handshake
     """
 
-    nodes: dict[str, Node]
-    namespace: str
-    handshake: Handshake
+    schema_version: Literal[1] = Field(alias="schema")
+    namespace: str = ""
+    handshake: Handshake = Handshake()
+
+    @cached_property
+    def nodes(self) -> dict[str, Node]:
+        """All nodes by name. Optional nodes may be absent. Ids of the ring contain ``{slot}``."""
+        return {f"{table}.{key}": node for table in _TABLES for key, node in getattr(self, table).stored().items()}
+
+    @model_validator(mode="after")
+    def _ids_have_a_namespace(self) -> NodeMap:
+        for name, node in self.nodes.items():
+            if node.id is not None and not node.id.startswith("ns=") and not self.namespace:
+                remedy = 'namespace = "urn:..." at the top, or ns=4;...'
+                raise wrong(name, f"the id of {name} has no namespace", remedy=remedy)
+        return self
 
     def __contains__(self, name: str) -> bool:
         """Return whether the map has a node."""
@@ -171,63 +181,41 @@ def load_map(path: str | Path | None = None) -> NodeMap:
     RigError
         The file is not valid; the message gives file, line, value, rule and remedy.
     """
-    path = DEFAULT_MAP if path is None else path
-    tables, text = toml.read(path, RigError, "The default map, nodes.toml, is an example.")
-    with toml.locating(path, text, RigError):
-        file = _map_file().model_validate(tables)
-        nodes = {f"{table}.{key}": node for table in _TABLES for key, node in getattr(file, table).stored().items()}
-        for name, node in nodes.items():
-            if node.id is not None and not node.id.startswith("ns=") and not file.namespace:
-                remedy = 'namespace = "urn:..." at the top, or ns=4;...'
-                raise wrong(name, f"the id of {name} has no namespace", remedy=remedy)
-    return NodeMap(nodes, file.namespace, file.handshake)
+    start = "The default map, nodes.toml, is an example."
+    return toml.load(_map_class().model_validate, DEFAULT_MAP if path is None else path, RigError, start=start)
 
 
-class MapFile(Described):
-    """File of a node map; its tables of nodes are made from `KINDS`."""
-
-    schema_version: Literal[1] = Field(alias="schema")
-    namespace: str = ""
-    handshake: Handshake = Handshake()
-
-
-@dataclass(frozen=True)
-class NodeOf(Mark):
-    """Annotation of a field for a node: its id, or a table."""
-
-    name: str
-
-    def read(self, given: object) -> Node:
-        """Convert and check."""
-        name, kind = self.name, KINDS[self.name]
-        table = {"node": given} if isinstance(given, str) else given
-        if not isinstance(table, dict) or ("node" in table) == ("constant" in table):
-            what = f"{given!r} is neither the id nor the table of a node"
-            raise DescriptionError(what, remedy='{ node = "ns=4;s=...", unit = "mm" }')
-        known = ["node", "type", "constant", *(["unit", "positive"] if kind.unit else [])]
-        for key in table:
-            if key not in known:
-                raise DescriptionError(f"{key} is not a known key", remedy=nearest(key, known))
-        if "constant" in table:
-            return Node(kind, kind.type, constant=_constant(name, kind, table["constant"]))
-        node_type = table.get("type", kind.type)
-        if node_type not in TYPES[kind.type]:
-            raise DescriptionError(f"type = {node_type!r} does not fit", rule=f"one of {', '.join(TYPES[kind.type])}")
-        return Node(kind, node_type, _node_id(name, table["node"]), None, *_scale(kind, table))
+def _node(name: str, given: object) -> Node:
+    """Read a node: its id, or a table."""
+    kind = KINDS[name]
+    table = {"node": given} if isinstance(given, str) else given
+    if not isinstance(table, dict) or ("node" in table) == ("constant" in table):
+        what = f"{given!r} is neither the id nor the table of a node"
+        raise DescriptionError(what, remedy='{ node = "ns=4;s=...", unit = "mm" }')
+    known = ["node", "type", "constant", *(["unit", "positive"] if kind.unit else [])]
+    for key in table:
+        if key not in known:
+            raise DescriptionError(f"{key} is not a known key", remedy=nearest(key, known))
+    if "constant" in table:
+        return Node(kind, kind.type, constant=_constant(name, kind, table["constant"]))
+    node_type = table.get("type", kind.type)
+    if node_type not in TYPES[kind.type]:
+        raise DescriptionError(f"type = {node_type!r} does not fit", rule=f"one of {', '.join(TYPES[kind.type])}")
+    return Node(kind, node_type, _node_id(name, table["node"]), None, *_scale(kind, table))
 
 
 @cache
-def _map_file() -> type[MapFile]:
+def _map_class() -> type[NodeMap]:
     """Return the class of a map file, with a table for each group of nodes."""
     made: dict[str, Any] = {}
     for table, rows in _TABLES.items():
         nodes: dict[str, Any] = {
-            key: (Annotated[Node | None, NodeOf(f"{table}.{key}")], None if "optional" in row else ...)
+            key: (Annotated[Node | None, Reads(partial(_node, f"{table}.{key}"))], None if "optional" in row else ...)
             for key, row in rows.items()
         }
         model = create_model(f"{table.title()}Nodes", __base__=Described, **nodes)
         made[table] = (model, model() if all("optional" in row for row in rows.values()) else ...)
-    return create_model("WholeMapFile", __base__=MapFile, **made)
+    return create_model("WholeNodeMap", __base__=NodeMap, **made)
 
 
 def _node_id(name: str, text: object) -> str:
