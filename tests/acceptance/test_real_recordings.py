@@ -94,10 +94,6 @@ def test_u_is_not_the_naive_error_of_samples(found):
         assert 0.05 < level.expanded_n < 2.0, level.recording
 
 
-def test_speed_and_pressure_are_called_confounded(found):
-    assert any("confounded" in note and "falls as pressure rises" in note for note in found.notes)
-
-
 def test_breakaway_peaks_are_called_spoiled(found):
     peaks = [peak for level in found.levels for peak in level.peaks]
     assert len(peaks) == 30 * 19

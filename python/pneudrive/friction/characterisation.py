@@ -41,19 +41,21 @@ if TYPE_CHECKING:
 
 def _speed_with_pressure(found: Characterisation) -> float:
     """Return the correlation of speed and pressure within seals, for the direction with the stronger correlation."""
-    of_recording = {point["recording"]: point for point in found.table.iter_rows(named=True)}
-    ways, names, speeds = (found.friction_map[name].to_numpy() for name in ("direction", "recording", "velocity_m_s"))
-    strongest = 0.0
-    for direction in (1, -1):
-        mine = [of_recording[name] for name in names[ways == direction]]
-        seals, scatter = np.array([point["seal"] for point in mine]), [point["speed_stderr_m_s"] for point in mine]
-        values = np.column_stack([np.abs(speeds[ways == direction]), [point["pressure_pa"] for point in mine]])
+    import polars as pl
+
+    level = ("recording", "friction_n")  # the rows of a level have its friction
+    rows = pl.DataFrame({n: found.friction_map[n].to_numpy().tolist() for n in (*level, "direction", "velocity_m_s")})
+    points, strongest = rows.join(found.table, on=level, maintain_order="left"), 0.0
+    for way in (1, -1):
+        own = points.filter(pl.col("direction") == way)
+        seals, scatter = own["seal"].to_numpy(), own["speed_stderr_m_s"].to_numpy()
+        values = np.column_stack([own["velocity_m_s"].abs(), own["pressure_pa"]])
         has_changed = False
         for seal in set(seals):
             members = seals == seal
             has_changed |= changed(values[members, 0], float(np.median(scatter)))
             values[members] -= values[members].mean(axis=0)
-        if len(mine) >= 3 and has_changed and np.ptp(values[:, 1]) > pressure.MINIMUM_RANGE_PA:
+        if len(own) >= 3 and has_changed and np.ptp(values[:, 1]) > pressure.MINIMUM_RANGE_PA:
             strongest = max(strongest, float(np.corrcoef(values.T)[0, 1]), key=abs)
     return strongest
 

@@ -172,6 +172,18 @@ def test_a_seal_with_one_run_borrows_the_spread_of_the_others():
     assert lines["b"].slope_n_pa * 1e5 == pytest.approx(1.0)
 
 
+def test_speed_and_pressure_that_change_together_from_level_to_level_are_confounded(make):
+    names = ("position_m", "force_n", "pressure_a_pa", "pressure_b_pa")
+    recordings = []
+    for seed in range(2):
+        slow, fast = (make(gauge_b=p, speed=v, seed=seed, name=f"{seed}") for p, v in ((1e5, 0.005), (5e5, 0.02)))
+        columns = {name: np.r_[getattr(slow, name), getattr(fast, name)] for name in names}
+        recordings.append(replace(slow, time_s=np.r_[slow.time_s, slow.time_s[-1] + 0.01 + fast.time_s], **columns))
+    assert any(
+        "rises as pressure rises (correlation +1.00" in note for note in characterise_recordings(recordings).notes
+    )
+
+
 def test_confounded_speed_is_said():
     rng = np.random.default_rng(2)
     fast = points("a", 2, 0.1, rng).with_columns(speed_m_s=0.015 - pl.col("pressure_pa") * 1e-8)
