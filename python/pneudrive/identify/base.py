@@ -233,7 +233,7 @@ class Fit(Viewed):
     details : dict
         Name -> further entries of a value in the file, specific to this kind of fit.
     profiler : callable or None
-        Free value -> its interval by profile likelihood; None if the fit was read from a file.
+        Free value -> its interval by profile likelihood; None if the fit was read from a file, or has no profile.
     fitted : dict
         Name -> measured and modelled values; empty if the fit was read from a file.
     file : str
@@ -264,7 +264,7 @@ class Fit(Viewed):
 
     def __init_subclass__(cls, kind: str = "") -> None:
         """Take the words of this kind of fit from kinds.toml."""
-        words = {"title": "", "groups": ["values"], "details": {}}
+        words = {"title": "", "groups": ["values"], "details": {}, "has_profile": True}
         cls.WORDS = words | package_table(__file__, "kinds.toml").get(kind, {})
         cls.KIND, cls.TITLE = kind, cls.WORDS["title"]
 
@@ -364,8 +364,11 @@ class Fit(Viewed):
         Raises
         ------
         FitError
-            The fit was read from a file without its data, its search did not converge, or a value was not free.
+            This kind of fit has no profile, the fit was read from a file without its data, its search did not converge,
+            or a value was not free.
         """
+        if not self.WORDS["has_profile"]:
+            raise FitError.of("identify.no_profile", title=self.TITLE)
         names = list(self.profile_names if names is None else names)
         for name in names:
             if name not in self.free:
