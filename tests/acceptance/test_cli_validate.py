@@ -153,8 +153,8 @@ def test_a_drive_is_identified_the_fit_put_into_it_and_exported_from_files_alone
 
 
 def test_paired_friction_is_held_against_the_mean_of_both_directions(tmp_path):
-    """A map's friction is half the difference of both directions, over the air of its own room."""
-    room = 0.8e5
+    """A map's friction is half the difference of both directions, over the air of the room of each row."""
+    room = np.tile([0.8e5, 1.0e5], 6)
     base = drive(ambient__pressure="0.8 bar abs")
     truth = base.replace({"friction.direction": {"positive": 1.2, "negative": 0.8}})
     speed, direction = np.tile(np.geomspace(2e-3, 0.4, 6), 2), np.repeat([1, -1], 6)
@@ -163,12 +163,12 @@ def test_paired_friction_is_held_against_the_mean_of_both_directions(tmp_path):
         "recording": ["a"] * n,
         "direction": direction,
         "velocity_m_s": direction * speed,
-        "pressure_a_pa": np.full(n, room + 2e5),
-        "pressure_b_pa": np.full(n, room),
+        "pressure_a_pa": room + 2e5,
+        "pressure_b_pa": room,
         **{c: np.zeros(n) for c in ("balance_n", "offset_n", "position_from_m", "position_to_m")},
         **{c: np.full(n, 0.01) for c in ("stderr_n", "u_systematic_n", "breakaway_n", "dwell_s", "loading_rate_n_s")},
         **{c: np.full(n, 5) for c in ("samples", "strokes")},
-        "ambient_pressure_pa": np.full(n, room),
+        "ambient_pressure_pa": room,
     }
     mean = 0.5 * (law_n(truth, speed, 2e5, 0.0) + law_n(truth, -speed, 2e5, 0.0))
     for flags, friction in (("", mean), ("unpaired", law_n(truth, direction * speed, 2e5, 0.0))):

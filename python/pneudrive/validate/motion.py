@@ -175,7 +175,9 @@ def _of_map(drive: Drive, path: Path) -> list[FrictionCurve]:
     from pneudrive.friction.friction_map import AMBIENT, read_map
 
     rows = read_map(path)
-    ambient = rows.attrs.get(AMBIENT, drive.ambient.pressure_pa)  # the law counts from the air around the seal
+    ambient = drive.ambient.pressure_pa  # the law counts from the air around the seal: each row has that of its day
+    if AMBIENT in rows:
+        ambient = np.nan_to_num(rows[AMBIENT].to_numpy(), nan=ambient)
     velocity, friction = rows["velocity_m_s"].to_numpy(), rows["friction_n"].to_numpy()
     band = NORMAL_95 * np.hypot(rows["stderr_n"].to_numpy(), rows["u_systematic_n"].to_numpy())
     flags = rows["flags"].to_numpy()
