@@ -36,15 +36,15 @@ if TYPE_CHECKING:
 STOP_S = 30.0
 
 
-def _call_within(seconds: float, call: Callable[[], None]) -> str:
-    """Call a function with a time limit; return its error, if any."""
+def _stopped(rig: Rig) -> str:
+    """Stop a rig within `STOP_S`; return the error, if any."""
     thread = JobThread("pneudrive-stop")
-    answer = thread.start(call)
+    answer = thread.start(rig.stop)
     thread.close()
     try:
-        answer.result(seconds)
+        answer.result(STOP_S)
     except Exception as error:  # no error of a laboratory's code may stop this
-        silent = f"the rig did not answer within {seconds:g} s"
+        silent = f"the rig did not answer within {STOP_S:g} s"
         return (str(error) or type(error).__name__) if answer.done() else silent
     return ""
 
@@ -67,18 +67,16 @@ class Attempts:
     Parameters
     ----------
     rig : Rig
-    watch : callable
-        Called with samples and rig. It returns the reason why the cycle must be abandoned, or an empty text.
+    bounds : MeasuringBounds
     show : callable
         Called with each part of the samples.
     """
 
-    def __init__(self, rig: Rig, watch: Callable[[Samples, Rig], str], show: Callable[[Samples], None]) -> None:
-        self.rig, self._watch, self._show = rig, watch, show
+    def __init__(self, rig: Rig, bounds: MeasuringBounds, show: Callable[[Samples], None]) -> None:
+        self.rig, self._bounds, self._show = rig, bounds, show
         self._interrupted, self._at_rest = threading.Event(), False  # whether the present job must end soon
         self._thread = JobThread("pneudrive-rig")
         self._last: Future[Any] = self._thread.start(lambda: None)
-        self._begun: dict[str, int] = {}
         self._memory: Plain = {}  # snapshot after the last finished cycle, or before the first one
         self._pressures_after: Pair | None = None  # after the last finished cycle
         self._pressures: Pair | None = None  # in the chambers now, if known
@@ -115,22 +113,23 @@ class Attempts:
 
     def _stop(self) -> str:
         self._interrupted.set()
-        trouble = _call_within(STOP_S, self.rig.stop)
+        trouble = _stopped(self.rig)
         if self._last.done():
             return trouble
         wait([self._last], STOP_S)
         if not self._last.done():
             return trouble or f"the rig did not return within {STOP_S:g} s"
-        return _call_within(STOP_S, self.rig.stop)  # a verb under way may have started the axis again
+        return _stopped(self.rig)  # a verb under way may have started the axis again
 
     def close(self) -> None:
         """End the rig's thread after its work."""
         self._thread.close()
 
-    def run(self, rig: Rig, cycle: Cycle, settling_s: float) -> tuple[Head, Samples]:
+    def run(self, rig: Rig, cycle: Cycle, settling_s: float, number: int) -> tuple[Head, Samples]:
         """Bring the rig to the start of a cycle, run its steps and return header and samples.
 
         For an operator's step, inform the rig of the changed levels. Index and flags of the header are filled in later.
+        `number` counts the attempts at the cycle.
 
         Raises
         ------
@@ -138,7 +137,6 @@ class Attempts:
             If samples or the state of the rig are out of bounds, or the axis was stopped.
         """
         self._whole, started = False, now()
-        self._begun[cycle.key] = self._begun.get(cycle.key, 0) + 1
         if not self.homed:
             rig.home()
             self.homed = True
@@ -164,7 +162,7 @@ class Attempts:
             began_s, samples = rig.state().time_s, Samples.join([])
         memory = as_plain(rig.memory()) if has_verbs(rig, Reproducible) else {}
         self._whole = True
-        return Head(0, cycle, began_s, started, memory=memory, attempts=self._begun[cycle.key]), samples
+        return Head(0, cycle, began_s, started, memory=memory, attempts=number), samples
 
     def _acquire(self, rig: Rig, cycle: Cycle) -> Samples:
         parts: list[Samples] = []
@@ -172,7 +170,7 @@ class Attempts:
             for given in acquired:
                 parts.append(Samples.of(given))
                 self._go_on()
-                if wrong := self._watch(parts[-1], rig):
+                if wrong := self._bounds.during(parts[-1], rig):
                     raise GiveUpError(wrong)
                 self._show(parts[-1])
             self._go_on()  # the rig may have ended early on a request

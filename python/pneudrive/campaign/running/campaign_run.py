@@ -12,6 +12,7 @@ import sys
 import time
 import uuid
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 from pneudrive.campaign.cycle import WORDS, Cycle, Head
@@ -123,7 +124,9 @@ class Documents:
 #: Bytes on disk per sample, and per cycle without its samples, while a cycle is written.
 SAMPLE_BYTES, CYCLE_BYTES = 60, 100_000
 #: Errors of a lost or unresponsive connection. Up to Python 3.10, the three timeouts are different types.
-LOST = (ConnectionError, TimeoutError, asyncio.TimeoutError, concurrent.futures.TimeoutError)
+LOST = (ConnectionLostError, ConnectionError, TimeoutError, asyncio.TimeoutError, concurrent.futures.TimeoutError)
+#: Attempts at a cycle before the campaign ends, and cycles in a row with serious flags, because a sensor is broken.
+MOST_ATTEMPTS, MOST_BAD = 5, 3
 #: Results of a run without an error.
 DONE, ENDED = "done", "ended"
 
@@ -148,10 +151,6 @@ class Options:
         Time of good conditions before the campaign continues.
     look_s : float
         Interval between queries of the rig's state while waiting.
-    attempts : int
-        Number of attempts at a cycle before the campaign ends.
-    bad_in_a_row : int
-        Number of consecutive cycles with serious flags after which the campaign ends, because a sensor is broken.
     """
 
     operator: str = ""
@@ -159,8 +158,6 @@ class Options:
     patience_s: float = 600.0
     steady_s: float = 3.0
     look_s: float = 1.0
-    attempts: int = 5
-    bad_in_a_row: int = 3
 
 
 class CampaignRun:
@@ -202,7 +199,7 @@ class CampaignRun:
             self._tell(line)
         self._requests = control.Requests(campaign.path, cancel)
         self._bounds = MeasuringBounds.of(plan)
-        self._attempts = Attempts(rig, self._bounds.during, self._display.part)
+        self._attempts = Attempts(rig, self._bounds, self._display.part)
         self.finished = {file.head.cycle.key: file.head.flags for file in files}
         numbers = (path.name.partition("-")[0] for path in (campaign.path / CYCLES).glob("[0-9]*"))
         self._index = max((int(number) for number in numbers if number.isdigit()), default=0)
@@ -210,9 +207,6 @@ class CampaignRun:
             self._attempts.finished(files[-1].head)
         self._pausing = ""  # PAUSE: after the cycle; STOP: now
         self._leaving = False  # whether a pause ends the campaign
-        self._path = campaign.path  # file of the last cycle
-        self._bad = 0
-        self._failures: dict[str, int] = {}
 
     @property
     def total(self) -> int:
@@ -266,22 +260,20 @@ class CampaignRun:
     def _cycles(self) -> str:
         """Run the remaining cycles, and publish their documents."""
         documents = Documents(self._subscribers, f"campaign:{self.campaign.path.name}", self._metadata())
+        bad = 0
         try:
             for planned in self.plan.planned:
                 key = planned.cycle.key
                 if key in self.finished:
                     continue
-                documents.event(self._cycle(planned))
+                data = self._cycle(planned)
+                documents.event(data)
                 self._checkpoint()
                 flags = self.finished[key]
-                self._bad = self._bad + 1 if SERIOUS & flags.keys() else 0
-                if self._bad >= self.options.bad_in_a_row:
-                    raise CampaignError.of(
-                        "campaign.bad-cycles",
-                        where=str(self._path),
-                        value=_counted(flags),
-                        count=self._bad,
-                    )
+                bad = bad + 1 if SERIOUS & flags.keys() else 0
+                if bad >= MOST_BAD:
+                    where = str(self.campaign.path / CYCLES / data["file"])
+                    raise CampaignError.of("campaign.bad-cycles", where=where, value=_counted(flags), count=bad)
         except EndedError as ended:
             documents.stop("abort", str(ended))
             return ENDED
@@ -427,24 +419,26 @@ class CampaignRun:
 
     def _measured(self, cycle: Cycle, needed: int) -> tuple[Head, Samples]:
         """Run a cycle until it is complete; wait while conditions are not met. The disk must have the needed bytes."""
-        settling_s = self.plan.protocol.pressure.settling_s
+        settling_s, number, failures = self.plan.protocol.pressure.settling_s, 0, 0
         while True:
             self._await_conditions(cycle)
             if (free := shutil.disk_usage(self.campaign.path).free) < needed:
                 sizes = {"free": free / 1e6, "needed": needed / 1e6, "remedy": control.REMEDIES[errno.ENOSPC]}
                 raise CampaignError.of("campaign.disk-full", where=str(self.campaign.path), **sizes)
             self._checkpoint()
-            attempt = self._on_rig(lambda rig: self._attempts.run(rig, cycle, settling_s))
+            number += 1
+            attempt = self._on_rig(partial(self._attempts.run, cycle=cycle, settling_s=settling_s, number=number))
             error = attempt.exception()
             if error is None:
                 return attempt.result()
             if self._pausing != control.STOP:  # this request ended the cycle
-                self._give_up(cycle, error)
+                failures += 1
+                self._give_up(cycle, error, failures)
             self._checkpoint()
             self._display.cycle(cycle)  # another attempt
 
-    def _give_up(self, cycle: Cycle, error: BaseException) -> None:
-        """Handle an attempt that failed.
+    def _give_up(self, cycle: Cycle, error: BaseException, failures: int) -> None:
+        """Handle an attempt that failed; `failures` counts those of the cycle.
 
         Raises
         ------
@@ -455,12 +449,11 @@ class CampaignRun:
         reason = str(of_rig or error).splitlines()[0].strip()
         self._rest()
         self._tell(f"{cycle.key} was given up: {reason}")
-        failures = self._failures[cycle.key] = self._failures.get(cycle.key, 0) + 1
-        lost = of_rig is None or isinstance(of_rig, ConnectionLostError) or _lost(of_rig)
+        lost = of_rig is None or _lost(of_rig)
         if not lost and not self._trouble().startswith(self._bounds.failures):
             raise of_rig  # type: ignore[misc] - not None if the connection is not lost
-        if failures >= self.options.attempts:
-            counts = {"key": cycle.key, "times": failures, "most": self.options.attempts}
+        if failures >= MOST_ATTEMPTS:
+            counts = {"key": cycle.key, "times": failures, "most": MOST_ATTEMPTS}
             raise CampaignError.of("campaign.given-up", value=reason, **counts) from of_rig
 
     def _trouble(self) -> str:
@@ -511,7 +504,7 @@ class CampaignRun:
         self._index += 1
         flags = arrival_flags(samples, cycle, self.campaign.identity) if cycle.steps else {}
         head = replace(head, index=self._index, flags=flags, confirmed=confirmed)
-        self._path = write_cycle(self.campaign.path, head, samples)
+        path = write_cycle(self.campaign.path, head, samples)
         self._attempts.finished(head)
         self.finished[cycle.key] = flags
         flagged = f"; flags: {_counted(flags)}" if flags else ""
@@ -525,7 +518,7 @@ class CampaignRun:
             "pressure_a_pa": cycle.pressure_a_pa,
             "pressure_b_pa": cycle.pressure_b_pa,
             "flags": " ".join(flags),
-            "file": self._path.name,
+            "file": path.name,
         }
 
 

@@ -305,7 +305,7 @@ def file_name(index: int, key: str) -> str:
     return f"{index:05d}-{re.sub(r'[^A-Za-z0-9.+-]+', '_', key)[:150]}"
 
 
-def write_cycle(folder: Path, head: Head, samples: Samples | None) -> Path:
+def write_cycle(folder: Path, head: Head, samples: Samples) -> Path:
     """Write one cycle under a temporary name, flush and rename it, so that it exists completely or not at all.
 
     Parameters
@@ -314,8 +314,8 @@ def write_cycle(folder: Path, head: Head, samples: Samples | None) -> Path:
         Folder of the campaign.
     head : Head
         Its ``sha256`` is filled in.
-    samples : Samples or None
-        None for an operator's step.
+    samples : Samples
+        None of them for an operator's step.
 
     Raises
     ------
@@ -328,11 +328,8 @@ def write_cycle(folder: Path, head: Head, samples: Samples | None) -> Path:
     if target.exists():
         raise CampaignError("the cycle exists already and is not written again", where=str(target))
     make_folder(target.parent)
-    given = samples if samples is not None else Samples.join([])
-    types = {name: np.int64 if name == "step" else np.float64 for name in COLUMNS}
-    columns = {name: np.asarray(getattr(given, name), dtype=kind) for name, kind in types.items()}
-    head = replace(head, sha256=digest(columns))
-    write_whole(target, sealed_parquet(pl.DataFrame(columns), {HEAD: head.to_json()}))
+    head = replace(head, sha256=digest(vars(samples)))
+    write_whole(target, sealed_parquet(pl.DataFrame(vars(samples)), {HEAD: head.to_json()}))
     return target
 
 
