@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
-from pydantic import Field, PrivateAttr, StrictBool, model_validator
+from pydantic import Field, PrivateAttr, StrictBool, create_model, model_validator
 
 from pneudrive import own_code, units
 from pneudrive.describe import marks
@@ -15,7 +14,7 @@ from pneudrive.describe.base import Described
 from pneudrive.describe.files import toml
 from pneudrive.describe.marks import NOT_NEGATIVE, POSITIVE, Between, Mark, PressureBetween, Quantity, Reads, absolute
 from pneudrive.describe.tables.geometry import PistonTable
-from pneudrive.errors import DescriptionError, Problems, RigError, nearest, wrong
+from pneudrive.errors import RigError, nearest, wrong
 from pneudrive.rig.interface import WORDS, Envelope, Identity, Rig
 from pneudrive.signals.force_calibration import ForceCalibration, of_quantities
 
@@ -33,35 +32,25 @@ MaybeStiffness = Annotated[float | None, Quantity("N/m", bounds=POSITIVE)]
 Mass = Annotated[float, Quantity("kg", bounds=NOT_NEGATIVE)]
 
 
-@dataclass(frozen=True)
-class Channels(Mark):
-    """Annotation of a table with values by channel.
+def _channels(mark: Callable[[str], Mark], **others: tuple[str, Mark]) -> Reads:
+    """Return the annotation of a table by channel. The values are stored by the names of the channels in `Identity`.
 
     Parameters
     ----------
-    marks : dict
-        Key of a channel -> its name in an `Identity`, and the annotation of its value.
+    mark : callable
+        Returns the annotation of the values of a channel from its SI unit.
+    **others
+        Further keys -> name in `Identity`, and annotation.
     """
+    marks = {key: (name, mark(unit)) for key, (name, unit) in CHANNELS.items()} | others
+    fields: Any = {name: (Annotated[Any, mark], Field(None, alias=key)) for key, (name, mark) in marks.items()}
+    table = create_model("Channels", __base__=Described, **fields)
 
-    marks: dict[str, tuple[str, Mark]]
+    def read(given: Any) -> dict[str, Any]:  # noqa: ANN401 - checked by the table
+        values = table.model_validate(given).stored()
+        return {marks[key][0]: values[marks[key][0]] for key in given}
 
-    def read(self, given: object) -> dict[str, Any]:
-        """Convert and check."""
-        if not isinstance(given, dict):
-            raise DescriptionError(f"{given!r} is not a table")
-        problems, out = Problems(), {}
-        for key, value in given.items():
-            with problems.caught():
-                if key not in self.marks:
-                    raise wrong(key, f"{key} is not a known key", remedy=nearest(key, self.marks))
-                name, mark = self.marks[key]
-                out[name] = mark.read_at(key, value)
-        problems.tell()
-        return out
-
-
-def _channels(mark: Callable[[str], Mark], **others: tuple[str, Mark]) -> Channels:
-    return Channels({key: (name, mark(unit)) for key, (name, unit) in CHANNELS.items()} | others)
+    return Reads(read)
 
 
 def _amount(si_unit: str) -> Quantity:
