@@ -208,20 +208,6 @@ class DescriptionError(PneudriveError, ValueError):
     key: str | None = None  # dotted name of the wrong key, by which a reader of the file finds the line
 
 
-class WrongValueError(DescriptionError):
-    """Invalid value of a field; `Described` adds the field's name."""
-
-    def __init__(
-        self,
-        what: str,
-        rule: str | None = None,
-        remedy: str | None = None,
-        sub: str = "",
-    ) -> None:
-        super().__init__(what, rule=rule, remedy=remedy)
-        self.key = sub or None
-
-
 def wrong(key: str, what: str, *, rule: str | None = None, remedy: str | None = None) -> DescriptionError:
     """Return an error for one key, with rule and remedy; the reader of the file finds the line by ``error.key``."""
     error = DescriptionError(what, rule=rule, remedy=remedy)

@@ -17,7 +17,7 @@ from pneudrive.describe.base import Described
 from pneudrive.describe.kinds import component_kinds
 from pneudrive.describe.marks import Bounds, Choice, Mark, number, parameter_quantities, quantity
 from pneudrive.describe.tables.friction import friction_laws, has_bristles, has_stribeck_curve
-from pneudrive.errors import CommandError, WrongValueError, invalid
+from pneudrive.errors import CommandError, DescriptionError, invalid
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -45,10 +45,10 @@ class ValueOrRange(Mark):
         """Convert and check."""
         ends = given.split("..") if isinstance(given, str) else [given]
         if len(ends) > 2:
-            raise WrongValueError(f'"{given}" is not a range', remedy='Write "0.8 .. 1.2".')
+            raise DescriptionError(f'"{given}" is not a range', remedy='Write "0.8 .. 1.2".')
         low, high = (self._end(ends[0]), self._end(ends[-1]))
         if not low <= high:
-            raise WrongValueError(f'range "{given}" is empty', rule="the first end must not exceed the second")
+            raise DescriptionError(f'range "{given}" is empty', rule="the first end must not exceed the second")
         return low, high
 
     def _end(self, given: object) -> float:
@@ -57,7 +57,7 @@ class ValueOrRange(Mark):
         try:
             plain = float(given) if isinstance(given, str) else given
         except ValueError:
-            raise WrongValueError(f'"{given}" is not a number', remedy='Write 1.2, or "0.8 .. 1.2".') from None
+            raise DescriptionError(f'"{given}" is not a number', remedy='Write 1.2, or "0.8 .. 1.2".') from None
         return number(plain, self.bounds)
 
     def show(self, value: Interval) -> str | float:

@@ -15,7 +15,7 @@ from pneudrive.arrays import Interval, NamedNumbers, Plain
 from pneudrive.describe import marks
 from pneudrive.describe.base import Described
 from pneudrive.describe.files import toml
-from pneudrive.errors import WrongValueError, invalid, nearest, package_table, wrong
+from pneudrive.errors import DescriptionError, invalid, nearest, package_table, wrong
 from pneudrive.rig.description import BELOW_ZERO, BOUNDS, KEYS
 
 _Kind = TypeVar("_Kind", bound=Described)
@@ -32,7 +32,7 @@ def _bits(given: object) -> int:
     """Read the resolution of a converter."""
     bits = marks.Whole(bound=None).read(given)
     if not LEAST_BITS <= bits <= MOST_BITS:
-        raise WrongValueError(f"{bits} is out of bounds", rule=f"a converter has {LEAST_BITS} to {MOST_BITS} bits")
+        raise DescriptionError(f"{bits} is out of bounds", rule=f"a converter has {LEAST_BITS} to {MOST_BITS} bits")
     return bits
 
 
@@ -336,7 +336,7 @@ class KnownWord(marks.Choice):
     def read(self, given: object) -> str:
         """Check that the value is one of the words."""
         if isinstance(given, str) and given in REMOVED:
-            raise WrongValueError(f"{given!r} is not known", remedy=REMOVED[given])
+            raise DescriptionError(f"{given!r} is not known", remedy=REMOVED[given])
         return super().read(given)
 
 

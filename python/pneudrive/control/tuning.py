@@ -21,7 +21,7 @@ from pneudrive.describe.base import Described
 from pneudrive.describe.files import toml
 from pneudrive.describe.files.catalogue import PREFIX
 from pneudrive.describe.marks import Bounds, Quantity, Reads
-from pneudrive.errors import CommandError, DescriptionError, WrongValueError, invalid, nearest, warn, within, wrong
+from pneudrive.errors import CommandError, DescriptionError, invalid, nearest, warn, within, wrong
 from pneudrive.own_code import split
 from pneudrive.repr_tables import Shown
 from pneudrive.simulation.simulate import require
@@ -58,14 +58,14 @@ def _hold(given: Any) -> HoldBand | None:  # noqa: ANN401 - of any type
     if isinstance(given, HoldBand):
         return given
     if not isinstance(given, dict):
-        raise WrongValueError(f"{given!r} is not a table", remedy='Write [hold] band = "30 um", or hold = false.')
+        raise DescriptionError(f"{given!r} is not a table", remedy='Write [hold] band = "30 um", or hold = false.')
     return HoldBand.model_validate(given)  # type: ignore[return-value]
 
 
 def _numbers(table: str) -> Reads:
     def read(given: Any) -> Plain:  # noqa: ANN401 - of any type
         if not isinstance(given, dict):
-            raise WrongValueError(f"{given!r} is not a table", remedy=f"Write [{table}], then a line for each number.")
+            raise DescriptionError(f"{given!r} is not a table", remedy=f"Write [{table}], then a line for each number.")
         return dict(given)
 
     return Reads(read)

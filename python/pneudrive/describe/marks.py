@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 from pydantic_core import core_schema
 
 from pneudrive import units
-from pneudrive.errors import CommandError, DescriptionError, WrongValueError, naming, nearest, wrong
-from pneudrive.files.bounds import beyond
+from pneudrive.errors import CommandError, DescriptionError, naming, nearest, wrong
+from pneudrive.files.bounds import within
 from pneudrive.units import Pressure, UnitFloat
 
 if TYPE_CHECKING:
@@ -46,10 +46,9 @@ class Bounds:
         return None if math.isfinite(value) else "finite"
 
     def beyond(self, given: object, value: float) -> None:
-        """Raise `WrongValueError` for a value beyond the named bound."""
-        broken = beyond(self.bound, value) if self.bound else None
-        if broken:
-            raise WrongValueError(f'"{given}" is out of bounds', *broken)
+        """Raise `DescriptionError` for a value beyond the named bound."""
+        if self.bound:
+            within(self.bound, value, f'"{given}" is out of bounds', DescriptionError)
 
 
 class PerChamber(NamedTuple):
@@ -62,26 +61,26 @@ class PerChamber(NamedTuple):
 def quantity(given: object, si_unit: str, bounds: Bounds, written: str | None = None) -> float:
     """Convert one quantity to a checked SI value, or raise `DescriptionError` with its rule in the unit `written`."""
     if not isinstance(given, str | UnitFloat):
-        raise WrongValueError(f"{given!r} has no unit", rule=units.needed(si_unit))
+        raise DescriptionError(f"{given!r} has no unit", rule=units.needed(si_unit))
     value = units.parse(given, si_unit) if isinstance(given, str) else given.si_as(si_unit)
     rule = bounds.broken(value, lambda bound: f"{UnitFloat(bound, si_unit, written if bound else None):g}")
     if rule:
-        raise WrongValueError(f'"{given}" is out of bounds', rule=rule)
+        raise DescriptionError(f'"{given}" is out of bounds', rule=rule)
     bounds.beyond(given, value)
     return value
 
 
 def number(given: object, bounds: Bounds) -> float:
-    """Check a pure number, or raise `WrongValueError`."""
+    """Check a pure number, or raise `DescriptionError`."""
     if isinstance(given, bool | UnitFloat) or not isinstance(given, (int, float)):
-        raise WrongValueError(f"{given!r} is not a number", rule="a pure number, without unit and quotes")
+        raise DescriptionError(f"{given!r} is not a number", rule="a pure number, without unit and quotes")
     try:
         value = float(given)
     except OverflowError:  # a whole number beyond all numbers with a fraction
         value = math.inf
     rule = "finite" if not math.isfinite(value) else bounds.broken(value)
     if rule:
-        raise WrongValueError(f"{given!r} is out of bounds", rule=rule)
+        raise DescriptionError(f"{given!r} is out of bounds", rule=rule)
     return value
 
 
@@ -181,14 +180,14 @@ class EachChamber(Quantity):
         if isinstance(given, PerChamber):
             given = self.show(given)
         if not isinstance(given, dict):
-            raise WrongValueError(f"{given!r} is not one value for each chamber", remedy="Write { a = ..., b = ... }.")
+            raise DescriptionError(f"{given!r} is not one value for each chamber", remedy="Write { a = ..., b = ... }.")
         for key in given:
             if key not in {"a", "b"}:
-                raise WrongValueError(f"'{key}' is not known here", remedy=nearest(str(key), ["a", "b"]), sub=str(key))
+                raise wrong(str(key), f"'{key}' is not known here", remedy=nearest(str(key), ["a", "b"]))
         values = []
         for chamber in ("a", "b"):
             if chamber not in given:
-                raise WrongValueError(f"chamber {chamber} is missing", remedy="Write { a = ..., b = ... }.")
+                raise DescriptionError(f"chamber {chamber} is missing", remedy="Write { a = ..., b = ... }.")
             try:
                 values.append(super().read(given[chamber]))
             except DescriptionError as error:
@@ -217,12 +216,12 @@ class StatedPressure(Mark):
         if isinstance(given, Pressure):
             return given
         if not isinstance(given, str):
-            raise WrongValueError(f"{given!r} has no unit", rule=units.PRESSURE_NEEDED)
+            raise DescriptionError(f"{given!r} has no unit", rule=units.PRESSURE_NEEDED)
         pressure = units.parse_pressure(given)
         if pressure.gauge and not self.gauge_allowed:
-            raise WrongValueError(f'"{given}" is gauge, but defines the ambient pressure', remedy='Write "... abs".')
+            raise DescriptionError(f'"{given}" is gauge, but defines the ambient pressure', remedy='Write "... abs".')
         if not pressure.gauge and not pressure.value_pa > 0.0:
-            raise WrongValueError(f'"{given}" is out of bounds', rule="an absolute pressure is greater than 0")
+            raise DescriptionError(f'"{given}" is out of bounds', rule="an absolute pressure is greater than 0")
         return pressure
 
     def show(self, value: Pressure) -> str:
@@ -300,7 +299,7 @@ class Choice(Mark):
     def read(self, given: object) -> str:
         """Check that the value is one of the words."""
         if given not in self.choices:
-            raise WrongValueError(f"{given!r} is not known", remedy=nearest(str(given), self.choices))
+            raise DescriptionError(f"{given!r} is not known", remedy=nearest(str(given), self.choices))
         return str(given)
 
 
@@ -315,9 +314,9 @@ class Whole(Quantity):
     def read(self, given: object) -> int:
         """Check."""
         if isinstance(given, bool) or not isinstance(given, int):
-            raise WrongValueError(f"{given!r} is not a whole number")
+            raise DescriptionError(f"{given!r} is not a whole number")
         if given < self.at_least:
-            raise WrongValueError(f"{given} is out of bounds", rule=f"at least {self.at_least}")
+            raise DescriptionError(f"{given} is out of bounds", rule=f"at least {self.at_least}")
         Bounds(bound=self.bound).beyond(given, given)
         return given
 
@@ -336,10 +335,10 @@ class Percent(Quantity):
         """Convert and check."""
         share = units.share_of(given)
         if share is None:
-            raise WrongValueError(f"{given!r} is not a percentage", remedy='Write "5 %".')
+            raise DescriptionError(f"{given!r} is not a percentage", remedy='Write "5 %".')
         rule = self.bounds.broken(100.0 * share)
         if rule:
-            raise WrongValueError(f'"{given}" is out of bounds', rule=f"{rule} %")
+            raise DescriptionError(f'"{given}" is out of bounds', rule=f"{rule} %")
         return share
 
     def show(self, value: float) -> str:
@@ -362,7 +361,7 @@ class Between(Quantity):
     def read(self, given: object) -> Interval:  # type: ignore[override]
         """Convert and check."""
         if not isinstance(given, str):
-            raise WrongValueError(f"{given!r} is not a range", rule=units.needed(self.si_unit))
+            raise DescriptionError(f"{given!r} is not a range", rule=units.needed(self.si_unit))
         return units.parse_range(given, self.si_unit)
 
     def show(self, value: Interval) -> str:  # type: ignore[override]
@@ -382,10 +381,10 @@ class PressureBetween(StatedPressure):
         """Convert and check."""
         ends = given.split("..") if isinstance(given, str) else []
         if len(ends) != 2:
-            raise WrongValueError(f'"{given}" is not a range', remedy='Write "0 bar gauge .. 10 bar gauge".')
+            raise DescriptionError(f'"{given}" is not a range', remedy='Write "0 bar gauge .. 10 bar gauge".')
         low, high = (super(PressureBetween, self).read(end.strip()) for end in ends)
         if low.gauge == high.gauge and not low.value_pa < high.value_pa:
-            raise WrongValueError(f'range "{given}" is empty', rule="the first end must be below the second")
+            raise DescriptionError(f'range "{given}" is empty', rule="the first end must be below the second")
         return low, high
 
     def show(self, value: tuple[Pressure, Pressure]) -> str:  # type: ignore[override]
@@ -410,7 +409,7 @@ def _on_paper(given: object) -> Interval | None:
     if given is None:
         return None
     if not isinstance(given, list | tuple) or len(given) != 2:
-        raise WrongValueError(f"{given!r} is not a place in a drawing", remedy="Write at = [12, 0].")
+        raise DescriptionError(f"{given!r} is not a place in a drawing", remedy="Write at = [12, 0].")
     x, y = (number(one, Bounds(at_least=-MOST_MODULES, at_most=MOST_MODULES)) for one in given)
     return x, y
 
@@ -429,7 +428,7 @@ class PureNumber(Quantity):
             try:
                 given = float(given.removesuffix("%")) / 100.0
             except ValueError:
-                raise WrongValueError(f'"{given}" is not a number') from None
+                raise DescriptionError(f'"{given}" is not a number') from None
         return super().read(given)
 
     def schema(self) -> Plain:
@@ -463,21 +462,21 @@ class PointRows(Quantity):
         """Convert and check all points."""
         example = "{ " + ", ".join(f"{key} = ..." for key, *_ in self.columns) + " }"
         if not isinstance(given, list | tuple) or not all(isinstance(one, dict) for one in given):
-            raise WrongValueError(f"{given!r} is not a list of points", remedy=f"Write [{example}, {example}].")
+            raise DescriptionError(f"{given!r} is not a list of points", remedy=f"Write [{example}, {example}].")
         if not 2 <= len(given) <= self.most:
-            raise WrongValueError(f"{len(given)} points", rule=f"2 to {self.most} points")
+            raise DescriptionError(f"{len(given)} points", rule=f"2 to {self.most} points")
         rows = tuple(self._row(dict(one), number, example) for number, one in enumerate(given, start=1))
         key, first, _ = self.columns[0]
         for before, after in pairwise(rows):
             if after[0] <= before[0]:
                 what = f"{key} = {first.show(after[0])} follows {first.show(before[0])}"
-                raise WrongValueError(what, rule=f"{key} must increase from point to point")
+                raise DescriptionError(what, rule=f"{key} must increase from point to point")
         return rows
 
     def _row(self, table: Plain, number: int, example: str) -> tuple[float, ...]:
         if not set(self.needed) <= set(table) <= {key for key, *_ in self.columns}:
             rest = f"; only {' and '.join(self.needed)} must be given" if len(self.needed) < len(self.columns) else ""
-            raise WrongValueError(f"point {number} = {table!r}", rule=f"a point is {example}{rest}")
+            raise DescriptionError(f"point {number} = {table!r}", rule=f"a point is {example}{rest}")
         return tuple(
             default if default is not None and key not in table else _read(mark, table[key], f"{key} of point {number}")
             for key, mark, default in self.columns
@@ -500,7 +499,7 @@ def _read(mark: Quantity, given: object, name: str) -> float:
     try:
         return mark.read(given)
     except DescriptionError as error:
-        raise WrongValueError(f"{name}: {error.what}", error.rule, error.remedy) from None
+        raise DescriptionError(f"{name}: {error.what}", rule=error.rule, remedy=error.remedy) from None
 
 
 # --- Parameters that the core lists.
@@ -587,13 +586,13 @@ def _signal(given: object) -> Signal:
     if isinstance(given, Signal):
         return given
     if not isinstance(given, str):
-        raise WrongValueError(f"{given!r} is not a range", remedy=f"Write {_FORM}.")
+        raise DescriptionError(f"{given!r} is not a range", remedy=f"Write {_FORM}.")
     si_unit = "A" if given.rstrip().endswith("A") else "V"
     try:
         return Signal(*units.parse_range(given, si_unit), si_unit)
     except DescriptionError as error:
         what = f'"{given}" is not a range of voltage or current'
-        raise WrongValueError(what, error.rule, f"Write {_FORM}.") from None
+        raise DescriptionError(what, rule=error.rule, remedy=f"Write {_FORM}.") from None
 
 
 #: Annotation of a field for a range of voltage or current, ``"0 V .. 10 V"``, stored as a `Signal`.

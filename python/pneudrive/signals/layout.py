@@ -18,7 +18,7 @@ from pneudrive.describe.base import Described
 from pneudrive.describe.files import toml
 from pneudrive.describe.marks import POSITIVE, Between, Bounds, Percent, Quantity, Reads, Text, Whole, absolute
 from pneudrive.describe.tables.geometry import PistonTable
-from pneudrive.errors import LayoutError, Problems, WrongValueError, invalid, nearest, package_table, wrong
+from pneudrive.errors import DescriptionError, LayoutError, Problems, invalid, nearest, package_table, wrong
 from pneudrive.files.content import COMPRESSIONS
 from pneudrive.files.tables import FORMATS
 from pneudrive.friction.friction_map import COLUMNS
@@ -48,7 +48,7 @@ EXAMPLES = {"Pa": "bar gauge", "m": "mm", "s": "s", "N": "N", "m/s": "mm/s", "K"
 def _place(given: object) -> int | str:
     """Read the number or name of a column, which may be in a table."""
     if isinstance(given, bool) or not isinstance(given, int | str):
-        raise WrongValueError.of("signals.not-a-column", given=given)
+        raise DescriptionError.of("signals.not-a-column", given=given)
     return given
 
 
@@ -57,7 +57,7 @@ _Place = Annotated[int | str | None, Reads(_place)]
 
 def _scale(given: object) -> float:
     if Quantity("").read(given) == 0.0:
-        raise WrongValueError("scale = 0 makes all values equal", rule="SI value = (raw * scale + offset) in its unit")
+        raise DescriptionError("scale = 0 makes all values equal", rule="SI value = (raw * scale + offset) in its unit")
     return Quantity("").read(given)
 
 
@@ -69,13 +69,13 @@ def _unit(channel: str, given: object) -> ColumnUnit | str:
 
 def _one_character(given: object) -> str:
     if not isinstance(given, str) or len(given) != 1:
-        raise WrongValueError(f"{given!r} must be one character")
+        raise DescriptionError(f"{given!r} must be one character")
     return given
 
 
 def _delimiter(given: object) -> str | None:
     if not isinstance(given, str) or (given not in DELIMITERS and len(given) != 1):
-        raise WrongValueError(f"{given!r} is not known", rule=f"one character, or one of {', '.join(DELIMITERS)}")
+        raise DescriptionError(f"{given!r} is not known", rule=f"one character, or one of {', '.join(DELIMITERS)}")
     return DELIMITERS.get(given, given)
 
 
@@ -172,16 +172,16 @@ def _cycle(given: object) -> int | str:
 def _labels(given: object) -> dict[str, str]:
     """Read labels, and the pattern of labels in file names. Each label becomes a column of the friction map."""
     if not isinstance(given, dict):
-        raise WrongValueError(f"{given!r} is not a table")
+        raise DescriptionError(f"{given!r} is not a table")
     labels = {key: str(value) for key, value in given.items()}
     pattern = labels.get("pattern", "")
     names = re.findall(r"\{(\w+)\}", pattern)
     if pattern and (not names or len(set(names)) != len(names) or any(name.isdigit() for name in names)):
         rule = 'a text with each {name} once, as in "{seal}_{pressure}bar"; "" for none'
-        raise WrongValueError(f"{pattern!r} is not a valid pattern", rule=rule, sub="pattern")
+        raise wrong("pattern", f"{pattern!r} is not a valid pattern", rule=rule)
     for name in (*labels, *names):
         if name in COLUMNS:
-            raise WrongValueError.of("signals.label-taken", name=name)
+            raise DescriptionError.of("signals.label-taken", name=name)
     return labels
 
 

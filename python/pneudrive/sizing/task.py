@@ -26,7 +26,7 @@ from pneudrive.describe.files.sourced import parted
 from pneudrive.describe.marks import NOT_NEGATIVE, POSITIVE, Between, Bounds, Force, Length, Mass, Percent, Quantity
 from pneudrive.describe.marks import StatedPressure as Stated
 from pneudrive.describe.tables.parts import Ambient
-from pneudrive.errors import WrongValueError, invalid, wrong
+from pneudrive.errors import DescriptionError, invalid, wrong
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -52,9 +52,9 @@ class _Factors(Between):
         try:
             low, high = (float(end) for end in ends)
         except ValueError:
-            raise WrongValueError(f"{given!r} is not a range of factors", remedy='Write "0.7 .. 1.5".') from None
+            raise DescriptionError(f"{given!r} is not a range of factors", remedy='Write "0.7 .. 1.5".') from None
         if not 0.0 < low <= high < math.inf:
-            raise WrongValueError(f'"{given}" is out of bounds', rule="0 < first end <= second end")
+            raise DescriptionError(f'"{given}" is out of bounds', rule="0 < first end <= second end")
         return low, high
 
     def show(self, value: tuple[float, float]) -> str:  # type: ignore[override]

@@ -16,7 +16,7 @@ from pneudrive.describe import marks
 from pneudrive.describe.base import Described
 from pneudrive.describe.files import toml
 from pneudrive.describe.marks import POSITIVE, Bounds, Mark, Percent, Quantity, Reads, StatedPressure, Whole
-from pneudrive.errors import DescriptionError, ProtocolError, WrongValueError, nearest, wrong
+from pneudrive.errors import DescriptionError, ProtocolError, nearest, wrong
 from pneudrive.files.bounds import within
 from pneudrive.rig.interface import Sampling
 
@@ -56,7 +56,7 @@ def _average(given: object) -> int:
     if given == "none":
         return 1
     if isinstance(given, bool) or not isinstance(given, int) or given < 1:
-        raise WrongValueError(f"{given!r} is not a number of samples", remedy='Write 5, or "none".')
+        raise DescriptionError(f"{given!r} is not a number of samples", remedy='Write 5, or "none".')
     Bounds(bound="samples").beyond(given, given)
     return given
 
@@ -87,31 +87,31 @@ def _position(given: object) -> AxisPosition:
     fraction = units.share_of(given)
     if fraction is not None:
         if not 0.0 <= fraction <= 1.0:
-            raise WrongValueError(f'"{given}" lies outside the range', rule="0 % to 100 %")
+            raise DescriptionError(f'"{given}" lies outside the range', rule="0 % to 100 %")
         return AxisPosition(fraction, relative=True)
     if not isinstance(given, str):
-        raise WrongValueError(f"{given!r} has no unit", remedy='Write "50 %" or "120 mm".')
+        raise DescriptionError(f"{given!r} has no unit", remedy='Write "50 %" or "120 mm".')
     try:
         return AxisPosition(units.parse(given, "m"), relative=False)
     except DescriptionError as error:
-        raise WrongValueError(error.what, error.rule, 'Write "50 %" or "120 mm".') from None
+        raise DescriptionError(error.what, rule=error.rule, remedy='Write "50 %" or "120 mm".') from None
 
 
 def _positions(given: object) -> tuple[AxisPosition, AxisPosition]:
     """Read a range of positions, ``"10 mm .. 290 mm"`` or ``"5 % .. 95 %"``."""
     ends = given.split("..") if isinstance(given, str) else []
     if len(ends) != 2:
-        raise WrongValueError(f"{given!r} is not a range", remedy='Write "10 mm .. 290 mm" or "5 % .. 95 %".')
+        raise DescriptionError(f"{given!r} is not a range", remedy='Write "10 mm .. 290 mm" or "5 % .. 95 %".')
     low, high = (_position(end.strip()) for end in ends)
     if low.relative == high.relative and not low.value < high.value:
-        raise WrongValueError(f'range "{given}" is empty', rule="the first end must lie below the second")
+        raise DescriptionError(f'range "{given}" is empty', rule="the first end must lie below the second")
     return low, high
 
 
 def _pair(given: object) -> Pair:
     """Read ``{ a = ..., b = ... }``, a pressure in each chamber."""
     if not isinstance(given, dict) or set(given) != {"a", "b"}:
-        raise WrongValueError(f"{given!r} is not a pair of pressures", remedy="Write { a = ..., b = ... }.")
+        raise DescriptionError(f"{given!r} is not a pair of pressures", remedy="Write { a = ..., b = ... }.")
     return Pair(*(PRESSURE.read(given[chamber]) for chamber in "ab"))
 
 
@@ -158,16 +158,16 @@ class ListOf(Mark):
         if self.spacing and isinstance(given, dict):
             return self._range(given)
         if self.only_list and (not isinstance(given, list) or not given):
-            raise WrongValueError(f"{given!r} is not a list of pairs", remedy="Write [{ a = ..., b = ... }, ...].")
+            raise DescriptionError(f"{given!r} is not a list of pairs", remedy="Write [{ a = ..., b = ... }, ...].")
         entries = given if isinstance(given, list) else [given]
         if not entries:
-            raise WrongValueError("the list is empty")
+            raise DescriptionError("the list is empty")
         Bounds(bound="count").beyond(f"{len(entries)} entries", len(entries))
         values = [self.mark.read(entry) for entry in entries]
         seen = set()
         for value in sorted(values) if self.sorts else values:
             if value in seen:
-                raise WrongValueError(f"{self.mark.show(value)} occurs twice", remedy="Use `repeats` for repetitions.")
+                raise DescriptionError(f"{self.mark.show(value)} occurs twice", remedy="Use `repeats` for repetitions.")
             seen.add(value)
         return tuple(sorted(values) if self.sorts else values)
 
@@ -176,19 +176,19 @@ class ListOf(Mark):
         keys = ["from", "to", "count", "spacing"]
         for key in given:
             if key not in keys:
-                raise WrongValueError(f"'{key}' is not known here", remedy=nearest(key, keys))
+                raise DescriptionError(f"'{key}' is not known here", remedy=nearest(key, keys))
         for key in keys[:3]:
             if key not in given:
-                raise WrongValueError(f"'{key}' is missing", remedy="Write { from = ..., to = ..., count = ... }.")
+                raise DescriptionError(f"'{key}' is missing", remedy="Write { from = ..., to = ..., count = ... }.")
         spacing = given.get("spacing", self.spacing)
         if spacing not in SPACINGS:
-            raise WrongValueError(f"spacing = {spacing!r} is not known", remedy=nearest(str(spacing), SPACINGS))
+            raise DescriptionError(f"spacing = {spacing!r} is not known", remedy=nearest(str(spacing), SPACINGS))
         count = Whole(at_least=2).read(given["count"])
         low, high = (self.mark.read(given[key]) for key in ("from", "to"))
         if isinstance(self.mark, Quantity):
             return spaced(low, high, count, spacing, self.mark)
         if low.gauge != high.gauge:
-            raise WrongValueError(f"the range {given['from']!r} to {given['to']!r} mixes abs and gauge")
+            raise DescriptionError(f"the range {given['from']!r} to {given['to']!r} mixes abs and gauge")
         values = spaced(low.value_pa, high.value_pa, count, spacing, Quantity("Pa", "bar"))
         return tuple(units.Pressure(value, low.gauge) for value in values)
 
@@ -223,9 +223,9 @@ def spaced(low: float, high: float, count: int, spacing: str, mark: Quantity) ->
     (0.001, 0.01, 0.1)
     """
     if not low < high:
-        raise WrongValueError("the range is empty", rule="`from` must lie below `to`")
+        raise DescriptionError("the range is empty", rule="`from` must lie below `to`")
     if spacing == "log" and not low > 0.0:
-        raise WrongValueError("a logarithmic range must start above zero", remedy='Write spacing = "linear".')
+        raise DescriptionError("a logarithmic range must start above zero", remedy='Write spacing = "linear".')
     unit = mark.written or mark.si_unit
     factor, offset = units.converter(unit, mark.si_unit)
 
@@ -239,7 +239,7 @@ def spaced(low: float, high: float, count: int, spacing: str, mark: Quantity) ->
     out = (low, *(level(index / (count - 1)) for index in range(1, count - 1)), high)
     if any(not a < b for a, b in pairwise(out)):
         what = f"{count} levels do not differ within {DIGITS} significant digits"
-        raise WrongValueError(what, remedy="Lower the count.")
+        raise DescriptionError(what, remedy="Lower the count.")
     return out
 
 

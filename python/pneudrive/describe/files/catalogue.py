@@ -27,7 +27,7 @@ from pneudrive.describe.files.sourced import Value
 from pneudrive.describe.kinds import component_kinds, is_needed
 from pneudrive.describe.marks import Reads, Text
 from pneudrive.describe.tables.valve_flow import FLOW_KEYS, conductance_of
-from pneudrive.errors import DescriptionError, Problems, WrongValueError, invalid, nearest, together, warn, wrong
+from pneudrive.errors import DescriptionError, Problems, invalid, nearest, together, warn, wrong
 from pneudrive.references import entries as references
 
 PREFIX = "catalogue:"
@@ -40,7 +40,7 @@ _own: ContextVar[tuple[Path, ...]] = ContextVar("folders of the user's catalogue
 def _values(given: object) -> tuple[Value, ...]:
     """Read values with their origin, in tables of any depth."""
     if not isinstance(given, dict):
-        raise WrongValueError(f"{given!r} is not a table")
+        raise DescriptionError(f"{given!r} is not a table")
     problems, origins = Problems(), {"value", "source", "assumed"}
     inner = toml.leaves(given, is_inner=lambda one: bool(isinstance(one, dict) and one and not origins & set(one)))
     found = [problems.take(sourced.read, key, one) for key, one in inner]

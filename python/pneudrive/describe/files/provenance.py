@@ -12,7 +12,7 @@ from pneudrive import units
 from pneudrive.describe.base import Described
 from pneudrive.describe.marks import Bounds, EachChamber, Fraction, PerChamber, Quantity, Reads, StatedPressure
 from pneudrive.describe.tables.friction import Friction
-from pneudrive.errors import DescriptionError, WrongValueError, invalid, nearest, wrong
+from pneudrive.errors import DescriptionError, invalid, nearest, wrong
 
 #: Relative error of a value that is written with all its digits and read again.
 ROUNDING = 1e-9
@@ -22,7 +22,7 @@ def _ends(given: object) -> tuple[str, str]:
     """Read both ends as written, quantities or ``-inf`` and ``inf``: their unit depends on the value."""
     is_pair = isinstance(given, list | tuple) and len(given) == 2
     if not is_pair or not all(isinstance(end, str | int | float) and not isinstance(end, bool) for end in given):  # type: ignore[union-attr]
-        raise WrongValueError(f"{given!r} is not an interval", remedy='Write interval = ["29.1 N", "31.2 N"].')
+        raise DescriptionError(f"{given!r} is not an interval", remedy='Write interval = ["29.1 N", "31.2 N"].')
     return str(given[0]), str(given[1])  # type: ignore[index]
 
 

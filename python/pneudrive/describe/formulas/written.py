@@ -16,7 +16,7 @@ from pneudrive import _core, units
 from pneudrive.describe.base import Described, DescribedFile
 from pneudrive.describe.files import toml
 from pneudrive.describe.marks import Quantity, Reads, Text
-from pneudrive.errors import DescriptionError, WrongValueError, invalid, nearest, warn, within, wrong
+from pneudrive.errors import DescriptionError, invalid, nearest, warn, within, wrong
 from pneudrive.references import entries
 
 if TYPE_CHECKING:
@@ -33,7 +33,7 @@ Made = TypeVar("Made", bound="Written")
 
 def _unit(given: object) -> str:
     if not isinstance(given, str):
-        raise WrongValueError.of("describe.not-a-unit", given=given)
+        raise DescriptionError.of("describe.not-a-unit", given=given)
     return units.si_name(given)
 
 

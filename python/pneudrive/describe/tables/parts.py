@@ -13,7 +13,7 @@ from pneudrive.describe.base import Described
 from pneudrive.describe.marks import NOT_NEGATIVE, POSITIVE, Bounds, MaybePressure, MaybeTemperature, Quantity
 from pneudrive.describe.tables import valve_flow
 from pneudrive.describe.tables.geometry import check_rod, piston_areas
-from pneudrive.errors import WrongValueError, invalid, package_table, warn, wrong
+from pneudrive.errors import DescriptionError, invalid, package_table, warn, wrong
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Mapping, Sequence
@@ -288,11 +288,11 @@ class FlowCoefficient(Quantity):
         if isinstance(given, str) and given.split()[1:] in (["Kv"], ["Cv"], ["m3/h"]):
             text, unit = given.split()
             if (unit in {"Kv", "m3/h"}) != (self.written == "Kv"):
-                raise WrongValueError(f'"{given}" is not a {self.written}')
+                raise DescriptionError(f'"{given}" is not a {self.written}')
             try:
                 given = float(text)
             except ValueError:
-                raise WrongValueError(f'"{given}" is not a number') from None
+                raise DescriptionError(f'"{given}" is not a number') from None
         return super().read(given)
 
     def schema(self) -> Plain:

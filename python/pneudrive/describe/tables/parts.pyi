@@ -28,7 +28,7 @@ from pneudrive.describe.marks import (
 from pneudrive.describe.tables import valve_flow as valve_flow
 from pneudrive.describe.tables.geometry import check_rod as check_rod, piston_areas as piston_areas
 from pneudrive.errors import (
-    WrongValueError as WrongValueError,
+    DescriptionError as DescriptionError,
     invalid as invalid,
     package_table as package_table,
     warn as warn,
