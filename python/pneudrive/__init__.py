@@ -32,21 +32,21 @@ with lazily(__name__) as _HOME:
     from pneudrive.datasheet.equilibrium import equilibrium as equilibrium
     from pneudrive.datasheet.equilibrium import linearise as linearise
     from pneudrive.datasheet.registry import drive_characteristic as drive_characteristic
-    from pneudrive.describe import Ambient as Ambient
     from pneudrive.describe import Circuit as Circuit
-    from pneudrive.describe import Cylinder as Cylinder
     from pneudrive.describe import Drive as Drive
-    from pneudrive.describe import EndStop as EndStop
-    from pneudrive.describe import Friction as Friction
     from pneudrive.describe import FrictionLaw as FrictionLaw
-    from pneudrive.describe import Gas as Gas
-    from pneudrive.describe import Initial as Initial
-    from pneudrive.describe import Load as Load
-    from pneudrive.describe import SealPressure as SealPressure
-    from pneudrive.describe import Spring as Spring
-    from pneudrive.describe import Supply as Supply
-    from pneudrive.describe import Valve as Valve
     from pneudrive.describe.files.catalogue import catalogue_folders as catalogue_folders
+    from pneudrive.describe.tables.dependences import SealPressure as SealPressure
+    from pneudrive.describe.tables.friction import Friction as Friction
+    from pneudrive.describe.tables.parts import Ambient as Ambient
+    from pneudrive.describe.tables.parts import Cylinder as Cylinder
+    from pneudrive.describe.tables.parts import EndStop as EndStop
+    from pneudrive.describe.tables.parts import Gas as Gas
+    from pneudrive.describe.tables.parts import Initial as Initial
+    from pneudrive.describe.tables.parts import Load as Load
+    from pneudrive.describe.tables.parts import Spring as Spring
+    from pneudrive.describe.tables.parts import Supply as Supply
+    from pneudrive.describe.tables.parts import Valve as Valve
     from pneudrive.describe.tank import Tank as Tank
     from pneudrive.ensemble.design import EnsembleDesign as EnsembleDesign
     from pneudrive.ensemble.design import grid as grid

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 import pneudrive as pn
-from pneudrive.describe import Valve
 from pneudrive.describe.files.load import drive_schema
+from pneudrive.describe.tables.parts import Valve
 from pneudrive.describe.tables.valve_flow import KV_PER_CV, conductance_from_kv
 from pneudrive.errors import DescriptionError, FitError
 from pneudrive.validate.balance import openings

@@ -17,7 +17,7 @@ from pneudrive.datasheet.registry import UncertainDrive, characteristics
 from pneudrive.datasheet.stands import parts_of
 from pneudrive.describe.all_values import DescribedValue, values_of
 from pneudrive.describe.drive import Drive
-from pneudrive.describe.files import toml
+from pneudrive.describe.files import sourced, toml
 from pneudrive.errors import HAZARD, Cancelled, CommandError, PneudriveError, package_table
 from pneudrive.lazy_names import upper
 from pneudrive.numbers import plain
@@ -121,7 +121,7 @@ class Datasheet(Viewed):
     def values(self) -> list[DescribedValue]:
         """Each value that the drive states, as written, with its source."""
         drive = self.drive
-        written = {key for key, _ in toml.leaves(drive.plain_tables)}
+        written = {key for key, _ in toml.leaves(sourced.parted(drive.to_dict())[0])}
         identified: Any = getattr(drive, "provenance", None) or {}
         out = []
         for one in values_of(drive):

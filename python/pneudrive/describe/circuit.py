@@ -284,12 +284,6 @@ class Circuit(DescribedSystem):
         return [(f"components.{name}", f"components.{name}") for name in self.components]
 
     @property
-    def plain_tables(self) -> Plain:
-        """Tables of the file with values only, without connections."""
-        tables = {key: table for key, table in self.to_dict().items() if key not in ("connections", "plugged")}
-        return tables | {"components": {name: one.plain() for name, one in self.components.items()}}
-
-    @property
     def description_hash(self) -> str:
         """SHA-256 of the simulated values, without name, labels and start state."""
         return hashlib.sha256(self.core_json().encode()).hexdigest()
@@ -305,8 +299,6 @@ class Circuit(DescribedSystem):
             A start value is unknown or does not fit, or the core rejects the circuit.
         """
         return self._starts().values(self.initial, start_values(initial))[0]
-
-    read_start = circuit_start = core_initial
 
     @cached_property
     def start_names(self) -> dict[str, str]:

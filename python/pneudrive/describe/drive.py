@@ -176,11 +176,6 @@ class Drive(DescribedSystem):
         return out if "components.load" in places else [*out, ("components.cylinder", "load")]
 
     @property
-    def plain_tables(self) -> Plain:
-        """Tables of the file with values only."""
-        return self.to_dict()
-
-    @property
     def lines(self) -> tuple[str, ...]:
         """Names of the tables with tubes and flow controls between valve and cylinder."""
         tables = {"tubing": self.tubing, "flow_control": self.flow_control}
@@ -273,8 +268,9 @@ class Drive(DescribedSystem):
                 raise wrong(f"initial.pressure_{chamber}", f"initial pressure_{chamber} = {pressure} is below vacuum")
         if self.is_plain:
             return state
-        whole = {short_name(name): value for name, value in self.circuit_start(start).items()}
-        return whole | {"contact_age_s": start.contact_age_s}
+        # Tubes start at the pressure of their chamber.
+        whole = self.circuit.core_initial(self.circuit_values(start))
+        return {short_name(name): value for name, value in whole.items()} | {"contact_age_s": start.contact_age_s}
 
     def circuit_values(self, given: StartState) -> Plain:
         """Return the given start values under the names of the circuit, without the contact age."""
@@ -282,12 +278,6 @@ class Drive(DescribedSystem):
         values.pop("contact_age", None)
         ends = {f"{key}_{chamber}": f"{chamber}.{key}" for chamber in "ab" for key in ("pressure", "temperature")}
         return {f"cylinder.{ends.get(key, key)}": value for key, value in values.items()}
-
-    def circuit_start(self, given: StartState) -> NamedNumbers:
-        """Return the start state in SI by the names of the circuit; tubes start at the pressure of their chamber."""
-        return self.circuit.core_initial(self.circuit_values(given))
-
-    read_start = core_initial
 
     @property
     def end_stop(self) -> NamedNumbers:
@@ -338,7 +328,7 @@ def merge(base: Plain, changes: Plain) -> Plain:
         key: value for key, value in changes.items() if isinstance(value, dict) and isinstance(base.get(key), dict)
     }
     kept = {key: _kept(key, base[key], own) for key, own in tables.items()}
-    return toml.merge(base | kept, changes, lambda one: isinstance(one, dict) and not sourced.has_origin(one))
+    return toml.merge(base | kept, changes, sourced.is_inner)
 
 
 def _kept(table: str, old: Plain, own: Plain) -> Plain:

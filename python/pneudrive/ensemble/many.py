@@ -39,7 +39,8 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from pneudrive.arrays import Array, Keyed, Plain
-    from pneudrive.describe import Circuit, Drive, Initial
+    from pneudrive.describe import Circuit, Drive
+    from pneudrive.describe.tables.parts import Initial
     from pneudrive.ensemble.outputs import MemberPlans, Output, Reduction
     from pneudrive.simulation.command import Commands
 

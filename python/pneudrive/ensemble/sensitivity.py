@@ -24,7 +24,8 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from pneudrive.arrays import Array, Bools, Keyed
-    from pneudrive.describe import Drive, Initial
+    from pneudrive.describe import Drive
+    from pneudrive.describe.tables.parts import Initial
     from pneudrive.ensemble.outputs import Output
     from pneudrive.simulation import command as commands
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from pneudrive.describe.components import parameter_quantity
 from pneudrive.describe.drive import Drive
-from pneudrive.describe.kinds import STATED, component_kinds
+from pneudrive.describe.kinds import STATED
 from pneudrive.describe.system import compiled, short_name
 from pneudrive.errors import DescriptionError
 from pneudrive.free.parameters import component_numbers, side_of
@@ -183,7 +183,8 @@ def plan_of(
     form = json.loads(described.circuit.core_json())
     if actuator:
         next(one for one in form["components"] if one["name"] == "cylinder")["numbers"].pop("incline", None)
-    start, age_s = described.circuit_start(initial), described.read_start(initial).get("contact_age_s", 0.0)
+    start = described.circuit.core_initial(described.circuit_values(initial))
+    age_s = described.core_initial(initial).get("contact_age_s", 0.0)
     session = compiled(json.dumps(form, sort_keys=True)).start(start, rtol)
     is_short = described.system.names is not None
     variables = [TIME]
@@ -238,31 +239,25 @@ def _inputs(session: CoreSession, form: Plain, is_short: bool, actuator: bool) -
 
 def _parameters(described: DriveOrCircuit, form: Plain) -> Iterator[FmuVariable]:
     """Yield the numbers of the circuit, by their keys in the drive file."""
-    places = {one["name"]: i for i, one in enumerate(form["components"])}
-    if described.system.names is None:
-        names = {f"{own['name']}.{key}": f"{own['name']}.{key}" for own in form["components"] for key in own["numbers"]}
-    else:
-        names = {path: name for name, path, *_ in component_numbers(form)}
-    for path, name in names.items():
+    is_short = described.system.names is not None
+    components = {one["name"]: (i, one) for i, one in enumerate(form["components"])}
+    for name, path, value, row in component_numbers(form):
         of, _, key = path.partition(".")
-        own = form["components"][places[of]]
-        kind = component_kinds()[own["kind"]]
-        row = next((row for row in kind["parameters"] if row["key"] == key), None)
-        if row is None or key in kind["discrete"] or (key in _HISTORY and own["kind"].startswith("valve/")):
-            continue
+        i, own = components[of]
+        is_fixed = row["discrete"] or (key in _HISTORY and own["kind"].startswith("valve/"))
         is_unused = not own["numbers"].get(row["only"], True)
-        if key not in own["numbers"] or is_unused or (own["kind"], key) == ("load", "force"):
+        if is_fixed or is_unused or (own["kind"], key) == ("load", "force"):
             continue  # the force of a load is an input of its piston
         is_pressure = row["unit"] == STATED
         unit = "Pa" if is_pressure else parameter_quantity(row).si_unit or "1"
         what = f"{row['meaning']}, absolute" if is_pressure else row["meaning"]
-        role = {"role": "parameter", "of": f"/components/{places[of]}/numbers/{key}"}
-        yield FmuVariable(name, unit, what, "parameter", role, float(own["numbers"][key]))
+        role = {"role": "parameter", "of": f"/components/{i}/numbers/{key}"}
+        yield FmuVariable(name if is_short else path, unit, what, "parameter", role, float(value))
     for i, own in enumerate(form["components"]):
         if own.get("friction"):
-            prefix = "friction" if described.system.names else f"{own['name']}.friction"
-            of_whom: Any = described.circuit.components[own["name"]]
-            rows = {row["key"]: row for row in of_whom.friction.entry["parameters"]}
+            prefix = "friction" if is_short else f"{own['name']}.friction"
+            component: Any = described.circuit.components[own["name"]]
+            rows = {row["key"]: row for row in component.friction.entry["parameters"]}
             for key, value in own["friction"]["parameters"].items():
                 unit = "1" if rows[key]["unit"] in ("-", "") else rows[key]["unit"]
                 role = {"role": "parameter", "of": f"/components/{i}/friction/parameters/{key}"}

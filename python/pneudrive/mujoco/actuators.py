@@ -282,7 +282,7 @@ class _Axis:
                 one["numbers"]["mass"] = 0.0
             self.cylinder["numbers"]["incline"] = 0.0
         self.prefix = "" if own == PISTON and described.system.names else f"{own}."
-        self.given = described.read_start(initial)
+        self.given = described.core_initial(initial)
         self.stroke_m = float(self.cylinder["numbers"]["stroke"])
 
     def start(self, position_m: float, mass_kg: float, seed: int) -> None:

@@ -43,7 +43,8 @@ def steady_flow(
         Pressures at both ends, absolute. The gas before the path has the temperature of ISO 6358.
     gas : Gas
     """
-    from pneudrive.describe import Ambient, Circuit
+    from pneudrive.describe import Circuit
+    from pneudrive.describe.tables.parts import Ambient
 
     temperature = units.UnitFloat(ANR_TEMPERATURE_K, "K", "K")
     upstream = {"kind": "reservoir", "pressure": f"{before_pa!r} Pa abs", "temperature": temperature}

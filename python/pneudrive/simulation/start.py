@@ -33,7 +33,7 @@ def ready(described: DriveOrCircuit, initial: StartState) -> tuple[CoreCircuit, 
     CommandError, DescriptionError
         The start state is not valid, or does not fit the drive.
     """
-    return described.system.compiled(), described.read_start(initial)
+    return described.system.compiled(), described.core_initial(initial)
 
 
 def check_tolerance(rtol: float) -> None:

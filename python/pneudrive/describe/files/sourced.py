@@ -61,6 +61,11 @@ def has_origin(given: Any) -> TypeIs[Plain]:  # noqa: ANN401
     return isinstance(given, dict) and "value" in given and set(given) <= set(_KEYS)
 
 
+def is_inner(given: Any) -> TypeIs[Plain]:  # noqa: ANN401
+    """Return whether a table has keys of its own, and is not a value with its origin."""
+    return isinstance(given, dict) and not has_origin(given)
+
+
 def read(key: str, given: object) -> Value:
     """Read ``{ value, source | assumed, note }``.
 
@@ -92,7 +97,7 @@ def parted(table: Keyed) -> tuple[Plain, dict[str, Value]]:
     >>> plain, origins["friction.coulomb"].assumed
     ({'friction': {'coulomb': '9 N'}, 'bore': '25 mm'}, 'a guess')
     """
-    leaves = toml.leaves(table, is_inner=lambda one: isinstance(one, dict) and not has_origin(one))
+    leaves = toml.leaves(table, is_inner=is_inner)
     return _plain(table), {key: read(key, given) for key, given in leaves if has_origin(given)}
 
 
