@@ -10,7 +10,7 @@ import math
 from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import lru_cache
-from itertools import pairwise
+from itertools import chain, pairwise
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from pneudrive.describe.connections import Joint, Port, Wiring, is_platform
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from pneudrive.describe import Circuit, Component
 
     Placed = Mapping[str, "Block"]
-    Beside = dict[str, tuple[str, str]]  # component on a rod -> first component of its group, its neighbour
+    Beside = dict[str, str]  # component without gas -> the component that moves it
     Pulls = dict[str, list[tuple[str, str, str]]]  # component -> its port, and component and port near which it is
 
 MODULE_IN = 0.1  # inch, height of a module on paper
@@ -216,39 +216,25 @@ def _drawn(strokes: Sequence[Keyed], right: float = 0.0) -> Iterator[Shape]:
 
 
 def _plain(entry: Keyed) -> tuple[list[Shape], list[Place]]:
-    """Return a box with a title: inlets below, outlets above, other ports to the right.
+    """Return a box with a title and named ports: one gas port below, other gas ports above, the rest to the right.
 
-    A component without gas is on the right of an actuator: its first port is on the left.
+    The core's own components have symbols.
     """
-    title = entry["title"].partition(",")[0]
-    sides: dict[str, list[str]] = {"down": [], "up": [], "left": [], "right": []}
-    volumes = sum(port["holds"] == "volume" for port in entry["ports"])
-    has_gas = any(port["kind"] == "gas" for port in entry["ports"])
-    for port in entry["ports"]:
-        feeds = port["holds"] == "pressure" or (sides["down"] and not (port["holds"] == "volume" and volumes > 1))
-        other = "right" if has_gas or sides["left"] else "left"
-        side = other if port["exhaust"] or port["kind"] != "gas" else "up" if feeds else "down"
-        sides[side].append(port["name"])
-    names = max((text_width(name, TEXT_PT) for name in sides["right"] + sides["left"]), default=0.0)
-    least = [2 * len(sides[side]) + 2 for side in ("up", "down")]
-    width = max(6, math.ceil(text_width(title, TEXT_PT) + 2 * names) + 2, *least)
-    width, height = width + width % 2, max(4, 2 * len(sides["right"]) + 2)
-    corners = (0, 0), (0, height), (width, height), (width, 0), (0, 0)
-    strokes = [Shape("line", corners)]
+    title, ports = entry["title"].partition(",")[0], entry["ports"]
+    gas = [port["name"] for port in ports if port["kind"] == "gas"]
+    others = [port["name"] for port in ports if port["kind"] != "gas"]
+    names = max((text_width(name, TEXT_PT) for name in others), default=0.0)
+    width = max(6, math.ceil(text_width(title, TEXT_PT) + 2 * names) + 2, 2 * len(gas))
+    height = max(4, 2 * len(others) + 2)
+    places: dict[str, Place] = {name: (2 * k + 1, height + 1 if k else -1) for k, name in enumerate(gas)}
+    places |= {name: (width + 1, 2 * k + 2) for k, name in enumerate(others)}
+    strokes = [Shape("line", ((0, 0), (0, height), (width, height), (width, 0), (0, 0)))]
     strokes.append(Shape("text", ((0.5 * width, 0.5 * height),), size=TEXT_PT, text=title))
-    places: dict[str, Place] = {}
-    for side, ports in sides.items():
-        for number, name in enumerate(ports):
-            along = 2 * number - len(ports) + 1
-            if side in ("left", "right"):
-                rim, out = (width, 1) if side == "right" else (0, -1)
-                places[name] = x, y = rim + out, height // 2 - along
-                inner, text = (rim, y), (rim - out * (0.3 + 0.5 * text_width(name, TEXT_PT)), y)
-            else:
-                places[name] = x, y = width // 2 + along, (height + 1 if side == "up" else -1)
-                inner, text = (x, min(max(y, 0), height)), (x, height - 0.7 if side == "up" else 0.7)
-            strokes += [Shape("line", ((x, y), inner)), Shape("text", (text,), size=TEXT_PT, text=name)]
-    return strokes, [places[port["name"]] for port in entry["ports"]]
+    for name, (x, y) in places.items():
+        inner = min(x, width), min(max(y, 0), height)
+        text = (x, min(max(y, 0.7), height - 0.7)) if name in gas else (width - 0.3 - 0.5 * names, y)
+        strokes += [Shape("line", ((x, y), inner)), Shape("text", (text,), size=TEXT_PT, text=name)]
+    return strokes, [places[port["name"]] for port in ports]
 
 
 def bounds(points: Iterable[Point], room: float = 0.0) -> Box:
@@ -481,11 +467,12 @@ def place(circuit: Circuit, spread: float) -> tuple[dict[str, Block], list[Joint
     beside = _beside(joints, circuit, above)
     ranks = _ranks(circuit.wiring, [name for name in placed if name not in beside and name not in above])
     ranks |= dict.fromkeys(above, 1 + max(ranks.values(), default=0))
-    groups = {name: [name, *(other for other, (of, _) in beside.items() if of == name)] for name in ranks}
+    columns = {name: _columns(name, beside) for name in ranks}
     rows = {rank: [name for name in ranks if ranks[name] == rank] for rank in sorted(set(ranks.values()))}
     spans = [[ranks[port.component] for port in joint.ports if port.component in ranks] for joint in joints]
-    extent = {name: _group_extent(groups[name], beside, placed) for name in ranks}
-    _order(rows, extent, _pulls(joints, beside, above), placed, spread)
+    extent = {name: _group_extent(placed[name], columns[name], placed) for name in ranks}
+    actuators = {name: actuator for actuator, moved in columns.items() for name in chain.from_iterable(moved)}
+    _order(rows, extent, _pulls(joints, actuators, above), placed, spread)
     y = 0.0
     for rank, names in rows.items():
         row = [placed[name] for name in names]
@@ -495,8 +482,8 @@ def place(circuit: Circuit, spread: float) -> tuple[dict[str, Block], list[Joint
         for block in row:
             block.y = round(y)
         y = math.ceil(y) + max(block.box[3] for block in row) + 3.0 * spread + 0.5 * spread * between
-    for group in groups.values():
-        _put_beside(group, beside, placed)
+    for name in ranks:
+        _put_beside(placed[name], columns[name], beside, placed)
     _fix(circuit, placed)
     return placed, joints
 
@@ -507,28 +494,27 @@ def _beside(joints: Sequence[Joint], circuit: Circuit, above: Collection[str]) -
     out: Beside = {}
     rods = [[port.component for port in joint.ports] for joint in joints if is_rod(joint)]
     for names in len(rods) * rods:  # each pass reaches at least one rod more
-        known = next((name for name in names if name in has_gas or name in out), None)
-        new = [name for name in names if name not in has_gas and name not in out and name not in above]
-        if known is not None:
-            out |= dict.fromkeys(new, (out[known][0] if known in out else known, known))
+        movers = [name for name in names if name in has_gas or name in out]
+        if movers:
+            out |= {name: movers[0] for name in names if name not in movers and name not in above}
     return out
 
 
-def _columns(names: Sequence[str], beside: Beside) -> list[list[str]]:
-    """Return the neighbours of an actuator in columns, by their number of couplings from the actuator."""
-    columns = [[names[0]]]
-    while column := [name for name in names[1:] if beside[name][1] in columns[-1]]:
+def _columns(actuator: str, beside: Beside) -> list[list[str]]:
+    """Return the components that an actuator moves in columns, by their number of couplings from the actuator."""
+    columns = [[actuator]]
+    while column := [name for name, mover in beside.items() if mover in columns[-1]]:
         columns.append(column)
     return columns[1:]
 
 
-def _put_beside(names: Sequence[str], beside: Beside, placed: Placed) -> None:
+def _put_beside(actuator: Block, columns: Sequence[Sequence[str]], beside: Beside, placed: Placed) -> None:
     """Place the moved components to the right of their actuator, each at the height of the component that moves it."""
-    last = placed[names[0]].x + placed[names[0]].box[2]
-    for column in _columns(names, beside):
+    last = actuator.x + actuator.box[2]
+    for column in columns:
         floor = -math.inf
         for name in column:
-            block, of = placed[name], placed[beside[name][1]]
+            block, of = placed[name], placed[beside[name]]
             block.x = math.ceil(last - block.box[0] + 3)
             own = next(iter(block.ports.values()))[1]
             rods = [place[1] for port, place in of.ports.items() if of.directions[port] == "right"]
@@ -538,13 +524,12 @@ def _put_beside(names: Sequence[str], beside: Beside, placed: Placed) -> None:
         last = max(placed[name].x + placed[name].box[2] for name in column)
 
 
-def _group_extent(names: Sequence[str], beside: Beside, placed: Placed) -> Interval:
-    """Return the extent of a block to the left and right of its origin, including its neighbours."""
-    own = placed[names[0]]
-    boxes = ([placed[name].box for name in column] for column in _columns(names, beside))
+def _group_extent(actuator: Block, columns: Sequence[Sequence[str]], placed: Placed) -> Interval:
+    """Return the extent of a block to the left and right of its origin, including the components that it moves."""
+    boxes = ([placed[name].box for name in column] for column in columns)
     widths = (max(box[2] - box[0] + 4 for box in column) for column in boxes)
-    marked = 1.0 if own.marks else 0.0
-    return own.box[0] - marked, own.box[2] + sum(widths) + marked
+    marked = 1.0 if actuator.marks else 0.0
+    return actuator.box[0] - marked, actuator.box[2] + sum(widths) + marked
 
 
 def _ranks(wiring: Wiring, names: Sequence[str]) -> dict[str, int]:
@@ -560,11 +545,10 @@ def _ranks(wiring: Wiring, names: Sequence[str]) -> dict[str, int]:
                     if other.component not in known and not other.exhaust:
                         known[other.component] = known[name] + 1
                         todo.append(other.component)
-        left = [name for name in names if name not in known]
-        if left:
-            name = next((one for one in left if _behind(one, ports, wiring, known) is not None), left[0])
-            known[name] = _behind(name, ports, wiring, known) or 0
-            todo = [name] if _behind(name, ports, wiring, known) is None else []
+        left = {name: _behind(ports[name], wiring, known) for name in names if name not in known}
+        behind = [(name, rank) for name, rank in left.items() if rank is not None]
+        todo = [] if behind else list(left)[:1]
+        known |= dict(behind[:1]) or dict.fromkeys(todo, 0)
     actuators = [name for name in names if len(ports[name]) and any(p.kind == "axis" for p in wiring.ports(name))]
     top = max([known[name] for name in actuators] + [rank + 1 for name, rank in known.items() if name not in actuators])
     return known | dict.fromkeys(actuators, top)
@@ -575,22 +559,17 @@ def _is_supply(ports: Sequence[Port]) -> bool:
     return any(port.holds == "pressure" for port in ports) or (len(ports) == 1 and ports[0].is_single)
 
 
-def _behind(
-    name: str,
-    ports: Mapping[str, Sequence[object]],
-    wiring: Wiring,
-    known: Mapping[str, int],
-) -> int | None:
+def _behind(ports: Sequence[Port], wiring: Wiring, known: Mapping[str, int]) -> int | None:
     """Return the rank of a component at an exhaust: below the component that exhausts."""
-    for port in ports[name]:
-        joint: Joint | None = wiring.at.get(port)  # type: ignore[call-overload]
+    for port in ports:
+        joint = wiring.at.get(port)
         for other in joint.ports if joint is not None else ():
-            if other.component in known and (other.exhaust or port.exhaust):  # type: ignore[attr-defined]
+            if other.component in known and (other.exhaust or port.exhaust):
                 return known[other.component] - 1
     return None
 
 
-def _pulls(joints: Sequence[Joint], beside: Beside, above: Collection[str]) -> Pulls:
+def _pulls(joints: Sequence[Joint], actuators: Mapping[str, str], above: Collection[str]) -> Pulls:
     """Return, for each component, pairs of a port and a neighbouring port near which it is placed.
 
     A component carried by actuators is placed above them, without moving the actuators apart.
@@ -601,7 +580,7 @@ def _pulls(joints: Sequence[Joint], beside: Beside, above: Collection[str]) -> P
         for port in joint.ports:
             others = [other for other in joint.ports if other.component not in (port.component, *above)]
             if port.component in above:
-                others = [rods[beside[other.component][0]] if other.component in beside else other for other in others]
+                others = [rods.get(actuators.get(other.component, ""), other) for other in others]
             own = pulls.setdefault(port.component, [])
             own += [(port.name, other.component, other.name) for other in others]
     return pulls
