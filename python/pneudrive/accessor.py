@@ -135,7 +135,7 @@ class Pneu:
         --------
         >>> import pneudrive as pn
         >>> run = pn.simulate(pn.Drive.load("catalogue:reference"), "0 s: 0.6, 1 s: -0.6", "2 s")
-        >>> [value.text for value in run.pneu.view().leading if "stroke" in value.value.quantity]
+        >>> [value.sentence for value in run.pneu.view().leading if "stroke" in value.quantity]
         ['stroke time, to the end of chamber b 0.136 s', 'stroke time, to the end of chamber a 0.324 s']
         """
         if "characteristic" in self._run.attrs:

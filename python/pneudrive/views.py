@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Literal, TypeAlias
 
 from pneudrive.figures import Figure, Numbers, plain_data, thin
@@ -51,6 +51,10 @@ class ShownValue:
         Bounds of the 95 % interval, or value minus and plus U (k = 2).
     origin : str
         Source of the value: data, stated, assumed.
+    limit : float or None
+        Limit of a leading value, SI. Values with equal numbers are equal, whatever their limits and states.
+    state : str
+        Whether a leading value keeps its limit.
     """
 
     key: str
@@ -60,6 +64,8 @@ class ShownValue:
     unit: str = ""
     interval: Interval | None = None
     origin: str = "data"
+    limit: float | None = field(default=None, compare=False)
+    state: State = field(default="good", compare=False)
 
     @property
     def text(self) -> str:
@@ -90,6 +96,19 @@ class ShownValue:
     def usual_unit(self) -> str:
         """Unit of the text."""
         return readable(self.unit)[1] if self.unit else ""
+
+    @property
+    def limit_text(self) -> str:
+        """Limit in the usual unit, with its unit; "" without a limit."""
+        size, unit = readable(self.unit)
+        return "" if self.limit is None else f"{plain(self.limit / size)} {unit}".strip()
+
+    @property
+    def sentence(self) -> str:
+        """Quantity (or label, if a table has one column), value and limit in the usual unit."""
+        bound = f" (limit {self.limit_text})" if self.limit_text else ""
+        name = self.label if self.quantity == VALUE else self.quantity
+        return f"{name} {self.text} {self.usual_unit}".strip() + bound
 
 
 @dataclass(frozen=True, eq=False)
@@ -140,28 +159,6 @@ class ShownCurve:
 
 
 @dataclass(frozen=True)
-class LeadingValue:
-    """One of the few decisive values of a result: value, limit in SI, and whether the limit is met."""
-
-    value: ShownValue
-    limit: float | None = None
-    state: State = "good"
-
-    @property
-    def limit_text(self) -> str:
-        """Limit in the usual unit, with its unit; "" without a limit."""
-        size, unit = readable(self.value.unit)
-        return "" if self.limit is None else f"{plain(self.limit / size)} {unit}".strip()
-
-    @property
-    def text(self) -> str:
-        """Quantity (or label, if a table has one column), value and limit in the usual unit."""
-        bound = f" (limit {self.limit_text})" if self.limit_text else ""
-        name = self.value.label if self.value.quantity == VALUE else self.value.quantity
-        return f"{name} {self.value.text} {self.value.usual_unit}".strip() + bound
-
-
-@dataclass(frozen=True)
 class Finding:
     """A sentence on a result, its severity, and its remedy."""
 
@@ -170,7 +167,7 @@ class Finding:
     remedy: str = ""
 
 
-def worst(findings: Iterable[Finding | LeadingValue]) -> State:
+def worst(findings: Iterable[Finding | ShownValue]) -> State:
     """Return the state of the worst finding or value; "good" without findings and values."""
     states: list[State] = [finding.state for finding in findings]
     return max(states, key=STATES.index) if states else "good"
@@ -219,10 +216,10 @@ class SentValue:
     state: State = "good"
 
     @classmethod
-    def of(cls, shown: ShownValue, limit: str = "", state: State = "good") -> SentValue:
+    def of(cls, shown: ShownValue) -> SentValue:
         """Return a value as texts."""
         about = (shown.key, shown.label, shown.quantity, shown.value, shown.interval, shown.text, shown.usual_unit)
-        return cls(*about, shown.origin, limit, state)
+        return cls(*about, shown.origin, shown.limit_text, shown.state)
 
 
 @dataclass(frozen=True)
@@ -294,8 +291,8 @@ class View(Shown):
     notes : sequence of str
     state : str
         "good", "open" or "bad".
-    leading : sequence of LeadingValue
-        At most five leading values.
+    leading : sequence of ShownValue
+        At most five decisive values, with their limits.
     findings : sequence of Finding
         Findings, sorted with the worst first.
     tables : sequence of ShownTable
@@ -307,7 +304,7 @@ class View(Shown):
     curves: Sequence[ShownCurve] = ()
     notes: Sequence[str] = ()
     state: State = "good"
-    leading: Sequence[LeadingValue] = ()
+    leading: Sequence[ShownValue] = ()
     findings: Sequence[Finding] = ()
     tables: Sequence[ShownTable] = ()
     figures: Sequence[ShownFigure] = ()
@@ -319,23 +316,18 @@ class View(Shown):
         worst_first = sorted(self.findings, key=lambda finding: -STATES.index(finding.state))
         object.__setattr__(self, "findings", worst_first)
 
-    @property
-    def leading_values(self) -> list[SentValue]:
-        """Leading values in the form for sending, with limits and states."""
-        return [SentValue.of(one.value, one.limit_text, one.state) for one in self.leading]
-
     def data(self) -> Plain:
         """Return the view as plain data, for JSON, with the fields of `SentView`."""
         head, table = self.table() if self.rows else ((), [])
         values = list(map(SentValue.of, self.rows))
-        texts = (self.title, self.state, self.leading_values, self.findings, head, table, values)
+        texts = (self.title, self.state, list(map(SentValue.of, self.leading)), self.findings, head, table, values)
         return plain_data(SentView(*texts, list(map(SentCurve.of, self.curves)), self.tables, self.figures, self.notes))
 
     def sentences(self) -> tuple[str, ...]:
         """Return leading values, findings with their remedies, and notes; "!" marks a bad finding."""
         marks: dict[State, str] = {"good": "", "open": "", "bad": "! "}
         findings = (f"{marks[f.state]}{f.text}{f' {f.remedy}' if f.remedy else ''}" for f in self.findings)
-        return (*(value.text for value in self.leading), *findings, *self.notes)
+        return (*(value.sentence for value in self.leading), *findings, *self.notes)
 
     def table(self) -> HeadAndRows:
         """Return head and rows of the values: a row for each label, a column for each quantity."""
@@ -384,8 +376,8 @@ class View(Shown):
     def text(self) -> str:
         """Return the view without curves and figures as text. Tables are indented; "!" marks open and bad findings."""
         shown = {row.key for row in self.rows}
-        leading = (one for one in self.leading if one.value.key not in shown)
-        values = [("!" if one.state == "bad" else "-", one.text) for one in leading]
+        leading = (one for one in self.leading if one.key not in shown)
+        values = [("!" if one.state == "bad" else "-", one.sentence) for one in leading]
         values += [("-" if f.state == "good" else "!", f"{f.text} {f.remedy}".strip()) for f in self.findings]
         tables = [self.table(), *((table.head, table.rows) for table in self.tables)]
         blocks = [aligned([head, *rows]) for head, rows in tables if rows]

@@ -8,7 +8,7 @@ import importlib
 import json
 import pickle
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -23,7 +23,7 @@ from pneudrive.errors import DescriptionError
 from pneudrive.figures import MODEL, Figure, Line, Markers, Panel, Rule
 from pneudrive.report.page import Report, view_section
 from pneudrive.report.render import draw_figure
-from pneudrive.views import Finding, LeadingValue, ShownCurve, ShownFigure, ShownTable, ShownValue, View, Viewed
+from pneudrive.views import Finding, ShownCurve, ShownFigure, ShownTable, ShownValue, View, Viewed
 
 
 def test_a_table_has_a_row_for_each_label_and_names_a_common_unit_once():
@@ -81,7 +81,7 @@ class Leak(Viewed):
             "The leak is too large.",
             (peak,),
             state="bad",
-            leading=(LeadingValue(peak, 5e5, "bad"),),
+            leading=(replace(peak, limit=5e5, state="bad"),),
             findings=(Finding("The supply is known."), Finding("The seal leaks.", "bad", "Replace it.")),
             tables=(ShownTable("Seals.", ("seal", "state"), (("rod", "worn"),)),),
             figures=(
@@ -134,7 +134,7 @@ def test_a_figure_is_drawn_on_light_and_dark_paper_and_twice_alike(tmp_path, dar
 
 
 def test_more_than_five_leading_values_are_refused():
-    value = LeadingValue(ShownValue("a", "a", "a", 1.0))
+    value = ShownValue("a", "a", "a", 1.0)
     with pytest.raises(ValueError, match="at most 5"):
         View("six", leading=(value,) * 6)
 

@@ -96,10 +96,10 @@ def show_lines(*lines: object) -> None:
 def show_view(view: View) -> None:
     """Print a result: headline, leading values, findings, values, curves, tables, and notes. "!" marks bad values."""
     typer.echo(typer.style(view.title, bold=True))
-    leading = (("!" if value.state == "bad" else "-", value.text) for value in view.leading)
+    leading = (("!" if value.state == "bad" else "-", value.sentence) for value in view.leading)
     findings = (("!" if f.state == "bad" else "-", f"{f.text} {f.remedy}".rstrip()) for f in view.findings)
     show_lines(*(f"{mark} {text}" for mark, text in (*leading, *findings)))
-    values = view.value_tables(without=[value.value for value in view.leading])
+    values = view.value_tables(without=view.leading)
     for table in (*(ShownTable("", *each) for each in (*values, view.curve_table())), *view.tables):
         if table.rows:
             show_lines(*([table.caption] if table.caption else ()))

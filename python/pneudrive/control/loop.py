@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import warnings
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from pneudrive import _core
@@ -22,7 +22,7 @@ from pneudrive.platforms import is_platform
 from pneudrive.progress import UNWATCHED, Flag, Progress, Watch
 from pneudrive.simulation.simulate import Run, made_from, positive, require, whole_number
 from pneudrive.simulation.trajectory import meaning
-from pneudrive.views import VALUE, Finding, LeadingValue, ShownValue, State, View, Viewed
+from pneudrive.views import VALUE, Finding, ShownValue, State, View, Viewed
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
@@ -119,7 +119,7 @@ class Feasibility(Viewed):
         )
         passed: State = "open" if self.left_out else "good"
         leading = [
-            LeadingValue(ShownValue(name, name, VALUE, text), state="bad" if share > SHARE else passed)
+            ShownValue(name, name, VALUE, text, state="bad" if share > SHARE else passed)
             for name, share, text in shares
         ]
         positions = f"{1e3 * reach.lowest_m:g} .. {1e3 * reach.highest_m:g} mm of {1e3 * self.stroke_m:g} mm"
@@ -132,7 +132,7 @@ class Feasibility(Viewed):
         state = passed if self.factor == 1.0 else "bad"
         return View(
             self.reference.text,
-            (*rows, *(value.value for value in leading)),
+            (*rows, *(replace(value, state="good") for value in leading)),
             state=state,
             leading=leading,
             findings=(Finding(f"Feasible: {self._verdict()}", state),),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -13,7 +13,7 @@ from pneudrive.describe.tables.parts import anr_density_kg_m3
 from pneudrive.errors import CommandError, package_table
 from pneudrive.estimate.estimates import rms
 from pneudrive.simulation.trajectory import attributes
-from pneudrive.views import VALUE, Finding, LeadingValue, ShownTable, ShownValue, View, Viewed
+from pneudrive.views import VALUE, Finding, ShownTable, ShownValue, View, Viewed
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping
@@ -154,7 +154,7 @@ def view_of_score(about: Keyed) -> View:
         tuple(values.values()),
         state="bad" if findings else "open" if about.get("events") else "good",
         leading=tuple(
-            LeadingValue(values[name], state="bad" if score.lost and name == "max_error_m" else "good")
+            replace(values[name], state="bad" if score.lost and name == "max_error_m" else "good")
             for name in LEADING
             if name in values
         ),

@@ -20,7 +20,7 @@ from pneudrive.lazy_names import upper
 from pneudrive.numbers import plain
 from pneudrive.simulation.trajectory import write_whole
 from pneudrive.units import readable
-from pneudrive.views import MOST_LEADING, Finding, LeadingValue, ShownFigure, ShownTable, ShownValue, View, Viewed
+from pneudrive.views import MOST_LEADING, Finding, ShownFigure, ShownTable, ShownValue, View, Viewed
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -656,7 +656,7 @@ class Fit(Viewed):
             tuple(rows),
             notes=(*self._residual_lines(), *words, *self.notes),
             state="bad" if is_wrong else "open" if self.undetermined else "good",
-            leading=tuple(map(LeadingValue, known[:MOST_LEADING])),
+            leading=known[:MOST_LEADING],
             findings=self.findings(),
             tables=self._tables(),
             figures=(ShownFigure("residuals", caption, comparison_figure(every)),) if every else (),

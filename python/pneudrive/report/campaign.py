@@ -25,7 +25,7 @@ from pneudrive.report import page
 from pneudrive.report.layout_figure import rig_diagram
 from pneudrive.report.page import MM, Paragraph, Topic, condition_names, figure_of, plural, spread_evenly
 from pneudrive.rig.interface import envelope_of
-from pneudrive.views import Finding, LeadingValue, ShownCurve, ShownFigure, ShownValue, State, View, worst
+from pneudrive.views import Finding, ShownCurve, ShownFigure, ShownValue, State, View, worst
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
@@ -89,7 +89,7 @@ def campaign_view(found: CampaignCharacteristics) -> View:
         rows=values,
         curves=tuple(curve.shown(ambient) for curve in found.curves if curve.direction == BOTH),
         state=worst(findings),
-        leading=tuple(map(LeadingValue, _leading(found, values))),
+        leading=tuple(_leading(found, values)),
         findings=findings,
         figures=shown_figures(_figured(found)),
     )

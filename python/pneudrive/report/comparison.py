@@ -13,7 +13,7 @@ from pneudrive.friction.friction_map import LEVELS, Condition
 from pneudrive.numbers import with_interval
 from pneudrive.report.campaign import findings_of, shown_figures
 from pneudrive.report.page import Section, Topic, chance, figure_of, plural, sentence, spread_evenly, view_report
-from pneudrive.views import MOST_LEADING, LeadingValue, ShownValue, View, worst
+from pneudrive.views import MOST_LEADING, ShownValue, View, worst
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -75,7 +75,7 @@ def comparison_view(c: Comparison) -> View:
         title=f"{c.second.name} less {c.first.name}: {c}",
         rows=values,
         state=worst(findings),
-        leading=tuple(LeadingValue(replace(v, quantity=f"{v.label}:")) for v in sizes[:MOST_LEADING]),
+        leading=tuple(replace(v, quantity=f"{v.label}:") for v in sizes[:MOST_LEADING]),
         findings=findings,
         notes=[sentence(f"{test.what}: {test.note}") for test in c.tests],
         figures=shown_figures(_figured(c)),

@@ -14,7 +14,7 @@ from pneudrive.figures import MODEL, Axis, Figure, Line, Look, Panel, Rule, look
 from pneudrive.report.page import Topic, plural, view_report
 from pneudrive.report.render import DrawnFigure, box_marks, draw_figure
 from pneudrive.simulation.trajectory import attributes, check_si
-from pneudrive.views import MOST_LEADING, Finding, LeadingValue, ShownFigure, ShownValue, View
+from pneudrive.views import MOST_LEADING, Finding, ShownFigure, ShownValue, View
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterator, Sequence
@@ -167,7 +167,7 @@ def controllers_view(found: ControlComparison, measures: Collection[str] = ()) -
         if best is not None:
             error = written("max_error_m", found.middle(best, along, "max_error_m"))
             said = topic.say("best", called=_called(along, text), law=best)
-            leading.append(LeadingValue(ShownValue(f"{along}.best", along, said, error)))
+            leading.append(ShownValue(f"{along}.best", along, said, error))
     ended = Counter((run.law, run.reason) for run in failed).items()
     findings = [
         Finding(f"{plural(count, 'run')} of {law} ended early: {reason}", "bad") for (law, reason), count in ended

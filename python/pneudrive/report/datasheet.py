@@ -21,7 +21,7 @@ from pneudrive.report.render import DrawnFigure, draw_figure
 from pneudrive.report.validation import MOST_SHOWN, channel_figure, friction_figure
 from pneudrive.simulation.trajectory import check_target, write_whole
 from pneudrive.validate.validation import run_columns
-from pneudrive.views import MOST_LEADING, LeadingValue, ShownFigure, ShownTable, ShownValue, View, worst
+from pneudrive.views import MOST_LEADING, ShownFigure, ShownTable, ShownValue, View, worst
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -93,7 +93,7 @@ def characteristic_view(found: xr.Dataset) -> View:
     panels = characteristic_panels(found) if kind.x else []
     return View(
         found.attrs["title"],
-        leading=tuple(map(LeadingValue, values[:MOST_LEADING])),
+        leading=values[:MOST_LEADING],
         notes=(*notes, f"Interval: {found.attrs.get('interval', 'not asked for')}"),
         tables=(ShownTable("", ("result", "at", "value", "meaning"), rows),),
         figures=(ShownFigure(kind.name, f"{kind.title}.", figure_of("characteristic", panels)),) if panels else (),
@@ -233,17 +233,18 @@ def sheet_view(found: Datasheet) -> View:
     )
 
 
-def _leading(found: Datasheet) -> Iterator[LeadingValue]:
+def _leading(found: Datasheet) -> Iterator[ShownValue]:
     """Yield stroke times and the harder impact with its assumed limit, if the piston reaches its ends; then the air."""
     square = found.results.get("square-response")
     if square is not None and square.stroke_time.notnull().all():
         for way, time in zip(("out", "back"), square.stroke_time.to_numpy(), strict=True):
-            yield LeadingValue(ShownValue(f"time {way}", "", f"time {way}", float(time), "s"))
+            yield ShownValue(f"time {way}", "", f"time {way}", float(time), "s")
         energy, limit = float(square.end_energy.max()), energy_limit_j(HeldDrive(found.drive).bore_m)
-        yield LeadingValue(ShownValue("impact", "", "impact", energy, "J"), limit, "bad" if energy > limit else "good")
+        state = "bad" if energy > limit else "good"
+        yield ShownValue("impact", "", "impact", energy, "J", limit=limit, state=state)
     if "air" in found.results:
         words = "air of a full cycle, l ANR"
-        yield LeadingValue(ShownValue("air", "", words, float(found.results["air"].full)))
+        yield ShownValue("air", "", words, float(found.results["air"].full))
 
 
 def _published(found: Datasheet) -> Iterator[tuple[str, ...]]:

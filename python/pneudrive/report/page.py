@@ -89,7 +89,7 @@ class Section:
 
 def view_section(key: str, view: View, *, synthetic: bool | None = None) -> Section:
     """Return the section of a result: findings, leading values and notes, values, figures and tables."""
-    facts: dict[str, list[str]] = {"fails": [], "note": [], "plain": [value.text for value in view.leading]}
+    facts: dict[str, list[str]] = {"fails": [], "note": [], "plain": [value.sentence for value in view.leading]}
     for finding in view.findings:
         kind = {"bad": "fails", "open": "note"}.get(finding.state, "plain")
         facts[kind].append(f"{finding.text} {finding.remedy}".strip())
@@ -102,7 +102,7 @@ def view_section(key: str, view: View, *, synthetic: bool | None = None) -> Sect
 
 def view_report(view: View, *sections: Section | None, synthetic: bool = False) -> Report:
     """Return the report of a result: verdict (leading values, bad findings), then its view and further sections."""
-    leading = [Finding(value.text, value.state) for value in view.leading]
+    leading = [Finding(value.sentence, value.state) for value in view.leading]
     bad = [finding for finding in view.findings if finding.state == "bad"]
     rest = replace(view, title="Result", leading=(), findings=tuple(f for f in view.findings if f.state != "bad"))
     return Report(view.title, [*bad, *leading], [view_section("result", rest), *filter(None, sections)], synthetic)

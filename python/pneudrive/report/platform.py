@@ -17,7 +17,7 @@ from pneudrive.platforms.kinematics import LEAST_SINGULAR_VALUE, Platform, motio
 from pneudrive.report.page import Topic, figure_of, view_report
 from pneudrive.report.render import DrawnFigure, applied, draw_figure, film
 from pneudrive.simulation.trajectory import check_target, columns_in, read_columns, whole, write_whole
-from pneudrive.views import LeadingValue, ShownFigure, ShownValue, View, worst
+from pneudrive.views import ShownFigure, ShownValue, State, View, worst
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -422,7 +422,7 @@ def platform_run_view(platform: Platform, columns: Columns) -> View:
     )
 
 
-def _answer(platform: Platform, columns: Columns) -> tuple[list[str], tuple[LeadingValue, ...]]:
+def _answer(platform: Platform, columns: Columns) -> tuple[list[str], tuple[ShownValue, ...]]:
     """Return sentences on a run, and its leading values: path error, end positions of the legs, singularity, forces."""
     own, legs = platform.name, platform.legs
     leading = []
@@ -435,7 +435,7 @@ def _answer(platform: Platform, columns: Columns) -> tuple[list[str], tuple[Lead
     if errors:
         error = float(np.max(errors))
         sentences.append(f"The path is kept within {1e3 * error:.3g} mm.")
-        leading.append(LeadingValue(ShownValue("path error", own, "largest error of the path", error, "m")))
+        leading.append(ShownValue("path error", own, "largest error of the path", error, "m"))
     margins = [
         float(np.minimum(x, leg.stroke_m - x).min())
         for leg in legs
@@ -445,21 +445,22 @@ def _answer(platform: Platform, columns: Columns) -> tuple[list[str], tuple[Lead
         margin, hit = max(min(margins), 0.0), sum(one <= 0.0 for one in margins)
         ends = f"{hit} of {len(legs)} legs reach{'es' if hit == 1 else ''} an end of the stroke."
         sentences.append(ends if hit else f"No leg comes nearer than {1e3 * margin:.3g} mm to an end of its stroke.")
-        value = ShownValue("leg margin", own, "least distance of a leg to an end", margin, "m")
-        leading.append(LeadingValue(value, 0.0, "open" if hit else "good"))
+        state: State = "open" if hit else "good"
+        words = "least distance of a leg to an end"
+        leading.append(ShownValue("leg margin", own, words, margin, "m", limit=0.0, state=state))
     singular = float(columns[f"{own}.smallest_singular_value"].min())
     is_regular = singular >= LEAST_SINGULAR_VALUE
     sentences.append("No pose is singular." if is_regular else "The platform passes a nearly singular pose.")
-    value = ShownValue("singular value", own, "smallest singular value", singular)
-    leading.append(LeadingValue(value, LEAST_SINGULAR_VALUE, "good" if is_regular else "bad"))
+    state, limit = "good" if is_regular else "bad", LEAST_SINGULAR_VALUE
+    leading.append(ShownValue("singular value", own, "smallest singular value", singular, limit=limit, state=state))
     forces = np.column_stack([columns[f"{own}.leg_{i}_force_n"] for i in range(1, len(legs) + 1)])
     signs = (forces >= 0.0).astype(int)
     limits = np.take_along_axis(np.broadcast_to(platform.force_limits, (*signs.shape, 2)), signs[..., None], 2)[..., 0]
     at = np.unravel_index(np.argmax(forces / limits if np.isfinite(limits).all() else np.abs(forces)), forces.shape)
     limit = float(limits[at]) if np.isfinite(limits[at]) else None
-    value = ShownValue("leg force", own, "largest force along a leg", float(forces[at]), "N")
-    is_held = limit is None or abs(forces[at]) <= abs(limit)
-    return sentences, (*leading, LeadingValue(value, limit, "good" if is_held else "open"))
+    force, state = float(forces[at]), "good" if limit is None or abs(forces[at]) <= abs(limit) else "open"
+    leading.append(ShownValue("leg force", own, "largest force along a leg", force, "N", limit=limit, state=state))
+    return sentences, tuple(leading)
 
 
 def _panels(platform: Platform, columns: Columns) -> list[tuple[str, Columns]]:

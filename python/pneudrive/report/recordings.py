@@ -26,7 +26,7 @@ from pneudrive.report.render import DrawnFigure, draw_figure
 from pneudrive.signals.motion import find_strokes
 from pneudrive.signals.recording import Recording, clean
 from pneudrive.units import readable
-from pneudrive.views import Finding, LeadingValue, ShownFigure, ShownValue, View, worst
+from pneudrive.views import Finding, ShownFigure, ShownValue, View, worst
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -69,9 +69,7 @@ def recording_view(recording: Recording) -> View:
     return View(
         f"{recording.name} ({'simulated' if recording.synthetic else 'measured'})",
         state=worst(findings),
-        leading=tuple(
-            LeadingValue(ShownValue(k, k, k, *value)) for k, value in numbers.items() if math.isfinite(value[0])
-        ),
+        leading=tuple(ShownValue(k, k, k, *value) for k, value in numbers.items() if math.isfinite(value[0])),
         findings=findings,
         tables=(topic.table(_sensors((recording,)), "sensors"),) if len(recording) else (),
         figures=(topic.figure("record", record_figure(recording, found)),) if len(recording) else (),
@@ -150,21 +148,21 @@ def _values(found: Characterisation) -> Iterator[ShownValue]:
         yield ShownValue(f"{label}.flags", label, "flags", " ".join(level.flags))
 
 
-def _effects(found: Characterisation) -> Iterator[LeadingValue]:
+def _effects(found: Characterisation) -> Iterator[ShownValue]:
     """Yield the largest change with pressure, the spread between runs, and the largest zero error of the force."""
     if found.pressure_lines:
         line = max(found.pressure_lines, key=lambda line: abs(line.slope_n_pa))
         name = f"friction per pressure ({line.seal})"
-        yield LeadingValue(ShownValue("slope", line.seal, name, line.slope_n_pa, "N/Pa", line.slope_interval_n_pa))
+        yield ShownValue("slope", line.seal, name, line.slope_n_pa, "N/Pa", line.slope_interval_n_pa)
     if found.run_spread is not None:
         percent = f"{100 * found.run_spread.relative:.0f} %"
-        yield LeadingValue(ShownValue("spread", "runs", "standard deviation between runs", percent))
+        yield ShownValue("spread", "runs", "standard deviation between runs", percent)
     known = [fit for fit in found.closures if fit.has_interval or fit.degrees_of_freedom <= 0]
     if known:
         fit = max(known, key=lambda fit: abs(fit.force_zero_n.value))
         zero = fit.force_zero_n
         interval = (zero.low, zero.high) if fit.has_interval else None
-        yield LeadingValue(ShownValue("zero", fit.group, f"force zero ({fit.group})", zero.value, "N", interval))
+        yield ShownValue("zero", fit.group, f"force zero ({fit.group})", zero.value, "N", interval)
 
 
 def _loops(topic: Topic, found: Characterisation) -> Iterator[ShownFigure]:

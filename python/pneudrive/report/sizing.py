@@ -25,7 +25,7 @@ from pneudrive.sizing.result import values_of as drive_values
 from pneudrive.sizing.search import MOST, is_of_command
 from pneudrive.sizing.task import GUIDES, WITHOUT, follows_from
 from pneudrive.sizing.task import values_of as task_values
-from pneudrive.views import Finding, LeadingValue, ShownTable, ShownValue, View
+from pneudrive.views import Finding, ShownTable, ShownValue, View
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -64,16 +64,16 @@ def sizing_view(found: SizingResult) -> View:
     )
 
 
-def _leading(found: SizingResult) -> Iterator[LeadingValue]:
+def _leading(found: SizingResult) -> Iterator[ShownValue]:
     """Yield the values that have limits, and the air, of the best choice."""
     task, best = found.task, found.best
     if best is None:
         return
     limits = {"time out": task.outward_s, "time back": task.back_s, "impact": best.worst["energy out"][1]}
     values = {value.quantity: replace(value, label="best") for value in drive_values(best, 1)}
-    yield from (LeadingValue(values[name], limit) for name, limit in limits.items())
-    yield LeadingValue(values["air of a cycle, l ANR"])
-    yield LeadingValue(ShownValue("rank 1.margin", "best", "margin", 100.0 * best.margin, "%"))
+    yield from (replace(values[name], limit=limit) for name, limit in limits.items())
+    yield values["air of a cycle, l ANR"]
+    yield ShownValue("rank 1.margin", "best", "margin", 100.0 * best.margin, "%")
 
 
 def _ranges(shown: list[SizedDrive], caption: str) -> ShownTable:

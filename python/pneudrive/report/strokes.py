@@ -15,7 +15,7 @@ from pneudrive.friction.stick_slip import NEEDED_RISE_SAMPLES, StickSlip
 from pneudrive.numbers import fixed
 from pneudrive.report.page import Fits, Paragraph, Section, Topic, by_seal, figure_of, gauge_bar, plural, spread_evenly
 from pneudrive.signals.motion import local_slope
-from pneudrive.views import Finding, LeadingValue, ShownCurve, ShownTable, ShownValue, View, worst
+from pneudrive.views import Finding, ShownCurve, ShownTable, ShownValue, View, worst
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
@@ -74,7 +74,7 @@ def map_view(table: xr.Dataset, fits: Fits | None = None) -> View:
     )
 
 
-def _ends(table: xr.Dataset) -> Iterator[LeadingValue]:
+def _ends(table: xr.Dataset) -> Iterator[ShownValue]:
     """Yield the lowest and the highest friction with U (k = 2)."""
     order = np.argsort(table["friction_n"].to_numpy(), kind="stable")
     for word, row in (("lowest", order[0]), ("highest", order[-1])):
@@ -83,7 +83,7 @@ def _ends(table: xr.Dataset) -> Iterator[LeadingValue]:
         reach = 2.0 * float(np.hypot(np.nan_to_num(stderr), systematic))
         where = f"{point.recording.item()}, {1e3 * abs(float(point.velocity_m_s)):.3g} mm/s"
         name = f"{word} friction ({where})"
-        yield LeadingValue(ShownValue(word, word, name, friction, "N", (friction - reach, friction + reach)))
+        yield ShownValue(word, word, name, friction, "N", (friction - reach, friction + reach))
 
 
 def richest(by_law: Mapping[str, FrictionFit]) -> FrictionFit:

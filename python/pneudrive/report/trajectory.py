@@ -21,7 +21,7 @@ from pneudrive.report.render import DrawnFigure, draw_figure
 from pneudrive.simulation.run_view import run_view
 from pneudrive.simulation.trajectory import attributes, check_si, columns
 from pneudrive.units import readable
-from pneudrive.views import MOST_LEADING, Finding, LeadingValue, ShownFigure, ShownValue, View, worst
+from pneudrive.views import MOST_LEADING, Finding, ShownFigure, ShownValue, View, worst
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -319,7 +319,7 @@ def sensitivity_view(found: xr.Dataset) -> View:
                 rows.append(ShownValue(key, f"{output}: {number}", name, float(value), "", interval))
         at = int(np.nanargmax(total))
         words = f"{output}, most by {numbers[at]}: total"
-        leading.append(LeadingValue(replace(rows[at - len(DRAWN) * len(numbers)], quantity=words)))
+        leading.append(replace(rows[at - len(DRAWN) * len(numbers)], quantity=words))
         panels.append(Panel(marks, output, Axis("fraction of the variance", is_si=False), Axis(names=numbers)))
     points = zip(found["output"].values, found["used"].values, strict=True)
     used = ", ".join(f"{int(count)} for {name}" for name, count in points)

@@ -15,7 +15,7 @@ from pneudrive.report.page import MOST_SHOWN, Paragraph, Topic, figure_of, plura
 from pneudrive.validate.balance import BALANCES, Scene, Signals, moving_mass
 from pneudrive.validate.motion import STATIC_FIT_PERCENT, FrictionCurve, FrictionValidation
 from pneudrive.validate.validation import CHANNELS, RecordResult, Validation
-from pneudrive.views import Finding, LeadingValue, ShownFigure, ShownTable, ShownValue, State, View
+from pneudrive.views import Finding, ShownFigure, ShownTable, ShownValue, State, View
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -69,12 +69,12 @@ def validation_view(content: Keyed, run: Callable[[int], Keyed | None]) -> View:
     )
 
 
-def _leading(verdict: Keyed) -> LeadingValue:
+def _leading(verdict: Keyed) -> ShownValue:
     (words, factor), met = Topic("validation", "verdicts").texts[verdict["what"]], verdict.get("met")
     if met is None:
-        return LeadingValue(ShownValue(verdict["what"], "", "", verdict["text"]), None, "open")
-    value = ShownValue(verdict["what"], "", words, factor * verdict["value"], "%")
-    return LeadingValue(value, factor * verdict["target"], MET[met])
+        return ShownValue(verdict["what"], "", "", verdict["text"], state="open")
+    value, limit = (factor * verdict[key] for key in ("value", "target"))
+    return ShownValue(verdict["what"], "", words, value, "%", limit=limit, state=MET[met])
 
 
 def _rows(record: Keyed) -> Iterator[ShownValue]:
@@ -239,15 +239,17 @@ def _provenance(found: Validation) -> Section:
 def friction_view(found: FrictionValidation) -> View:
     """Return the view of a friction law compared with measured friction: agreement in total, and for each condition."""
     m, curves = found.metrics, list(found.curves)[:MOST_SHOWN]
-    leading = [LeadingValue(ShownValue("fit", "", "fit", m.fit_percent, "%"), STATIC_FIT_PERCENT, MET[found.met])]
-    leading += [LeadingValue(ShownValue("NRMSE", "", "NRMSE", 100 * m.nrmse, "%"))]
-    leading += [LeadingValue(ShownValue("largest", "", "largest difference", m.largest, "N"))]
-    inside = ShownValue("inside", "", "the law is within the band of", 100 * found.inside, "% of the points")
+    leading = (
+        ShownValue("fit", "", "fit", m.fit_percent, "%", limit=STATIC_FIT_PERCENT, state=MET[found.met]),
+        ShownValue("NRMSE", "", "NRMSE", 100 * m.nrmse, "%"),
+        ShownValue("largest", "", "largest difference", m.largest, "N"),
+        ShownValue("inside", "", "the law is within the band of", 100 * found.inside, "% of the points"),
+    )
     law = Topic("validation", "curves")
     return View(
         f"friction of {found.drive.name} against {found.source.name}",
         state=MET[found.met],
-        leading=(*leading, LeadingValue(inside)),
+        leading=leading,
         tables=(Topic("validation", "friction-conditions").table(map(_of_curve, found.curves)),),
         figures=(ShownFigure("friction", law.texts["pictures"]["friction"], friction_figure(curves)),),
         notes=(law.say(),),

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from pneudrive.constants import ANR_DENSITY_KG_M3
 from pneudrive.errors import is_severe
 from pneudrive.simulation.trajectory import TABLE, meaning
-from pneudrive.views import Finding, LeadingValue, ShownValue, View
+from pneudrive.views import Finding, ShownValue, View
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -71,7 +72,7 @@ def run_view(columns: Keyed, provenance: Keyed, described: DriveOrCircuit | None
         (*_positions(columns), *_impacts(impacts, begun), *peaks, air),
         state="bad" if is_hazard else "good",
         leading=tuple(
-            LeadingValue(value, state="bad" if is_hazard and value.key == "hardest impact" else "good")
+            replace(value, state="bad" if is_hazard and value.key == "hardest impact" else "good")
             for value in (*leading, *([air] if flows else []))
         ),
         findings=findings,

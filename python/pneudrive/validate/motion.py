@@ -30,7 +30,7 @@ from pneudrive.signals.pressure_delay import PressureDelay, pressure_delay
 from pneudrive.signals.recording import Recording
 from pneudrive.simulation.trajectory import check_target, columns_in, write_frame, write_whole
 from pneudrive.validate.balance import HELD_OUT, MADE, NONE_HELD_OUT, Metrics, badge_of, held_out_notes, metrics
-from pneudrive.views import LeadingValue, ShownFigure, ShownValue, View, Viewed
+from pneudrive.views import ShownFigure, ShownValue, View, Viewed
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -607,8 +607,8 @@ class RegulatorValidation(Viewed):
         largest = ShownValue("worst", worst["name"], f"largest rms, {worst['name']}", worst["rms_pa"], "Pa")
         caption = "Measured and simulated pressures, and their difference."
         figure = ShownFigure("runs", caption, comparison_figure(self.fitted))
-        title, leading = f"{self.fit.name} against {len(self.runs)} runs", (LeadingValue(largest),)
-        return View(title, tuple(rows), notes=tuple(self.notes), leading=leading, figures=(figure,))
+        title = f"{self.fit.name} against {len(self.runs)} runs"
+        return View(title, tuple(rows), notes=tuple(self.notes), leading=(largest,), figures=(figure,))
 
     def report(self, folder: str | Path) -> Path:
         """Write the page of the validation into an existing folder."""

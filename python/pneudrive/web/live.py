@@ -15,6 +15,7 @@ from pneudrive.errors import Cancelled, CommandError, PneudriveError, package_ta
 from pneudrive.simulation.run_view import run_view
 from pneudrive.simulation.trajectory import meaning
 from pneudrive.units import readable
+from pneudrive.views import SentValue
 from pneudrive.web.drive.beside import ExtrasRequest
 from pneudrive.web.drive.run_request import Run, RunLimit
 from pneudrive.web.guard import PROTOCOL
@@ -122,7 +123,7 @@ def frame_of(run: Run, panels: Sequence[Plain], pixels: int, head: Plain, beside
     told["more_impacts"] = len(impacts) - len(told["impacts"])
     told["events"] = events_of(run, impacts)
     # Air needs the gas of the description, which the run does not have.
-    told["leading"] = [one for one in run_view(run.columns, about).leading_values if one.key != "air"]
+    told["leading"] = [SentValue.of(one) for one in run_view(run.columns, about).leading if one.key != "air"]
     told |= {"steps": about["statistics"]["steps"], "samples": len(columns["time_s"]), "synthetic": True}
     ends = {name: values[-1] for name, values in columns.items()}
     head |= {**told, "panels": panels, "ends": ends, "hash": about["description_hash"]}

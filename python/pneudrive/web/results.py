@@ -84,7 +84,7 @@ def _of_view(workspace: Workspace, path: str) -> str:
     view = results.view_of(load_at(workspace, path))
     is_judged = view.state != "good" or any(one.limit is not None for one in view.leading)
     word = f": {VERDICTS[view.state]}" if is_judged else ""
-    return (", ".join(one.text for one in view.leading[:MOST_VALUES]) or view.title) + word
+    return (", ".join(one.sentence for one in view.leading[:MOST_VALUES]) or view.title) + word
 
 
 def _of_sizing(workspace: Workspace, path: str) -> str:

@@ -175,7 +175,7 @@ def test_members_and_sensitivities_have_a_view_with_fans_and_bars():
     assert [shown.name for shown in members.figures] == ["fan", "members"]
     found = pn.sensitivity(DRIVE, 1.0, "50 ms", vary=vary, outputs=["max(velocity)"], n=64)
     view = found.pneu.view()
-    most = view.leading[0].value
+    most = view.leading[0]
     assert most.quantity == "max_velocity, most by load.mass: total"
     assert most.value == found.total.sel(number="load.mass", output="max_velocity")
     assert most.interval == tuple(found.total_interval.sel(number="load.mass", output="max_velocity").values)

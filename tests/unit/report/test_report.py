@@ -95,7 +95,7 @@ def test_a_doubtful_value_is_red_and_first_and_flags_have_remedies(make):
 def test_a_map_and_a_recording_have_views_too(real):
     found, fits = real
     view = found.friction_map.pneu.view()
-    assert [value.text for value in view.leading] == [value.text for value in found.view().leading[:2]]
+    assert [value.sentence for value in view.leading] == [value.sentence for value in found.view().leading[:2]]
     assert "stribeck_velocity" in " ".join(finding.text for finding in characterisation_view(found, fits).findings)
     own = pn.load(DATA / "friction" / "PK_1bar.csv.xz").view()
     assert [figure.name for figure in own.figures] == ["record"]

@@ -20,7 +20,7 @@ from pneudrive.describe.files import toml
 from pneudrive.errors import DescriptionError, PneudriveError, invalid, nearest, wrong
 from pneudrive.platforms import Platform
 from pneudrive.repr_tables import Card, Shown
-from pneudrive.views import Finding, LeadingValue, ShownTable, ShownValue, View, Viewed
+from pneudrive.views import Finding, ShownTable, ShownValue, View, Viewed
 
 FORMS = (
     '"sine 30 mm 0.5 Hz around 470 mm", "circle 5 deg 0.5 Hz", "square 20 mm 0.5 Hz in 0.2 s", or moves, '
@@ -335,7 +335,7 @@ class PoseScore(Viewed):
             "Score of a pose, simulated" if about is None else run_title(about),
             rows,
             state="bad" if self.stops_hit or self.lost else "good",
-            leading=tuple(LeadingValue(ShownValue(key, "run", key, text)) for key, text in effort.items()),
+            leading=tuple(ShownValue(key, "run", key, text) for key, text in effort.items()),
             findings=findings,
             tables=(*self._spread(), *event_table(() if about is None else about["events"])),
         )

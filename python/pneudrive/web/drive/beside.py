@@ -354,7 +354,7 @@ def platform_motion(
 def _run_answer(view: View, run: Run) -> Plain:
     """Return sentence and numbers of a platform, with the strongest impact and the hazards of the run."""
     of_run = run_view(run.columns, run.provenance)
-    hardest = tuple(one for one in of_run.leading if one.value.key == "hardest impact")
+    hardest = tuple(one for one in of_run.leading if one.key == "hardest impact")
     alike: dict[str, list[str]] = {}  # what one leg does, the others often do too
     for finding in of_run.findings:
         if finding.state == "bad":
