@@ -98,18 +98,15 @@ def find_phases(cycle: Cycle, time_s: Array, position_m: Array, step: Ints) -> P
     RecordingError
         If no stop was found.
     """
-    numbered = np.unique(step).size > 1
-    hold = stop_step(cycle) if cycle.steps and numbered else None
-    if hold is not None:
-        found = _phases(time_s, position_m, step, hold)
-        if found is None:
-            raise RecordingError("no samples of the restart: the cycle ends with its stop")
-        return found
-    planned = [move.speed_m_s for move in cycle.steps if isinstance(move, Move)]
-    speed = cycle.speed_m_s or min(planned, default=None)
-    if numbered:
+    if np.unique(step).size > 1:
+        if (hold := stop_step(cycle)) is not None:
+            if (found := _phases(time_s, position_m, step, hold)) is None:
+                raise RecordingError("no samples of the restart: the cycle ends with its stop")
+            return found
         with suppress(RecordingError):
             return _rest(cycle, time_s, position_m, step)
+    planned = [move.speed_m_s for move in cycle.steps if isinstance(move, Move)]
+    speed = cycle.speed_m_s or min(planned, default=None)
     return replace(_rest(cycle, time_s, position_m, steps_from_motion(time_s, position_m, speed)), by_steps=False)
 
 
@@ -123,10 +120,10 @@ def stop_step(cycle: Cycle) -> int | None:
         for i, (step, following) in enumerate(pairwise(cycle.steps))
         if isinstance(step, Hold) and step.duration_s > 0 and isinstance(following, Move)
     }
-    if not held or cycle.stop_s is None:
+    if cycle.stop_s is None:
         return max(held, key=lambda i: held[i], default=None)
     wanted = max(cycle.stop_s, 1e-9)
-    return min(held, key=lambda i: (abs(np.log(held[i] / wanted)), -i))
+    return min(held, key=lambda i: (abs(np.log(held[i] / wanted)), -i), default=None)
 
 
 def _rest(cycle: Cycle, time_s: Array, position_m: Array, step: Ints) -> Phases:
@@ -228,23 +225,21 @@ def strokes_of(
     """
     planned, out = file.head.cycle.speed_m_s, []
     balance = recording.balance_n()
-    edges = np.flatnonzero(np.diff(np.r_[step[:1] - 1, step]) != 0) if step.size else []
+    edges = np.flatnonzero(np.diff(np.r_[step[:1] - 1, step])).tolist()
     for begin, end in pairwise([*edges, step.size]):
         if (leave is not None and abs(int(step[begin]) - leave) <= 1) or end - begin < 4 * FEWEST:
             continue
-        part = steady_part(recording, slice(int(begin), int(end)))
-        if part.stop - part.start < 4 * FEWEST or recording.time_s[part.stop - 1] <= recording.time_s[part.start]:
-            continue
+        part = steady_part(recording, slice(begin, end))
         velocity = mean_velocity(recording, part)
-        if velocity == 0.0 or (planned is not None and abs(abs(velocity) - planned) > SAME_SPEED * planned):
+        other = planned is not None and abs(abs(velocity) - planned) > SAME_SPEED * planned
+        if part.stop - part.start < 4 * FEWEST or velocity == 0.0 or other:
             continue
         direction = 1 if velocity > 0 else -1
         position, _ = _means(recording.position_m[part], POINTS)
         friction, _ = _means(direction * balance[part], POINTS)
-        noise = _noise(friction) if position.size > 3 else 0.0
         rising = np.argsort(position)
-        arrays = position[rising], friction[rising]
-        out.append(UninterruptedStroke(condition_of(file.head), direction, abs(velocity), *arrays, noise))
+        arrays = position[rising], friction[rising], _noise(friction)
+        out.append(UninterruptedStroke(condition_of(file.head), direction, abs(velocity), *arrays))
     return out
 
 
@@ -341,10 +336,9 @@ def running_level(
         # Mean, standard error and variation over position of friction before the stop.
         bins, each = _means(before, int(min(BINS, max(before.size // 4, 4))))
         sigma = _noise(before) / np.sqrt(each)
-        known, several = profile_stderr(bins), bins.size > 3
-        lean = abs(np.polyfit(np.linspace(0.0, 1.0, bins.size), bins, 1)[0]) / 2.0 if several else 0.0
-        texture = np.sqrt(max(np.var(bins, ddof=2) - sigma**2, 0.0)) if several else 0.0
-        level, stderr = bins.mean(), np.hypot(known if np.isfinite(known) else sigma, lean / np.sqrt(3.0))
+        lean = abs(np.polyfit(np.linspace(0.0, 1.0, bins.size), bins, 1)[0]) / 2.0
+        texture = np.sqrt(max(np.var(bins, ddof=2) - sigma**2, 0.0))
+        level, stderr = bins.mean(), np.hypot(profile_stderr(bins), lean / np.sqrt(3.0))
     elif references:
         basis, level = "reference", [np.interp(at, s.position_m, s.friction_n) for s in references]
         near = np.abs(reference_m - at) < 0.1 * (high - low)
@@ -540,7 +534,7 @@ def relax(time_s: Array, friction_n: Array) -> Row:
     Parameters
     ----------
     time_s : ndarray, shape (n,)
-        Time since the beginning of the rest.
+        Time since the beginning of the rest, positive.
     friction_n : ndarray, shape (n,)
         Raw samples.
 
@@ -563,27 +557,22 @@ def relax(time_s: Array, friction_n: Array) -> Row:
     value, reach = float(start.mean() - end.mean()), NORMAL_95 * stderr
     row: Row = {"relaxation_form": "none", "relaxation_held_n": float(end.mean())}
     row |= _interval("relaxation_n", value, value - reach, value + reach)
-    known = time_s > 0
-    if known.sum() < FEWEST_TIMES:
-        return row
-    time, friction = time_s[known], friction_n[known]
-    low, high = max(time[0], time[-1] * 1e-6), time[-1] * (1 + 1e-9)
-    edges = np.geomspace(low, high, max(int(PER_DECADE * np.log10(time[-1] / low)), FEWEST_TIMES) + 1)
-    group = cells(np.clip(np.searchsorted(edges, time, side="right") - 1, 0, edges.size - 2))
-    time, friction = means(group, time, friction)
+    low, high = max(time_s[0], duration * 1e-6), duration * (1 + 1e-9)
+    edges = np.geomspace(low, high, max(int(PER_DECADE * np.log10(duration / low)), FEWEST_TIMES) + 1)
+    group = cells(np.clip(np.searchsorted(edges, time_s, side="right") - 1, 0, edges.size - 2))
+    time, friction = means(group, time_s, friction_n)
     if time.size < FEWEST_TIMES:
         return row
     return row | _forms(time, friction, noise**2 / np.bincount(group))
 
 
 def _forms(time: Array, force: Array, variance: Array) -> Row:
-    # Slow noise that bins share is not in the samples' noise: least variance from a cubic in log time.
+    # Slow noise that bins share is not in the samples' noise: least variance from a polynomial in log time.
     u = np.log10(time)
-    scaled, terms = (u - u.mean()) / max(np.ptp(u), 1e-9), min(6, max(u.size - 3, 1))
-    design = np.vander(scaled, terms)
+    design = np.vander((u - u.mean()) / max(np.ptp(u), 1e-9), min(6, u.size - 3))
     w = 1.0 / np.sqrt(variance)
     rest = (force - design @ np.linalg.lstsq(design * w[:, None], force * w, rcond=None)[0]) ** 2
-    slow = max(rest.sum() / max(u.size - design.shape[1], 1) - variance.mean(), 0.0)
+    slow = max(rest.sum() / (u.size - design.shape[1]) - variance.mean(), 0.0)
     root = np.sqrt(1.0 / (variance + slow))
     grid = np.geomspace(time[0] / REACH, time[-1] * REACH, TIMES)
     pairs = [(a, b) for i, a in enumerate(grid[::3]) for b in grid[::3][i + 2 :]]
@@ -598,7 +587,7 @@ def _forms(time: Array, force: Array, variance: Array) -> Row:
         fits[form] = Scan(shape, columns * root[:, None], force * root)
         aicc[form] = corrected_criterion(fits[form].cost.min(), 1 + 2 * shape.shape[1], time.size)
     form = min(aicc, key=lambda name: aicc[name])
-    best, log, freedom = fits[form], fits["log"], max(time.size - 3, 1)
+    best, log, freedom = fits[form], fits["log"], time.size - 3
     found: Row = {"relaxation_form": form}
     if np.isfinite(aicc["log"]):
         ends = log.interval(np.array([0.0, 1.0]), log.rise(freedom, 1.0))

@@ -42,7 +42,7 @@ if TYPE_CHECKING:
 
 def inertia_of(stops: pl.DataFrame) -> float:
     """Return the median of the largest contributions of the moving mass to the peaks, N."""
-    return float(np.median(stops["inertia_n"])) if len(stops) else 0.0
+    return float(np.median(stops["inertia_n"]))
 
 
 def durations_of(stops: pl.DataFrame) -> int:
@@ -308,15 +308,14 @@ def dwell_statements(series: DwellSeries, stops: pl.DataFrame) -> Iterator[State
         kind = next((f"spoiled_{flag}" for flag in ("negative_friction", "undersampled") if flags[flag]), "spoiled")
         counts = ", ".join(f"{flag.replace('_', ' ')} {count}" for flag, count in flags.most_common())
         yield say(f"stops.{kind}", where=where, count=(~stops["usable"]).sum(), stops=len(stops), flags=counts)
-    durations = dwell_models.most_durations(series.curve.data) if series.curve is not None else 0
-    if series.curve is None or durations < 2:
+    slope = series.slope
+    if series.curve is None or slope is None:
         yield from _one_duration(where, stops.filter("usable"))
         return
-    slope = series.slope
-    if slope is not None:
-        share = f"; {100 * series.share.value:.2g} % of running friction" if series.share is not None else ""
-        numbers = {"slope": slope, "reference": series.reference_s, "stops": len(series.stops), "durations": durations}
-        yield say(f"stops.{'slope' if slope.differs else 'slope_not_shown'}", where=where, share=share, **numbers)
+    durations = dwell_models.most_durations(series.curve.data)
+    share = f"; {100 * series.share.value:.2g} % of running friction" if series.share is not None else ""
+    numbers = {"slope": slope, "reference": series.reference_s, "stops": len(series.stops), "durations": durations}
+    yield say(f"stops.{'slope' if slope.differs else 'slope_not_shown'}", where=where, share=share, **numbers)
     # Peaks of both directions, from cells with both.
     cell = ("pressure_a_pa", "pressure_b_pa", pl.col("stop_s").round(6))
     cells = series.stops.group_by(*cell, maintain_order=True)
@@ -324,7 +323,7 @@ def dwell_statements(series: DwellSeries, stops: pl.DataFrame) -> Iterator[State
     pairs = cells.agg(difference=out - back)["difference"].drop_nulls().to_numpy()
     if pairs.size >= FEWEST_PAIRS and (found := mean_estimate(pairs)).differs:
         yield say("stops.directions", where=where, found=found)
-    if slope is None or slope.differs:  # else there is no effect
+    if slope.differs:  # else there is no effect
         yield from _laws(where, series, durations)
     yield from _confounding(where, series, series.curve)
     yield say("stops.peaks", where=where)
@@ -344,7 +343,7 @@ def _one_duration(where: str, stops: pl.DataFrame) -> Iterator[Statement]:
 
 
 def _laws(where: str, series: DwellSeries, durations: int) -> Iterator[Statement]:
-    if durations < dwell_models.LEAST_DURATIONS or not series.laws:
+    if not series.laws:
         yield say("stops.no_law", where=where, durations=durations)
         return
     best = series.laws[0]
@@ -453,8 +452,9 @@ def _results(series: DwellSeries, curve: dwell_models.DwellCurve, ambient: float
     # Inertia adds to every peak, but less if the contact is softer: at most all of it over the durations.
     u = inertia_of(series.stops) / max(high - low, 0.3) / np.sqrt(12.0)
     grid = np.linspace(low, high, GRID_POINTS)
-    shown = curve.values(grid).estimates()
-    ends = {"increment_n": "value", "low_n": "low", "high_n": "high"}
+    shown = curve.values(grid).predict()
+    half = shown.half_width()
+    ends = {"increment_n": shown.mean, "low_n": shown.mean - half, "high_n": shown.mean + half}
     slope = slopes.mean().estimates()[0].widened(u)
     return {
         "slopes": tuple(e.widened(u) for e in slopes.estimates()),
@@ -464,12 +464,12 @@ def _results(series: DwellSeries, curve: dwell_models.DwellCurve, ambient: float
         "increment": curve.values(at).mean().estimates()[0],
         "share": slope.scaled(1.0 / series.running_n, "") if series.running_n > 0 else None,
         "duration_s": 10.0**grid,
-        **{name: np.array([getattr(e, end) for e in shown]).reshape(-1, GRID_POINTS) for name, end in ends.items()},
+        **{name: values.reshape(-1, GRID_POINTS) for name, values in ends.items()},
         "laws": dwell_models.fit_forms(curve, series.reference_s),
         "pressure": _pressure(curve, at, ambient),
         "scatter_n": curve.fit.most_probable_sd("scatter"),
         "block_n": curve.fit.most_probable_sd("block"),
-        "outlying": tuple(k for k, w in zip(curve.data["key"].tolist(), curve.weight, strict=True) if w < 0.7),
+        "outlying": tuple(curve.data["key"][curve.weight < 0.7].tolist()),
         "curve": curve,
     }
 
@@ -492,7 +492,7 @@ def _running(stops: pl.DataFrame) -> float:
 def _pressure(curve: dwell_models.DwellCurve, at: Array, ambient: float) -> DwellPressure | None:
     """Regress slopes and increments of the conditions on their pressures, within one model."""
     gauge = np.array([(c.pressure_a_pa - ambient, c.pressure_b_pa - ambient) for c in curve.conditions])
-    if len(gauge) < 2 or not (np.ptp(gauge, axis=0) > SAME_PRESSURE_PA).any():
+    if not (np.ptp(gauge, axis=0) > SAME_PRESSURE_PA).any():
         return None
     kind = classify_pressures(gauge / PA_PER_BAR)
     names = [] if kind == "line" else [*TOLD.get(kind, ["sum"])]

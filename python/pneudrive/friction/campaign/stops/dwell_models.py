@@ -20,7 +20,7 @@ the scatter.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import partial
+from itertools import product
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -30,7 +30,7 @@ from pneudrive.arrays import Array, Interval, by_name
 from pneudrive.describe.files import toml
 from pneudrive.errors import FitError, nearest, package_table
 from pneudrive.estimate import mixed
-from pneudrive.estimate.autocorrelation import cells, corrected_criterion, gaussian, levels, projection
+from pneudrive.estimate.autocorrelation import cells, corrected_criterion, gaussian, levels, means, projection
 from pneudrive.estimate.design import DesignSpace, exchange, information
 from pneudrive.estimate.estimates import student
 from pneudrive.friction.friction_map import Condition, conditions_of
@@ -46,7 +46,6 @@ PER_DECADE = 10  # points of the first profile over a time
 FINE = 64  # and of the second one, over the range of the first
 LEAST_DURATIONS = 3
 CONCLUSIVE = 10.0  # difference of AICc beyond which a law has essentially no support [burnham2002]
-EMPTY = np.zeros((1, 0))  # the shape of a law without parameters
 UNCERTAIN = 2.0  # and difference below which two laws are equally good
 
 
@@ -122,7 +121,6 @@ class DwellLawFit(Shown):
         Slope per decade at the reference duration, mean over conditions, with its profile interval.
     aicc, bic : float
         inf with too few stops.
-    parameters : int
     delta : float
         AICc minus that of the best law.
     weight : float
@@ -139,7 +137,6 @@ class DwellLawFit(Shown):
     slope_high_n: float
     aicc: float
     bic: float
-    parameters: int
     delta: float = np.nan
     weight: float = np.nan
 
@@ -179,15 +176,25 @@ def fit_forms(curve: DwellCurve, reference_s: float) -> tuple[DwellLawFit, ...]:
 
 
 def _fit(curve: DwellCurve, form: DwellForm, whitener: Array, reference_s: float) -> DwellLawFit:
-    dwell, conditions = curve.data["dwell_s"], len(curve.conditions)
-    n, shortest, longest = dwell.size, dwell.min(), dwell.max()
-    limits = {"s": (shortest / form.reach[0], longest * form.reach[1]), "": (EXPONENTS[0], np.inf)}
-    linear = conditions + curve.extra.shape[1] + (conditions if form.growth else 0)
-    count = linear + len(form.units) + 1
+    dwell, increment, conditions = curve.data["dwell_s"], curve.data["increment_n"], len(curve.conditions)
+    own = np.eye(conditions)[curve.data["condition"]]
+    fixed, n = np.c_[own, curve.extra], dwell.size
+
+    def at(times: Array) -> mixed.Scan:
+        """Fit the law at these times, and at all exponents if they are free."""
+        every = list(product(*(times, EXPONENTS)[: len(form.units)]))
+        shapes = np.array(every).reshape(len(every), -1 if form.units else 0)
+        designs = np.broadcast_to(fixed, (len(shapes), *fixed.shape))
+        if form.growth:
+            psi = np.array([form.psi(dwell, *shape) for shape in shapes])
+            designs = np.concatenate([designs, own * psi[:, :, None]], axis=2)
+        return mixed.Scan(shapes, whitener @ designs, whitener @ increment)
+
+    limits = {"s": (dwell.min() / form.reach[0], dwell.max() * form.reach[1]), "": (EXPONENTS[0], np.inf)}
+    count = fixed.shape[1] + (conditions if form.growth else 0) + len(form.units) + 1
     freedom = max(n - count + 1, 1)
     low, high = limits["s"]
     times = np.geomspace(low, high, int(PER_DECADE * np.log10(high / low)))
-    at = partial(_at, curve, form, whitener)
     profile = mixed.refined(at, times, FINE, lambda s: s.rise(freedom)) if form.growth else at(times)
     rise, best = profile.rise(freedom), profile.coefficient[profile.best]
     slope = np.zeros_like(profile.coefficient)
@@ -209,22 +216,7 @@ def _fit(curve: DwellCurve, form: DwellForm, whitener: Array, reference_s: float
         slope_high_n=slope_high,
         aicc=aicc,
         bic=float(deviance + count * np.log(n)) if np.isfinite(aicc) else np.inf,
-        parameters=count,
     )
-
-
-def _at(curve: DwellCurve, form: DwellForm, whitener: Array, times: Array) -> mixed.Scan:
-    """Fit a law at these times, and at all exponents if they are free."""
-    data, conditions = curve.data, len(curve.conditions)
-    own = np.eye(conditions)[data["condition"]]
-    columns = [times, EXPONENTS][: len(form.units)]
-    shapes = np.stack(np.meshgrid(*columns, indexing="ij"), axis=-1).reshape(-1, len(columns)) if columns else EMPTY
-    designs = np.broadcast_to(np.c_[own, curve.extra], (len(shapes), len(own), conditions + curve.extra.shape[1]))
-    if form.growth:
-        dwell = data["dwell_s"]
-        psi = np.array([form.psi(dwell, *shape) for shape in shapes])
-        designs = np.concatenate([designs, own * psi[:, :, None]], axis=2)
-    return mixed.Scan(shapes, whitener @ designs, whitener @ data["increment_n"])
 
 
 #: Correlation length of each bend in decades (the known laws bend within one or two), and its prior size as a fraction
@@ -238,6 +230,7 @@ GROWTH_RANGE = (0.25, 4.0)
 BLOCKS_FOR_SLOPES = 3
 #: Variance inflation of the slope above which slope and drift cannot be separated.
 CONFOUNDED = 5.0
+SAME_AS_OTHERS = 1e-20  # share of a column's square below which the other columns explain it
 #: Durations within this many decades (2 %) count as one.
 SAME_DURATION = 0.0086
 SAME_PLACE_M = 1e-3  # stops in one direction whose positions differ by less: other places differ by a constant
@@ -282,13 +275,9 @@ class DwellCurve:
     inflation: float
     weight: Array
 
-    def values(self, log_s: Array) -> mixed.Functionals:
-        """Return the increment at log10 durations, N; condition by condition."""
-        return self._functionals(log_s, derivative=False)
-
     def slopes(self, log_s: Array) -> mixed.Functionals:
-        """Return the slope per decade at log10 durations, N."""
-        return self._functionals(log_s, derivative=True)
+        """Return the slope per decade at log10 durations, N; condition by condition."""
+        return self.values(log_s, derivative=True)
 
     def gains(self, low: float, high: float) -> mixed.Functionals:
         """Return the mean slope per decade between two log10 durations, at each condition."""
@@ -303,7 +292,8 @@ class DwellCurve:
         part = replace(model, components=tuple(model.components[i] for i in kept))
         return part.covariance(self.fit.sd[kept])
 
-    def _functionals(self, log_s: Array, *, derivative: bool) -> mixed.Functionals:
+    def values(self, log_s: Array, *, derivative: bool = False) -> mixed.Functionals:
+        """Return the increment at log10 durations, or its derivative, N; condition by condition."""
         conditions, log_stop_s = len(self.conditions), self.data["log_s"]
         of, at = np.repeat(np.arange(conditions), log_s.size), np.tile(log_s, conditions)
         rows, fixed = np.arange(of.size), np.zeros((of.size, self.fit.model.x.shape[1]))
@@ -398,33 +388,30 @@ def _places_and_drift(data: dict[str, NDArray], x: Array, drift_prior_n: float) 
     time = time - time.mean()
     if np.ptp(time) == 0:
         return extra, np.zeros((n, 0)), 1.0
-    drift = (time / np.abs(time).max())[:, None]
+    drift = time / np.abs(time).max()
     inflation = _inflation(np.c_[x, extra], x.shape[1] // 2, drift)
     if inflation < CONFOUNDED and spare > SPARE_FOR_DRIFT:
         return np.c_[extra, drift], np.zeros((n, 0)), inflation
-    return extra, drift * drift_prior_n if drift_prior_n > 0 else np.zeros((n, 0)), inflation
+    return extra, drift[:, None] * drift_prior_n if drift_prior_n > 0 else np.zeros((n, 0)), inflation
 
 
 def _inflation(x: Array, conditions: int, drift: Array) -> float:
     """Return the factor by which drift as a further unknown increases the variance of the mean slope."""
-    wanted = np.zeros(x.shape[1])
-    wanted[conditions : 2 * conditions] = 1.0 / conditions
-    both = np.c_[x, drift]
-    if np.linalg.matrix_rank(both) < both.shape[1]:
+    coefficients = np.linalg.lstsq(x, drift, rcond=None)[0]
+    rest, slope = drift - x @ coefficients, slice(conditions, 2 * conditions)
+    if rest @ rest < SAME_AS_OTHERS * (drift @ drift):
         return np.inf
-    before = wanted @ np.linalg.pinv(x.T @ x) @ wanted
-    wider = np.r_[wanted, 0.0]
-    return wider @ np.linalg.inv(both.T @ both) @ wider / max(before, 1e-300)
+    before = np.linalg.pinv(x.T @ x)[slope, slope].mean()
+    return 1.0 + coefficients[slope].mean() ** 2 / (rest @ rest) / before
 
 
 def _first_scatter(data: dict[str, NDArray], x: Array) -> float:
     """Return a first estimate of the scatter beyond noise: within equal stops, otherwise about lines."""
     y = data["increment_n"]
     cell = cells(data["condition"], levels(data["log_s"], SAME_DURATION))
-    counts = np.bincount(cell)
-    repeats = (counts - 1).sum()
+    repeats = y.size - cell.max() - 1
     if repeats >= 3:
-        total = ((y - (np.bincount(cell, y) / counts)[cell]) ** 2).sum() / repeats
+        total = ((y - means(cell, y)[0][cell]) ** 2).sum() / repeats
     else:
         rest = y - projection(y, x)
         total = rest @ rest / max(y.size - x.shape[1], 1)
@@ -454,15 +441,17 @@ class StopDesign(Shown):
     half_widths : dict
         Parameter -> expected half-width of its 95 % interval: ``a_n`` and ``increment_n`` in N for an increment of 1 N,
         and the relative one of the time constant.
-    seconds : float
-        Total duration of the stops, without moves.
     """
 
     form: str
     durations_s: tuple[float, ...]
     repeats: tuple[int, ...]
     half_widths: dict[str, float]
-    seconds: float
+
+    @property
+    def seconds(self) -> float:
+        """Total duration of the stops, without moves."""
+        return float(np.dot(self.durations_s, self.repeats))
 
     def __str__(self) -> str:
         """Return the stops and the expected intervals."""
@@ -522,20 +511,12 @@ def design_stops(
     gradients = np.array([_gradient(laws[form], t, scale_s * factor**z, increment_n) for z in DRAWS]) / noise_n
     size = gradients.shape[2]
     candidates = DesignSpace(gradients, np.zeros((DRAWS.size, size, size)))
-    chosen = exchange(candidates, max(stops, size))
-    counts = np.bincount(chosen, minlength=t.size).astype(float)
-    covariance = np.linalg.inv(information(candidates, counts))
+    counts = np.bincount(exchange(candidates, max(stops, size)), minlength=t.size)
+    covariance = np.linalg.inv(information(candidates, counts.astype(float)))
     deviation = np.median(np.sqrt(np.einsum("dii->di", covariance)), axis=0)
-    names = ("a_n", "increment_n", "time constant", "exponent")[:size]
-    reach = student(len(chosen) - size)
-    where = np.flatnonzero(counts)
-    return StopDesign(
-        form,
-        tuple(t[where].tolist()),
-        tuple(counts[where].astype(int).tolist()),
-        {name: float(reach * d) for name, d in zip(names, deviation, strict=True)},
-        float(counts @ t),
-    )
+    names, reach = ("a_n", "increment_n", "time constant", "exponent"), student(counts.sum() - size)
+    half_widths = {name: float(reach * d) for name, d in zip(names, deviation, strict=False)}
+    return StopDesign(form, tuple(t[counts > 0].tolist()), tuple(counts[counts > 0].tolist()), half_widths)
 
 
 def _gradient(form: DwellForm, t: Array, scale: float, increment: float) -> Array:

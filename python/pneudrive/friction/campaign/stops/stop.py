@@ -59,7 +59,7 @@ SAME_DURATION = 0.2  # share by which a rest may differ from the planned stop wi
 MOST_CYCLES = 24  # cycles without a stop, of one condition and speed, that are read for comparison
 WORTH_WORKERS = 60  # stops below which starting processes costs more than it saves
 AROUND_PEAK = 3.0  # times from restart to peak, in which missing samples count
-TRACE_SAMPLES = (120, 160, 480)  # of approach, rest and restart that are kept for figures
+TRACE_SAMPLES, RESTART_SAMPLES = (120, 160), 480  # of approach and rest, and of the restart, kept for figures
 #: Flags that exclude a stop from the law of breakaway over duration.
 SPOILING = frozenset(
     {"undersampled", "no_peak", "pressure_transient", "saturated", "stuck", "negative_friction", "no_running"}
@@ -191,12 +191,12 @@ def _inertia(recording: Recording, peak: BreakawayPeak, speed_m_s: float | None)
 
 def _trace(recording: Recording, friction: Array, phases: course.Phases) -> Row:
     chosen = []
-    for part, most in zip((phases.approach, phases.rest, phases.restart), TRACE_SAMPLES, strict=True):
+    for part, most in zip((phases.approach, phases.rest), TRACE_SAMPLES, strict=True):
         size = part.stop - part.start
-        # Dense around the peak.
-        ranks = np.geomspace(1, size, most) - 1 if part is phases.restart else np.linspace(0, size - 1, most)
-        chosen.append(part.start + np.unique(ranks.astype(int)) if size > 0 else np.zeros(0, dtype=int))
-    index = np.concatenate(chosen)
+        chosen.append(part.start + evenly(size, most)[:size])
+    begin, end = phases.restart.start, phases.restart.stop
+    dense = np.geomspace(1, end - begin, RESTART_SAMPLES).astype(int)  # dense around the peak
+    index = np.concatenate([*chosen, begin - 1 + np.unique(dense)])
     values = (recording.time_s[index] - phases.rest_s, recording.position_m[index], friction[index])
     return {name: each.tolist() for name, each in zip(TRACE, values, strict=True)}
 
@@ -337,7 +337,7 @@ def lag_loss(time_s: Array, friction_n: Array, at_s: float, bandwidth_hz: float)
         f, the -3 dB bandwidth of the sensor.
     """
     lag = 1.0 / (2.0 * np.pi * bandwidth_hz)
-    unit = max(lag, LEAST_LAG * np.median(np.diff(time_s))) if time_s.size > 1 else lag
+    unit = max(lag, LEAST_LAG * np.median(np.diff(time_s)))
 
     def slope(begin: float, end: float) -> float:
         part = slice(*np.searchsorted(time_s, (at_s + begin * unit, at_s + end * unit)).tolist())
