@@ -7,5 +7,5 @@ from pneudrive.friction.campaign.characteristics import campaign_friction as cam
 from pneudrive.friction.campaign.characteristics import characterise as characterise
 from pneudrive.friction.campaign.characteristics import fit_campaign as fit_campaign
 from pneudrive.friction.campaign.characteristics import recorded_characteristics as recorded_characteristics
-from pneudrive.friction.campaign.files import write_characteristics as write_characteristics
 from pneudrive.friction.campaign.result import CampaignCharacteristics as CampaignCharacteristics
+from pneudrive.friction.campaign.result import write_characteristics as write_characteristics

@@ -174,7 +174,7 @@ def study(world: World, seed: int) -> Folder:
         widths += ((curve.high_n - curve.low_n) / 2.0 / true)[m].tolist()
         errors += (curve.friction_n / true - 1.0)[m].tolist()
     friction: Hidden = world.friction  # type: ignore[assignment]
-    excluded = sum(p.reason == "outlier" for c in found.curves if c.direction == 0 for p in c.excluded)
+    excluded = sum((c.excluded["reason"] == "outlier").sum() for c in found.curves if c.direction == 0)
     trend = next((p.trend_per_m.p for p in found.position), float("nan"))
     warned = [s.text for s in found.statements if not s.carried]
     causes = [cause for cause in CAUSES if any(cause in text for text in warned)]

@@ -23,7 +23,9 @@ with used_later(__name__):
     from pneudrive import report
     from pneudrive.campaign.storage import folder as folders
     from pneudrive.friction import characterisation, friction_map, strokes
-    from pneudrive.friction.campaign import characteristics, files
+    from pneudrive.friction.campaign import characteristics
+    from pneudrive.friction.campaign import compare as comparisons
+    from pneudrive.friction.campaign import result as campaign_result
     from pneudrive.identify.static import fit as static_fits
     from pneudrive.identify.static import result as fit_results
     from pneudrive.report import campaign as campaign_page
@@ -113,7 +115,7 @@ def characterise(
             raise CommandError.of("cli.one-campaign", value=names)
         with _output(out) as folder:
             run = characteristics.campaign_friction(recordings[0], choice, progress=watch().tell)
-            written = files.write_characteristics(run, folder)
+            written = campaign_result.write_characteristics(run, folder)
             fits, problems = characteristics.fit_campaign(run)
             written += _write_fits(fits, folder, next(iter(fits)) if len(fits) == 1 else characteristics.ALL)
             written.append(campaign_page.write_campaign_report(run, folder))
@@ -125,7 +127,7 @@ def characterise(
         found = characterisation.characterise_recordings(recordings, layout, choice, progress=watch().tell)
         written, fits, problems = write_map_and_fits(found, folder)
         curves = characteristics.recorded_characteristics(found)
-        written += [] if curves is None else files.write_curves_and_effects(curves, folder)
+        written += [] if curves is None else campaign_result.write_curves_and_effects(curves, folder)
         written.append(Path(report.write_report(found, fits, folder, None, curves)))
     _show_problems(problems)
     show_view(recordings_page.characterisation_view(found, fits))
@@ -216,7 +218,7 @@ def compare(
     sides = [characteristics.campaign_friction(folder, choice(), progress=tell) for folder in (first, second)]
     compared = pn.compare_campaigns(*sides)
     folder = writable_folder(out)
-    written = files.write_comparison(compared, folder / "comparison.toml")
+    written = comparisons.write_comparison(compared, folder / "comparison.toml")
     page = comparison.write_comparison_report(compared, folder)
     named = zip("AB", sides, strict=True)
     show_lines(*(f"{letter}: {side.folder} ({side.name}, {len(side.cycles)} cycles)" for letter, side in named))

@@ -15,10 +15,9 @@ from pneudrive.campaign.storage.folder import Campaign
 from pneudrive.estimate.estimates import Estimate, mean_estimate, one_thread
 from pneudrive.friction.campaign import curves as campaign_curves
 from pneudrive.friction.campaign import trends
-from pneudrive.friction.campaign.files import friction_map
 from pneudrive.friction.campaign.points import CurvePoints, points_of
 from pneudrive.friction.campaign.reading import CampaignData, loop_of, read_campaign, reading_of
-from pneudrive.friction.campaign.result import Asymmetry, CampaignCharacteristics, Ranges
+from pneudrive.friction.campaign.result import CampaignCharacteristics, Ranges
 from pneudrive.friction.campaign.statements import statements
 from pneudrive.friction.campaign.stops import dwell_law
 from pneudrive.friction.campaign.stops.stop import find_stops
@@ -190,7 +189,7 @@ def _characterise(reading: CampaignData, choice: SampleChoice) -> CampaignCharac
         flags=dict(Counter(flag for flags in cycles["flags"].to_list() for flag in flags)),
         zero=campaign_curves.sensor_zero(reading.tares),
         ranges=_ranges(reading),
-        friction_map=friction_map(reading, points, fits, choice.name),
+        friction_map=campaign_curves.friction_map(reading, points, fits, choice.name),
         stops=cycles.select(),
         **parts,
     )
@@ -298,7 +297,12 @@ def dependences_of(found: CampaignCharacteristics, viscous_n_s_m: float, levels:
         *(() if series is None else _relaxation(series.stops, notes)),
         *_temperature(found, viscous_n_s_m),
     ]
-    notes += _run_in(found)
+    # The drift over the sliding distance is measured per decade, without a limit. ``[friction.wear]`` decays
+    # exponentially to the friction after run-in, to which the parameters of the law belong. A logarithmic drift
+    # determines neither this friction nor the run-in distance.
+    per_decade = None if found.drift is None else found.drift.per_decade_of_travel
+    if per_decade is not None and per_decade.differs:
+        notes.append(sentence("modifier.run_in", slope=per_decade.value))
     estimates = {f"friction.{key}.{name}": one for key, _, own in parts for name, one in own.items()}
     tables = {key: table for key, table, _ in parts}
     sliding = {} if age is None else {"breakaway": age.sliding_n(slow), "coulomb": age.sliding_n(fast)}
@@ -326,8 +330,13 @@ def _direction(
     found: CampaignCharacteristics, viscous_n_s_m: float, levels: tuple[str, str, str], notes: list[str]
 ) -> Iterator[Part]:
     """Return the factors on the levels in +x and -x: half the difference of both directions over the mean level."""
-    own = [one for one in found.asymmetry if one.condition.levels == levels]
-    shares = [share for one in own if one.basis == "tare" and (share := _share(found, one, viscous_n_s_m)) is not None]
+    own, shares = [one for one in found.asymmetry if one.condition.levels == levels], []
+    both = {curve.condition: curve for curve in found.curves if curve.direction == BOTH}
+    for one in (one for one in own if one.basis == "tare"):
+        curve, speed = both[one.condition], one.speed_m_s
+        friction = np.interp(np.log(speed), np.log(curve.speed_m_s), curve.friction_n)
+        if (level := float(np.mean(friction - viscous_n_s_m * speed))) > 0.0:
+            shares.append(one.mean.scaled(1.0 / level, "1"))
     if own and not shares:
         notes.append(sentence("modifier.no_tare"))
     if not shares or not (mean := _weighted(shares)).differs:
@@ -337,15 +346,6 @@ def _direction(
         "negative": Estimate(1.0 - mean.value, 1.0 - mean.high, 1.0 - mean.low, mean.stderr, "1"),
     }
     yield "direction", _written(factors), factors
-
-
-def _share(found: CampaignCharacteristics, one: Asymmetry, viscous_n_s_m: float) -> Estimate | None:
-    curve = found.curve(one.condition, BOTH)
-    if curve is None:
-        return None
-    friction = np.interp(np.log(one.speed_m_s), np.log(curve.speed_m_s), curve.friction_n)
-    level = float(np.mean(friction - viscous_n_s_m * one.speed_m_s))
-    return one.mean.scaled(1.0 / level, "1") if level > 0.0 else None
 
 
 def _position(found: CampaignCharacteristics, viscous_n_s_m: float, levels: tuple[str, str, str]) -> Iterator[Part]:
@@ -359,10 +359,10 @@ def _position(found: CampaignCharacteristics, viscous_n_s_m: float, levels: tupl
     level = 1.0 - float(np.mean(np.concatenate(viscous)))  # share of the levels in the reference of the pattern
     away = pattern.position_m - (middle := float(pattern.position_m.mean()))
     waves = [(w.wavelength_m, w.cosine.value, w.sine.value) for w in pattern.harmonics]
-    shape = sum(
-        (c * np.cos(2.0 * np.pi * away / length) + s * np.sin(2.0 * np.pi * away / length) for length, c, s in waves),
-        np.zeros(away.size),
-    )
+    shape = np.zeros(away.size)
+    for length, c, s in waves:
+        phase = 2.0 * np.pi * away / length
+        shape += c * np.cos(phase) + s * np.sin(phase)
     scale = 1.0 / (level - float(shape.mean()))  # the constant of the drive's factor is one
     # a trend is not the mean over speeds but that of the most informative cycles: their fraction is arbitrary
     spread = scale**2 * float(np.std(np.concatenate(viscous))) * abs(pattern.trend_per_m.value)
@@ -456,18 +456,6 @@ def _temperature(found: CampaignCharacteristics, viscous_n_s_m: float) -> Iterat
         return
     share = per_kelvin.scaled(1.0 / level, "1/K")
     yield "temperature", {"reference": f"{kelvin:.6g} K", **_written({"levels": share})}, {"levels": share}
-
-
-def _run_in(found: CampaignCharacteristics) -> Iterator[str]:
-    """Return the reason why a drift of friction over the sliding distance is not applied.
-
-    The drift is measured per decade of distance, without a limit. ``[friction.wear]`` decays exponentially to the
-    friction after run-in, to which the parameters of the law belong. A logarithmic drift determines neither this
-    friction nor the run-in distance.
-    """
-    per_decade = None if found.drift is None else found.drift.per_decade_of_travel
-    if per_decade is not None and per_decade.differs:
-        yield sentence("modifier.run_in", slope=per_decade.value)
 
 
 ALL = "all cycles"  # the group of a campaign without levels

@@ -28,6 +28,7 @@ from pneudrive.estimate.estimates import CHANCE, Estimate, FTest, one_thread
 from pneudrive.estimate.mixed import MixedModel, RandomEffect, independent
 from pneudrive.friction.campaign.cycles import stated_gain
 from pneudrive.friction.campaign.points import MOST_CELLS, MOST_CYCLES, grouped, shares_of
+from pneudrive.friction.campaign.result import write_tables
 from pneudrive.friction.friction_map import LEVELS, PA_PER_BAR
 from pneudrive.friction.sentences import Statement, say
 from pneudrive.lazy_names import upper
@@ -35,8 +36,9 @@ from pneudrive.views import View, Viewed
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
+    from pathlib import Path
 
-    from pneudrive.arrays import Array, Ints
+    from pneudrive.arrays import Array, Ints, Row
     from pneudrive.friction.campaign.result import CampaignCharacteristics
     from pneudrive.friction.campaign.stops.dwell_law import DwellSeries
 
@@ -256,7 +258,7 @@ def _condensed(cycles: pl.DataFrame) -> tuple[pl.DataFrame, Array]:
     block = cells(campaign, cycles["block"].to_numpy())
     stretch = block - campaign * block[campaign == 1].min()  # from 0 in each campaign
     rows = MOST_CYCLES if cycles.height > MOST_CELLS else cycles.height
-    groups = grouped(2 * point + campaign, stretch, np.zeros_like(point), rows=rows, most=MOST_CELLS)[0]
+    groups = grouped(2 * point + campaign, stretch, rows, MOST_CELLS)
     heads, count = [group[0] for group in groups], np.array([len(group) for group in groups], dtype=float)
     friction, stderr, order = (cycles[name].to_numpy() for name in ("friction_n", "stderr_n", "order"))
     columns = {"log_n": np.log(friction), "noise": (stderr / friction) ** 2, "order": order}
@@ -268,7 +270,7 @@ def _condensed(cycles: pl.DataFrame) -> tuple[pl.DataFrame, Array]:
 
 def _usable(found: CampaignCharacteristics, campaign: int) -> pl.DataFrame:
     """Return the cycles for F(v): positive friction, both directions, not excluded from the curves."""
-    reasons, ambient = {p.reason for c in found.curves for p in c.excluded}, found.identity.ambient_pressure_pa
+    reasons, ambient = {why for c in found.curves for why in c.excluded["reason"]}, found.identity.ambient_pressure_pa
     cycles = found.cycles.filter(pl.col("friction_n") > 0.0, pl.col("friction_n", "stderr_n").is_finite())
     cycles = cycles.filter([not reasons.intersection(flags) for flags in cycles["flags"].to_list()])
     columns = {f"gauge_{side}_pa": np.round(cycles[f"pressure_{side}_pa"].to_numpy() - ambient, -2) for side in "ab"}
@@ -372,6 +374,26 @@ def compare_campaigns(first: CampaignCharacteristics, second: CampaignCharacteri
     return replace(compared, statements=tuple(_statements(compared, why)))
 
 
+def write_comparison(compared: Comparison, path: str | Path) -> Path:
+    """Write the tests of a comparison, its cautions, and the differences at common points as TOML."""
+    tables: Row = {
+        "first": compared.first.name,
+        "second": compared.second.name,
+        "synthetic": compared.first.synthetic or compared.second.synthetic,
+        "different": compared.different,
+        "test": compared.tests,
+        "check": compared.checks,
+        "statement": compared.statements,
+    }
+    if compared.curves is not None:
+        columns = compared.curves.points.select("speed_m_s", "gauge_a_pa", "gauge_b_pa", "first_n", "second_n")
+        tables["curves"] = columns.to_dict(as_series=False)
+        for name, of in {"relative_difference": "value", "low": "low", "high": "high"}.items():
+            tables["curves"][name] = [getattr(estimate, of) for estimate in compared.curves.difference]
+        tables["curves"]["corrected_p"] = compared.curves.points["corrected_p"].to_list()
+    return write_tables(tables, path)
+
+
 def _gain(both: Both) -> float:
     """Return the relative uncertainty of the ratio of both force sensors' gains; 0 for the same sensor.
 
@@ -403,9 +425,7 @@ def _tests(both: Both, curves: CurveComparison | None, dwell: Pairs) -> Iterator
         found = []
         for series, of in zip((a, b), _common(a, b), strict=True):
             assert series.curve is not None
-            row = np.zeros((1, len(series.conditions)))
-            row[0, of] = 1.0 / len(of)
-            curve = series.curve
+            row, curve = np.isin(np.arange(len(series.conditions)), of)[None] / len(of), series.curve
             parts = curve.values(np.log10([at])), curve.gains(np.log10(low), np.log10(high))
             found.append([part.combine(row).estimates()[0] for part in parts])
         level, slope = (after - before for before, after in zip(*found, strict=True))

@@ -17,17 +17,30 @@ import numpy as np
 
 from pneudrive.estimate.estimates import NORMAL_95, Estimate, rms
 from pneudrive.estimate.mixed import MixedModel, Predicted, RandomEffect
+from pneudrive.friction.bins import known_mean
 from pneudrive.friction.budget import SharedTerms
 from pneudrive.friction.campaign import result, smooth
-from pneudrive.friction.campaign.cycles import GROWING, CycleTable, Gain
+from pneudrive.friction.campaign.cycles import GROWING, OF_SIDES, WAYS, CycleTable, Gain
 from pneudrive.friction.campaign.points import NAMES, OUTLIER, STICK_SLIP, CurvePoints
-from pneudrive.friction.friction_map import BOTH, HOUR_S, Condition
+from pneudrive.friction.friction_map import (
+    AMBIENT,
+    BOTH,
+    COLUMNS,
+    HOUR_S,
+    LEVEL_COLUMNS,
+    LEVELS,
+    Condition,
+    columns_to_dataset,
+)
 from pneudrive.friction.sentences import sentence
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
+    import xarray as xr
+
     from pneudrive.arrays import Array, Bools, Ints
+    from pneudrive.friction.campaign.reading import CampaignData
     from pneudrive.signals.force_calibration import ForceCalibration
 
 
@@ -105,31 +118,27 @@ class Fits:
 def fitted(points: CurvePoints | None, tares: CycleTable) -> tuple[CurvePoints | None, Fits | None]:
     """Return the points with outliers marked, and the models; None instead of models with too few points of F(v).
 
-    In a large campaign, neighbouring repeats are merged into one point of the models, and outliers are not sought.
+    Outliers are cycles that differ much from all others (a failed sensor). In a large campaign, no outliers are sought,
+    and neighbouring repeats are merged into one point of the models.
     """
-    if points is None or points.is_large:
-        return points, None if points is None else _fit_points(points.condensed(), tares)
-    fits = _without_wild(points, tares)
-    return (points if fits is None else fits.points), fits
-
-
-def _without_wild(points: CurvePoints, tares: CycleTable) -> Fits | None:
-    """Fit the models without cycles that differ much from all others (a failed sensor)."""
-    fits = _fit_points(points, tares)
-    if fits is None:
-        return None
+    if points is None:
+        return None, None
+    fits = _fit_points(points.condensed() if points.is_large else points, tares)
+    if fits is None or points.is_large:
+        return points, fits
     rows = np.flatnonzero(points.use)
     found, readings = smooth.wild_cycles(fits.friction.data)
     if found:
         reason = points["reason"].copy()
         reason[rows[found]] = OUTLIER
-        fits = _fit_points(points.having(reason=reason), tares)
-    if fits is None or not readings:
-        return fits
-    left = np.flatnonzero(fits.points.use)
-    among = [np.searchsorted(left, rows[some]) for some in readings]
-    doubtful = tuple(rows[readings[-1]].tolist())
-    return replace(fits, friction=smooth.with_doubt(fits.friction, among), doubtful=doubtful)
+        points = points.having(reason=reason)
+        fits = _fit_points(points, tares)
+    if fits is not None and readings:
+        left = np.flatnonzero(points.use)
+        among = [np.searchsorted(left, rows[some]) for some in readings]
+        doubtful = tuple(rows[readings[-1]].tolist())
+        fits = replace(fits, friction=smooth.with_doubt(fits.friction, among), doubtful=doubtful)
+    return points, fits
 
 
 def _fit_points(points: CurvePoints, tares: CycleTable) -> Fits | None:
@@ -138,14 +147,13 @@ def _fit_points(points: CurvePoints, tares: CycleTable) -> Fits | None:
         return None
     curve = np.unique(points["curve"][use], return_inverse=True)[1].ravel()
     blocks, kind = points.block_shares()
-    ones = np.ones(use.sum())
-    alike = (points["speed_m_s"][use], curve, points["order"][use], points.count[use], ones)
-    friction = smooth.CurveData(points["friction_n"][use], points["friction_stderr_n"][use] ** 2, *alike, blocks)
+    alike = (points["speed_m_s"][use], curve, points["order"][use], points.count[use])
+    friction = smooth.CurveData(points["friction_n"][use], points["friction_stderr_n"][use] ** 2, *alike, blocks=blocks)
     share = smooth.carried_drift(friction)
     better = _better(replace(friction, drift=share < smooth.CARRIED))
     # Zero runs are observations of the zero alone, without a curve.
-    zero, one = (tares["standing_n"], tares["standing_stderr_n"] ** 2), np.ones(len(tares))
-    of_tares = (*zero, np.nan * one, np.full(len(tares), -1), tares["order"], one, one)
+    zero, ones = (tares["standing_n"], tares["standing_stderr_n"] ** 2), np.ones(len(tares))
+    of_tares = (*zero, np.nan * ones, np.full(len(tares), -1), tares["order"], ones)
     of_points = (points["offset_n"][use], points["offset_stderr_n"][use] ** 2, *alike)
     columns: list[Any] = [np.concatenate(both) for both in zip(of_points, of_tares, strict=True)]
     offset = smooth.CurveData(*columns)
@@ -243,12 +251,10 @@ def curves_of(fits: Fits, *, contains_air: bool) -> tuple[result.Curve, ...]:
         same |= {"excluded": fits.points.excluded_from(band.index), "contains_air": contains_air}
         value, shared, complete = band.value_n, band.shared, fits.drift_share < smooth.CARRIED
         for direction in (BOTH, 1, -1):
-            centre, below, above = value, value - band.low_n, band.high_n - value
-            u = shared.friction_n() if direction == BOTH else shared.direction_n()
+            centre, below, above, u = value, value - band.low_n, band.high_n - value, shared.friction_n()
             if direction != BOTH:
-                if fits.has_zero:
-                    centre = value + direction * band.offset.mean
-                reach = band.offset.half_width()
+                centre = value + direction * band.offset.mean if fits.has_zero else value
+                reach, u = band.offset.half_width(), shared.direction_n()
                 below, above = np.hypot(below, reach), np.hypot(above, reach)
             low, high = centre - np.hypot(below, NORMAL_95 * u), centre + np.hypot(above, NORMAL_95 * u)
             values = {"friction_n": centre, "low_n": low, "high_n": high, "u_systematic_n": u, "complete": complete}
@@ -284,12 +290,76 @@ def cycle_terms(points: CurvePoints, fits: Fits | None) -> tuple[Array, Array, A
     return np.hypot(noise, cycle), systematic_n, one_sided
 
 
+def friction_map(reading: CampaignData, points: CurvePoints | None, fits: Fits | None, protocol: str) -> xr.Dataset:
+    """Return the map, one row per cycle and direction, in the order of the campaign."""
+    cycles, edges, ambient_pa = reading.sliding, reading.edges_m, reading.identity.ambient_pressure_pa
+    count, moves, known = len(cycles), cycles.moves, np.isfinite(cycles["balance_n"])
+    columns: dict[str, np.ndarray] = {name: cycles[name] for name in COLUMNS if name in OF_SIDES}
+    bands = [name for name in LEVEL_COLUMNS if name.endswith("_n")]
+    columns |= {name: np.full((count, 2), np.nan) for name in ("offset_n", "stderr_n", "u_systematic_n", *bands)}
+    columns["direction"] = np.tile(WAYS, (count, 1))
+    columns["balance_n"] = known_mean(cycles["balance_n"], axis=2)
+    columns["friction_n"] = WAYS * columns["balance_n"]
+    columns["position_from_m"] = edges[known.argmax(axis=2)]
+    columns["position_to_m"] = edges[known.shape[2] - known[:, :, ::-1].argmax(axis=2)]
+    reason = np.full(count, "unpaired", dtype=object)
+    if points is not None:
+        both = moves.all(axis=1)
+        reason[both] = points["reason"]
+        for name, value in _paired(points, fits, edges[1] - edges[0]).items():
+            columns[name][both] = value
+    raised = zip(cycles["flags"], (why.replace("-", "_").replace(" ", "_") for why in reason), strict=True)
+    flags = [",".join(dict.fromkeys(filter(None, [*flags, why]))) for flags, why in raised]
+    of_cycle = {name: cycles[name] for name in ("temperature_k", "kind", "block", "repeat", "began_s")}
+    of_cycle |= {name: [getattr(c, name) for c in cycles["condition"]] for name in LEVELS}
+    of_cycle |= {"recording": cycles["key"], "flags": flags, AMBIENT: np.full(count, ambient_pa)}
+    columns |= {name: np.tile(np.array(values)[:, None], 2) for name, values in of_cycle.items()}
+    rows = {name: values[moves] for name, values in columns.items()}
+    order = np.lexsort((-rows["direction"], rows["recording"].astype(str), rows["began_s"]))
+    found = columns_to_dataset({name: values[order] for name, values in rows.items()}, {**COLUMNS, **LEVEL_COLUMNS})
+    found.attrs |= {"title": "friction map of a campaign", "protocol": protocol, AMBIENT: ambient_pa}
+    found.attrs["synthetic"] = reading.identity.synthetic
+    return found
+
+
+def _paired(points: CurvePoints, fits: Fits | None, width_m: float) -> dict[str, np.ndarray]:
+    """Return the columns of cycles with both directions, shape (n, 1) or (n, 2), for bins of width `width_m`."""
+    friction, offset = points["friction_n"][:, None], points["offset_n"][:, None]
+    # Offset from the drifting zero of the force sensor; 0 without zero runs.
+    own = np.full(len(points), np.nan) if fits is None else np.zeros(len(points))
+    if fits is not None and fits.has_zero:
+        of_offset = fits.offset.fit
+        zero = float(np.average([state.beta[0] for state in of_offset.states], weights=of_offset.weights))
+        order = fits.offset.data.order
+        at = np.argsort(order, kind="stable")
+        own = points["offset_n"] - zero - np.interp(points["order"], order[at], fits.offset.drift.mean[at])
+    own = friction + WAYS * own[:, None]
+    stderr, systematic, one_sided = (values[:, None] for values in cycle_terms(points, fits))
+    half = NORMAL_95 * np.hypot(stderr, systematic)
+    half_direction = NORMAL_95 * np.sqrt(stderr**2 + systematic**2 + one_sided)
+    common = points.pattern.position_m[points.pattern.common]
+    return {
+        "balance_n": WAYS * friction + offset,
+        "friction_n": friction,
+        "offset_n": offset,
+        "stderr_n": stderr,
+        "u_systematic_n": systematic,
+        "friction_low_n": friction - half,
+        "friction_high_n": friction + half,
+        "friction_direction_n": own,
+        "friction_direction_low_n": own - half_direction,
+        "friction_direction_high_n": own + half_direction,
+        "air_n": points["air_n"][:, None],
+        "position_from_m": common[:1, None] - width_m / 2.0,
+        "position_to_m": common[-1:, None] + width_m / 2.0,
+    }
+
+
 def in_newton(fit: smooth.CurveFit, found: Predicted) -> tuple[Array, Array, Array]:
     """Return the value and the bounds of the statistical 95 % interval, N."""
     half = found.half_width()
-    if fit.logarithmic:
-        return np.exp(found.mean), np.exp(found.mean - half), np.exp(found.mean + half)
-    return found.mean, found.mean - half, found.mean + half
+    value, low, high = found.mean, found.mean - half, found.mean + half
+    return (np.exp(value), np.exp(low), np.exp(high)) if fit.logarithmic else (value, low, high)
 
 
 def by_chance(
@@ -444,15 +514,8 @@ def asymmetries(fits: Fits) -> tuple[result.Asymmetry, ...]:
         half = np.hypot(band.offset.half_width()[measured], NORMAL_95 * u)
         (mean,) = fits.offset.over(band.number, speeds).mean().estimates()
         mean = mean.widened(float(np.mean(u)))
-        found.append(
-            result.Asymmetry(
-                condition=band.condition,
-                speed_m_s=speeds,
-                half_difference_n=value,
-                low_n=value - half,
-                high_n=value + half,
-                mean=mean if fits.has_zero else replace(mean, p=np.nan),
-                basis="tare" if fits.has_zero else "not separable",
-            )
-        )
+        ends, basis = (value - half, value + half), "tare"
+        if not fits.has_zero:
+            mean, basis = replace(mean, p=np.nan), "not separable"
+        found.append(result.Asymmetry(band.condition, speeds, value, *ends, mean, basis))
     return tuple(found)

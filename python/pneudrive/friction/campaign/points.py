@@ -16,7 +16,6 @@ from pneudrive.estimate.autocorrelation import cells, levels, means, moderate, s
 from pneudrive.friction.bins import known_mean, pair_stderr
 from pneudrive.friction.budget import chance_n, unseen_n
 from pneudrive.friction.campaign.cycles import CycleTable
-from pneudrive.friction.campaign.result import ExcludedPoint
 from pneudrive.friction.friction_map import PA_PER_BAR, Condition
 from pneudrive.friction.level import BELOW_AMBIENT
 from pneudrive.friction.sentences import Statement, named, say
@@ -25,6 +24,7 @@ from pneudrive.friction.stick_slip import RIPPLE_LIMIT
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
 
+    import polars as pl
     from numpy.typing import NDArray
 
     from pneudrive.arrays import Array, Bools, Columns, Ints
@@ -111,7 +111,7 @@ def suspicions(cycles: CycleTable, accuracy: Mapping[str, float], ambient_pa: fl
         return say(kind, count=doubtful.sum(), keys=named(cycles["key"][doubtful]), **values)
 
     ratio, ambient = cycles.over_sides("velocity_m_s") / cycles["set_speed_m_s"], ambient_pa / PA_PER_BAR
-    off = np.isfinite(ratio) & (ratio > 0) & ~((ratio >= 1.0 / OTHER_SPEED) & (ratio <= OTHER_SPEED))
+    off = np.abs(np.log(ratio)) > np.log(OTHER_SPEED)
     if off.any():
         yield of("data.other_speed", off, ratio=np.median(ratio[off]))
     for side in "ab":
@@ -187,20 +187,19 @@ def reduce(cycles: CycleTable, edges_m: Array, steady: Bools) -> tuple[Pattern, 
     (up, down), (air_up, air_down) = (np.moveaxis(cycles[name], 1, 0) for name in ("balance_n", "air_n"))
     friction = (up - down) / 2.0
     covered = np.isfinite(friction)
-    forces = {"offset": (up + down) / 2.0, "air": np.where(covered, -(air_up - air_down) / 2.0, np.nan)}
+    air = np.where(covered, -(air_up - air_down) / 2.0, np.nan)
     tells = steady if steady.sum() >= ENOUGH_CYCLES else np.ones(len(cycles), dtype=bool)
     common: Bools = covered[tells].mean(axis=0) >= COMMON_SHARE
     if not common.any():
         common = covered.any(axis=0)
-    patterns = {"friction": _pattern(friction[tells], common, relative=True)}
-    mean = _means(friction, patterns["friction"], common, relative=True)
     speed = (cycles["velocity_m_s"][:, 0] - cycles["velocity_m_s"][:, 1]) / 2.0
-    columns = {"speed_m_s": speed, "friction_n": mean}
-    rests = {"friction": friction - mean[:, None] * (1.0 + np.nan_to_num(patterns["friction"]))}
-    for name, values in forces.items():
-        patterns[name] = _pattern(values[tells], common)
-        columns[f"{name}_n"] = _means(values, patterns[name], common)
-        rests[name] = values - columns[f"{name}_n"][:, None] - np.nan_to_num(patterns[name])
+    columns, patterns, rests = {"speed_m_s": speed}, {}, {}
+    for name, values in {"friction": friction, "offset": (up + down) / 2.0, "air": air}.items():
+        relative = name == "friction"
+        patterns[name] = pattern = _pattern(values[tells], common, relative=relative)
+        columns[f"{name}_n"] = mean = _means(values, pattern, common, relative=relative)
+        level = mean[:, None]
+        rests[name] = values - level * (1.0 + pattern) if relative else values - level - pattern
     rests["total"] = rests["friction"] + rests["air"]
     spare = np.sqrt(tells.sum() / max(tells.sum() - 1.0, 1.0)) if tells.sum() >= ENOUGH_CYCLES else 1.0
     scatter = pair_stderr(cycles["deviation_n"], cycles["effective"])
@@ -209,7 +208,7 @@ def reduce(cycles: CycleTable, edges_m: Array, steady: Bools) -> tuple[Pattern, 
         own = np.full(len(cycles), np.nan) if name == "air" else scatter
         columns[f"{name}_stderr_n"] = _by_chance(own, spare * rest, common, speed)
     with np.errstate(invalid="ignore", divide="ignore"):
-        columns["relative_n"] = friction / mean[:, None]
+        columns["relative_n"] = friction / columns["friction_n"][:, None]
     over_position = np.where(covered.any(axis=0), patterns["friction"], np.nan)
     return Pattern((edges_m[:-1] + edges_m[1:]) / 2.0, common, over_position, patterns["offset"]), columns
 
@@ -232,38 +231,38 @@ def _pattern(values: Array, common: Bools, *, relative: bool = False) -> Array:
 
 def _means(values: Array, pattern: Array, common: Bools, *, relative: bool = False) -> Array:
     """Return the mean of each row over the common bins, with missing bins filled from the pattern."""
-    here = np.isfinite(values) & _used(values, common)
+    here = _used(values, common)
     added, share = (0.0, 1.0 + pattern) if relative else (pattern, 1.0)
     return (np.where(here, values, 0.0) - here * added).sum(axis=1) / (here * share).sum(axis=1)
 
 
 def _used(values: Array, common: Bools) -> Bools:
-    """Mark the common bins of each row. Rows without common bins use all bins."""
-    has = np.asarray((np.isfinite(values) & common).any(axis=1))
-    return np.where(has[:, None], common, True)
+    """Mark the common bins with a value in each row. Rows without common bins use all bins with a value."""
+    known = np.isfinite(values)
+    shared = known & common
+    return np.where(shared.any(axis=1, keepdims=True), shared, known)
 
 
 def _by_chance(scatter: Array, rest: Array, common: Bools, speed: Array) -> Array:
     """Return the type A uncertainty (`chance_n`) of each row's mean, shrunk towards its trend over speed."""
-    used = _used(rest, common) & np.isfinite(rest)
+    used = _used(rest, common)
     count, own = used.sum(axis=1), np.zeros(rest.shape[0])
     for number in np.unique(count[count > 0]).tolist():
         members = count == number
         own[members] = stderrs_of_means(rest[members][used[members]].reshape(-1, number))
     own = chance_n(scatter, own)
     known = own > 0.0
-    if known.sum() < ENOUGH_CYCLES:
-        return own
-    out = own.copy()
-    out[known] = np.sqrt(moderate(own[known] ** 2, np.full(known.sum(), FREEDOM_PER_CYCLE), speed[known]))
-    return out
+    if known.sum() >= ENOUGH_CYCLES:
+        own[known] = np.sqrt(moderate(own[known] ** 2, np.full(known.sum(), FREEDOM_PER_CYCLE), speed[known]))
+    return own
 
 
 SATURATED_SHARE = 0.005  # of a cycle's samples: with more at the sensor's limit, the mean is not that of friction
 SAME_SPEED = 0.05  # measured speeds closer than this are one point of the curve
 BETWEEN = 24  # speeds of a curve between the measured ones
 MOST_CYCLES = 600  # cycles that are fitted one by one: memory grows with their square, time with their cube
-MOST_CELLS = 1200  # condition, speed level and block: beyond it, neighbouring blocks are joined, then speed levels
+EXCLUDED = {"speed_m_s": float, "friction_n": float, "reason": str}  # columns of excluded points, and their types
+MOST_CELLS = 1200  # condition, speed level and block: beyond it, neighbouring blocks are joined
 
 
 @dataclass(frozen=True, eq=False)
@@ -315,6 +314,12 @@ class CurvePoints(CycleTable):
         return bool(self.use.sum() > MOST_CYCLES)
 
     @property
+    def assemblies(self) -> dict[str, Bools]:
+        """Mounting, seal and drive -> mask of their points of F(v)."""
+        titles = np.array([c.title for c in self.conditions])
+        return {title: self.use & (titles == title)[self["curve"]] for title in dict.fromkeys(titles.tolist())}
+
+    @property
     def cell(self) -> Ints:
         """Index of the combination of condition and speed level of each cycle, shape (n,)."""
         return cells(self["curve"], self["level"])
@@ -326,25 +331,17 @@ class CurvePoints(CycleTable):
     def condensed(self) -> CurvePoints:
         """Group successive repeats of one condition, speed class and block.
 
-        If there are very many groups, neighbouring blocks of the same levels are merged, then neighbouring speeds.
+        If there are very many groups, neighbouring blocks of the same levels are merged.
         """
         used = np.flatnonzero(self.use)
-        keys = (self["curve"][used], _stretches(self)[used], self["level"][used])
-        found, speeds = grouped(*keys, rows=MOST_CYCLES, most=MOST_CELLS)
-        groups = [used[group] for group in found]
-        middle = np.array([g[g.size // 2] for g in groups])
-        means = {
-            n: np.array([self[n][g].mean() for g in groups]) for n in ("speed_m_s", "friction_n", "offset_n", "air_n")
-        }
-        for name in (f"{n}_stderr_n" for n in ("friction", "offset", "air", "total")):
-            members = (self[name][group] for group in groups)
-            means[name] = np.array([np.sqrt(np.sum(stderr**2)) / stderr.size for stderr in members])
-        of_level = self.level_speeds_m_s
-        return replace(
-            self.at(middle).having(**means, level=self["level"][middle] // speeds),
-            level_speeds_m_s=np.array([of_level[k : k + speeds].mean() for k in range(0, of_level.size, speeds)]),
-            members=tuple(groups),
-        )
+        groups = [used[group] for group in grouped(self.cell[used], _stretches(self)[used], MOST_CYCLES, MOST_CELLS)]
+        means = {}
+        for name in ("speed_m_s", "friction_n", "offset_n", "air_n"):
+            means[name] = np.array([self[name][group].mean() for group in groups])
+        for name in ("friction_stderr_n", "offset_stderr_n", "air_stderr_n", "total_stderr_n"):
+            means[name] = np.array([np.sqrt(np.sum(self[name][group] ** 2)) / group.size for group in groups])
+        middle = np.array([group[group.size // 2] for group in groups])
+        return replace(self.at(middle).having(**means), members=tuple(groups))
 
     def block_shares(self) -> tuple[Array | None, str]:
         """Find blocks or days whose deviations can be separated from the levels, because levels were run in several.
@@ -356,11 +353,10 @@ class CurvePoints(CycleTable):
         str
             block, day, or "" without groups.
         """
-        used = np.flatnonzero(self.use)
-        of_levels = np.array([c.title for c in self["condition"][used]])
+        use = self.use
         for kind in ("block", "day"):
-            shares = shares_of(self.labels(kind, used))
-            if any((shares[of_levels == title] > 0.0).any(axis=0).sum() > 1 for title in np.unique(of_levels)):
+            shares = shares_of(self.labels(kind, np.flatnonzero(use)))
+            if any((shares[members[use]] > 0.0).any(axis=0).sum() > 1 for members in self.assemblies.values()):
                 return shares, kind
         return None, ""
 
@@ -378,21 +374,20 @@ class CurvePoints(CycleTable):
         levels = [members & (self["level"] == k) for k in sorted(set(self["level"][members]))]
         speeds = np.array([self["speed_m_s"][level].mean() for level in levels])
         counts = np.array([self.count[level].sum() for level in levels], dtype=np.int64)
-        between = np.zeros(0)
-        if speeds.size > 1:
-            between = np.geomspace(speeds[0], speeds[-1], BETWEEN + 2)[1:-1]
+        between = np.geomspace(speeds[0], speeds[-1], BETWEEN + 2)[1:-1]
         apart = np.abs(between[:, None] / speeds - 1.0).min(axis=1) > SAME_SPEED / 2.0
         every = np.concatenate([speeds, between[apart]])
         cycles = np.concatenate([counts, np.zeros(every.size - speeds.size, dtype=np.int64)])
         order = np.argsort(every)
         return every[order], order < speeds.size, cycles[order]
 
-    def excluded_from(self, index: int) -> tuple[ExcludedPoint, ...]:
-        """Return the cycles of one condition that are excluded from its curve, slowest first."""
-        out = self.at(np.flatnonzero((self["curve"] == index) & ~self.use))
-        ripple = np.nan_to_num(np.hstack([out["ripple"], out["piston_ripple"]])).max(axis=1, initial=0.0)
-        columns = (out["speed_m_s"].tolist(), out["friction_n"].tolist(), out["reason"].tolist(), ripple.tolist())
-        return tuple(sorted((ExcludedPoint(*row) for row in zip(*columns, strict=True)), key=lambda p: p.speed_m_s))
+    def excluded_from(self, index: int) -> pl.DataFrame:
+        """Return `Curve.excluded`: the cycles of one condition that are excluded from its curve, slowest first."""
+        import polars as pl
+
+        out = self.at((self["curve"] == index) & ~self.use)
+        columns = {name: out[name].tolist() for name in EXCLUDED}
+        return pl.DataFrame(columns, schema=EXCLUDED).sort("speed_m_s", maintain_order=True)
 
 
 def points_of(reading: CampaignData) -> CurvePoints | None:
@@ -431,46 +426,32 @@ def _stretches(points: CurvePoints) -> Ints:
     return np.array(found, dtype=np.int64)
 
 
-def grouped(
-    place: Ints,
-    stretch: Ints,
-    level: Ints,
-    rows: int,
-    most: int,
-) -> tuple[list[list[int]], int]:
-    """Group successive cycles with the same condition and level in the same part of the campaign.
+def grouped(place: Ints, stretch: Ints, rows: int, most: int) -> list[list[int]]:
+    """Group successive cycles at one point in the same part of the campaign.
 
-    If there are very many groups, neighbouring parts of the campaign with the same levels are merged, then neighbouring
-    levels.
+    If there are very many groups, neighbouring parts of the campaign are merged.
 
     Parameters
     ----------
-    place, stretch, level : ndarray of int, shape (n,)
-        Index of condition, part of the campaign and level of each cycle, in the order of execution.
+    place, stretch : ndarray of int, shape (n,)
+        Index of the point and of the part of the campaign of each cycle, in the order of execution.
     rows : int
         Approximate number of groups.
     most : int
-        Largest number of combinations that are kept separate.
+        Number of combinations of point and part beyond which parts are merged.
 
     Returns
     -------
     list of list of int
         Members of each group, in the order of their middle cycles. Together they contain every cycle once.
-    int
-        Number of neighbouring levels that are merged.
     """
-    stretches = levels = 1
-    while (cell := cells(place, stretch // stretches, level // levels)).max() >= most:
-        if stretches <= stretch.max():
-            stretches += 1
-        elif levels <= level.max():
-            levels += 1
-        else:
-            break
+    stretches = 1
+    while (cell := cells(place, stretch // stretches)).max() >= most and stretches <= stretch.max():
+        stretches += 1
     order, each = np.argsort(cell, kind="stable"), -(-cell.size // rows)
     members = np.split(order, np.flatnonzero(np.diff(cell[order])) + 1)
     groups = [some[k : k + each].tolist() for some in members for k in range(0, some.size, each)]
-    return sorted(groups, key=lambda group: group[len(group) // 2]), levels
+    return sorted(groups, key=lambda group: group[len(group) // 2])
 
 
 def shares_of(labels: Sequence[Sequence[int]]) -> Array:

@@ -236,8 +236,7 @@ def _plans(files: Sequence[CycleFile], found: dict[str, Read]) -> dict[str, Row]
     up to the middle of the cycle, from the plan if known, otherwise from the samples.
     """
     heads = [file.head for file in files]
-    first, last = (end(head.index for head in heads) for end in (min, max))
-    began = min(head.began_s for head in heads)
+    first, last, began = heads[0].index, heads[-1].index, min(head.began_s for head in heads)
     known = sorted({_date(head.started) for head in heads} - {""})
     plans, previous, duration, total, at = {}, None, np.nan, 0.0, None
     for head in heads:

@@ -1,28 +1,31 @@
-"""Results of a campaign: cycles, curves, effects and statements on friction."""
+"""Results of a campaign: cycles, curves, effects and statements on friction, and their files."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, is_dataclass
 from functools import partial
-from typing import TYPE_CHECKING
+from operator import attrgetter
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from pneudrive.describe.files.toml import sections
 from pneudrive.estimate.estimates import NORMAL_95, Estimate, FTest
-from pneudrive.friction.friction_map import BOTH, CHAMBERS, Condition, Skipped
+from pneudrive.friction.friction_map import BOTH, CHAMBERS, TABLES, Condition, Skipped, write_map
 from pneudrive.lazy_names import upper
 from pneudrive.repr_tables import Shown
+from pneudrive.simulation.trajectory import check_target, write_frame, write_whole
 from pneudrive.views import ShownCurve, View, Viewed
 
 if TYPE_CHECKING:
-    from pathlib import Path
-
     import polars as pl
     import xarray as xr
 
     from pneudrive.arrays import Array, Bools, Interval, Ints, Row
     from pneudrive.friction.campaign.cycles import Loop
     from pneudrive.friction.campaign.stops.dwell_law import DwellSeries
+    from pneudrive.friction.campaign.stops.dwell_models import DwellLawFit
     from pneudrive.friction.sentences import Statement
     from pneudrive.rig.interface import Identity
 
@@ -244,7 +247,7 @@ class Repeatability:
     repeats, sentinels (control runs), or both; or "smooth curve" (residuals of the curves) if no cycle was repeated.
     """
 
-    within: Estimate | None
+    within: Estimate
     between: Estimate | None
     total: Estimate | None
     relative: bool
@@ -271,16 +274,6 @@ class SensorZero:
     basis: str
 
 
-@dataclass(frozen=True)
-class ExcludedPoint:
-    """An excluded point, which is shown but not used for F(v)."""
-
-    speed_m_s: float
-    friction_n: float
-    reason: str
-    ripple: float
-
-
 @dataclass(frozen=True, eq=False, repr=False)
 class Curve(Shown):
     """Friction against speed at one condition, with a pointwise 95 % band.
@@ -303,7 +296,8 @@ class Curve(Shown):
         False between the measured speeds.
     cycles : ndarray of int, shape (m,)
         Number of cycles at each speed; 0 between the measured speeds.
-    excluded : tuple of ExcludedPoint
+    excluded : polars.DataFrame
+        Points that are shown but not used for F(v), slowest first: ``speed_m_s``, ``friction_n``, ``reason``.
     contains_air : bool
         Whether the curve may include the force of the air, because pressures were not measured in the chambers.
     complete : bool
@@ -321,7 +315,7 @@ class Curve(Shown):
     u_systematic_n: Array
     measured: Bools
     cycles: Ints
-    excluded: tuple[ExcludedPoint, ...] = ()
+    excluded: pl.DataFrame
     contains_air: bool = False
     complete: bool = True
 
@@ -337,7 +331,6 @@ class Curve(Shown):
 
     def shown(self, ambient_pressure_pa: float) -> ShownCurve:
         """Return the curve for display. Each combination of mounting, seal and drive is a group."""
-        excluded = np.array([(point.speed_m_s, point.friction_n) for point in self.excluded]).reshape(-1, 2)
         return ShownCurve(
             key=str(self.condition),
             label=self.condition.label(ambient_pressure_pa),
@@ -350,7 +343,7 @@ class Curve(Shown):
             band=(self.low_n, self.high_n),
             measured=self.measured,
             group=self.condition.title,
-            excluded=(excluded[:, 0], excluded[:, 1]),
+            excluded=(self.excluded["speed_m_s"].to_numpy(), self.excluded["friction_n"].to_numpy()),
         )
 
 
@@ -491,3 +484,115 @@ class CampaignCharacteristics(Viewed):
         """Return one curve, or None."""
         found = (c for c in self.curves if c.condition == condition and c.direction == direction)
         return next(found, None)
+
+
+# --- Results as files: friction map, curves, effects, stops.
+
+#: Attributes with a value for each chamber -> beginning of their keys in a file.
+OF_CHAMBERS = {"slopes": "slope", "means": "mean", "increments": "increment"}
+
+
+def write_characteristics(found: CampaignCharacteristics, folder: str | Path) -> list[Path]:
+    """Write map.parquet, map.csv, curves.parquet and effects.toml; stops.parquet if there are stops.
+
+    Returns
+    -------
+    list of pathlib.Path
+
+    Raises
+    ------
+    CommandError
+        If the folder cannot be written.
+    """
+    import polars as pl
+
+    folder = Path(folder)
+    written = [write_map(found.friction_map, folder / name) for name in ("map.parquet", "map.csv")]
+    written += write_curves_and_effects(found, folder)
+    if len(found.stops):
+        stops = found.stops.select(pl.exclude("^trace_.*$")).with_columns(pl.col("flags").list.join(","))
+        written.append(_write_table(stops, folder / "stops.parquet"))
+    return written
+
+
+def write_curves_and_effects(found: CampaignCharacteristics, folder: Path) -> list[Path]:
+    """Write curves.parquet, and effects, intervals, budget and statements as effects.toml; without curves only this."""
+    tables: Row = {key: attrgetter(name)(found) for key, name in TABLES["effects"].items()}
+    tables["cycles"], tables["dwell"] = len(found.cycles), [_series(series) for series in found.dwell]
+    effects = write_tables(tables, folder / "effects.toml")
+    return [_write_table(_curves_frame(found), folder / "curves.parquet"), effects] if found.curves else [effects]
+
+
+def _write_table(table: pl.DataFrame, path: Path) -> Path:
+    write_frame(table, check_target(path, (".parquet",)))
+    return path
+
+
+def _curves_frame(found: CampaignCharacteristics) -> pl.DataFrame:
+    """Return all curves as one table with condition, direction, columns of `Curve`, and excluded points."""
+    import polars as pl
+
+    frames = []
+    for curve in found.curves:
+        rows = pl.DataFrame({name: getattr(curve, name) for name in TABLES["lists"]["curve"]})
+        rows = rows.with_columns(excluded=pl.lit(""))
+        if curve.direction == BOTH:
+            out = curve.excluded.with_columns(measured=True, cycles=pl.lit(1, pl.Int64))
+            rows = pl.concat([rows, out.rename({"reason": "excluded"})], how="diagonal")
+        of_curve = vars(curve.condition) | {n: getattr(curve, n) for n in ("direction", "contains_air", "complete")}
+        frames.append(pl.DataFrame([of_curve]).join(rows, how="cross", maintain_order="right"))
+    return pl.concat(frames).with_columns(pl.col(pl.Float64).fill_null(np.nan))
+
+
+def write_tables(tables: Row, path: str | Path) -> Path:
+    """Write results as TOML."""
+    return write_whole(check_target(path, (".toml",)), "\n".join(sections(_plain(tables))) + "\n")
+
+
+def _plain(value: Any) -> Any:  # noqa: ANN401 - any of the results' dataclasses
+    """Return results as plain data. Empty results become None: files do not have them.
+
+    The chamber of an effect of pressure is part of a key, ``slope_a``.
+    """
+    if is_dataclass(value):
+        parts: Row = {}
+        for field in fields(value):
+            part, effect = getattr(value, field.name), OF_CHAMBERS.get(field.name)
+            parts |= {field.name: part} if effect is None else {f"{effect}_{key}": e for key, e in part.items()}
+        value = parts
+    if isinstance(value, dict):
+        return {key: part for key, each in value.items() if (part := _plain(each)) is not None} or None
+    if isinstance(value, np.ndarray | np.generic):
+        value = value.tolist()
+    return [_plain(each) for each in value] or None if isinstance(value, list | tuple) else value
+
+
+def _series(s: DwellSeries) -> Row:
+    """Return a series as plain data for files."""
+    durations = s.stops["dwell_s"].to_list()
+    of_condition = zip(s.conditions, s.slopes, s.mean_slopes, strict=False)
+    named = {"series": s.name, "speed_m_s": s.speed_m_s, "released": s.released}
+    named |= {"stops": len(s.stops), "left_out": s.left_out}
+    return {
+        **named,
+        "shortest_s": min(durations, default=np.nan),
+        "longest_s": max(durations, default=np.nan),
+        **{name: getattr(s, name) for name in TABLES["stops"]["series"]},
+        "pressure": s.pressure,
+        "condition": [
+            {"pressure_a_pa": c.pressure_a_pa, "pressure_b_pa": c.pressure_b_pa, "slope": slope, "mean_slope": mean}
+            for c, slope, mean in of_condition
+        ],
+        "law": [_law(law) for law in s.laws],
+    }
+
+
+def _law(law: DwellLawFit) -> Row:
+    return {
+        "name": law.name,
+        "formula": law.form.formula,
+        "source": law.form.source,
+        "delta_aicc": law.delta,
+        **{name: getattr(law, name) for name in TABLES["stops"]["law"]},
+        "shape": {name: [value, *law.shape_intervals[name]] for name, value in law.shape.items()},
+    }

@@ -75,9 +75,9 @@ class CurveData:
         Relative position of the cycle in the campaign, 0 to 1.
     count : ndarray
         Number of cycles averaged in an observation.
-    chance : ndarray
-        Standard deviation of a cycle relative to that at mean friction; 1 everywhere if it does not depend on friction
-        in the unit of the response.
+    chance : ndarray or 1
+        Standard deviation of a cycle relative to that at mean friction; 1 if it does not depend on friction in the unit
+        of the response.
     blocks : ndarray, shape (n, blocks), or None
         Fraction of each block (or day) in each observation, if the design determines their deviations.
     drift : bool
@@ -93,7 +93,7 @@ class CurveData:
     curve: Ints
     order: Array
     count: Array
-    chance: Array
+    chance: Array | float = 1.0
     blocks: Array | None = None
     drift: bool = True
     logarithmic: bool = False
@@ -179,7 +179,7 @@ class CurveFit:
         """Best estimate of the drift at each observation, mean zero."""
         walk = {c.name: c.kernel for c in self.fit.model.components if c.name == "drift"}
         nothing = np.zeros((len(self.data), self.fit.model.x.shape[1]))
-        return self.fit.predict(nothing, walk, {name: np.diag(kernel) for name, kernel in walk.items()})
+        return mixed.Functionals(self.fit, nothing, walk, walk).predict()
 
     @property
     def logarithmic(self) -> bool:
@@ -222,7 +222,7 @@ def carried_drift(data: CurveData) -> float:
     time = data.order[on]
     left = time - projection(time, columns)
     away = time - time.mean()
-    return 1.0 - left @ left / (away @ away)
+    return float(1.0 - left @ left / (away @ away))
 
 
 def fit_curves(data: CurveData) -> CurveFit:

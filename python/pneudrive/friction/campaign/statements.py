@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
     from pneudrive.friction.campaign.reading import CampaignData
-    from pneudrive.friction.campaign.result import CampaignCharacteristics, Drift, Repeatability
+    from pneudrive.friction.campaign.result import CampaignCharacteristics, Drift
 
 SERVICE_BAR = (3.0, 10.0)  # gauge pressures at which such drives are used (assumed)
 FEW_LEVELS = 5  # speeds: fewer do not show the shape of a curve
@@ -33,12 +33,12 @@ def statements(
     found: CampaignCharacteristics, reading: CampaignData, points: CurvePoints | None, fits: Fits | None
 ) -> tuple[Statement, ...]:
     """Return statements on the determined and undetermined effects."""
-    said = [*_data(found, reading, points), *_ranges(found)]
-    if points is None or fits is None:
+    said = [*_data(found, reading, points)]
+    if fits is None:
         return (*said, say("curve.none"))
-    said += [*_curves(found, fits), *_sensor(found, reading, fits), *_scatter(found, reading, fits), *_left(fits)]
+    said += [*_curves(found, reading, fits), *_scatter(found, reading, fits), *_left(fits)]
     said += [*_drift(found, fits), *_pressure_zeros(reading)]
-    for effects in (_directions, _pressure, _air, _position, _stick_slip, _excluded):
+    for effects in (_directions, _pressure, _air, _position, _unsteady):
         said += effects(found)
     return tuple(said)
 
@@ -65,41 +65,31 @@ def _data(found: CampaignCharacteristics, reading: CampaignData, points: CurvePo
         yield say("data.notes", notes=named(reading.notes, "; "))
     if found.synthetic:
         yield say("data.synthetic")
-
-
-def _ranges(found: CampaignCharacteristics) -> Iterator[Statement]:
     slowest, fastest = found.ranges.speed_m_s
-    if not np.isfinite(slowest):
-        return
-    a, b = ([p / PA_PER_BAR for p in span] for span in (found.ranges.gauge_a_pa, found.ranges.gauge_b_pa))
-    yield say("range.measured", slowest=1e3 * slowest, fastest=1e3 * fastest, a=_span(a, "g"), b=_span(b, "g"))
-    highest = max(a + b)
-    if highest < SERVICE_BAR[0]:
-        yield say("range.below_service", highest=highest, service=SERVICE_BAR)
+    if np.isfinite(slowest):
+        a, b = ([p / PA_PER_BAR for p in span] for span in (found.ranges.gauge_a_pa, found.ranges.gauge_b_pa))
+        yield say("range.measured", slowest=1e3 * slowest, fastest=1e3 * fastest, a=_span(a, "g"), b=_span(b, "g"))
+        if (highest := max(a + b)) < SERVICE_BAR[0]:
+            yield say("range.below_service", highest=highest, service=SERVICE_BAR)
 
 
-def _curves(found: CampaignCharacteristics, fits: Fits) -> Iterator[Statement]:
+def _curves(found: CampaignCharacteristics, reading: CampaignData, fits: Fits) -> Iterator[Statement]:
+    """Return statements on the curves and on the accuracy of the force sensor."""
+    points, known, gain = fits.points, found.identity.force_calibration, reading.gain
     measured = {c.condition: int(c.measured.sum()) for c in found.curves}
     poor = [c.label(found.identity.ambient_pressure_pa) for c, n in measured.items() if n < FEW_LEVELS]
     if poor:
         yield say("curve.few_speeds", few=FEW_LEVELS, conditions="; ".join(poor))
-    place = 1e3 * fits.points.pattern.position_m[fits.points.pattern.common]
+    place = 1e3 * points.pattern.position_m[points.pattern.common]
     relative = fits.friction.relative
     open_kind = KIND_TOLD < relative < 1.0 - KIND_TOLD
     kind = "curve.mean" if open_kind else "curve.mean_relative" if relative > 0.5 else "curve.mean_in_newton"
     yield say(kind, first_mm=place[0], last_mm=place[-1])
-
-
-def _sensor(found: CampaignCharacteristics, reading: CampaignData, fits: Fits) -> Iterator[Statement]:
-    """Return statements on the accuracy of the force sensor."""
-    points = fits.points
     if points["assumed"].any():
         yield say("curve.accuracy_assumed" if "force_n" in found.identity.accuracy else "curve.accuracy_not_stated")
-    known = found.identity.force_calibration
     largest = np.abs(points["force_n"]).max()
     if known is not None and 0.0 < known.largest_n < largest:
         yield say("curve.beyond_calibration", largest=largest, known=known)
-    gain = reading.gain
     if gain.cycles:
         percent = {"measured": 100 * gain.measured, "expanded": 200 * gain.measured_stderr, "taken": 100 * gain.error}
         yield say(gain.sentence, **percent)
@@ -107,29 +97,25 @@ def _sensor(found: CampaignCharacteristics, reading: CampaignData, fits: Fits) -
 
 def _scatter(found: CampaignCharacteristics, reading: CampaignData, fits: Fits) -> Iterator[Statement]:
     repeat = found.repeatability
-    if repeat is not None and repeat.within is not None:
-        kind = "within" if repeat.between is None else "within_and_between"
-        yield say(f"repeatability.{kind}", r=repeat, kind=fits.block_kind)
-        yield from _once(found, repeat, fits)
-    if fits.blocks is None:
-        yield say("repeatability.one_block_each" if reading.several else "repeatability.one_block")
-
-
-def _once(found: CampaignCharacteristics, repeat: Repeatability, fits: Fits) -> Iterator[Statement]:
-    """Return a statement on points without repeats, whose narrow band comes from neighbouring points."""
+    assert repeat is not None
+    kind = "within" if repeat.between is None else "within_and_between"
+    yield say(f"repeatability.{kind}", r=repeat, kind=fits.block_kind)
+    # Points without repeats: their narrow band comes from neighbouring points.
     if repeat.basis == "smooth curve":
         yield say("repeatability.nothing_repeated")
     elif repeat.basis == "sentinels":
-        shares = [np.zeros(0)]  # width of the band at a point measured once, over the 95 % scatter of a single cycle
-        for curve, band in zip((c for c in found.curves if c.direction == BOTH), fits.bands, strict=True):
+        shares = []  # width of the band at a point measured once, over the 95 % scatter of a single cycle
+        for curve in (c for c in found.curves if c.direction == BOTH):
             once = curve.measured & (curve.cycles == 1)
-            cycle_n = deviation_n(fits, "cycle", band.value_n[once])
+            cycle_n = deviation_n(fits, "cycle", curve.friction_n[once])
             shares.append((curve.high_n - curve.low_n)[once] / (2.0 * NORMAL_95 * cycle_n))
         share = np.concatenate(shares)
         if share.size and np.median(share) < 1.0:
             count = sum(kinds.count("sentinel") for kinds in fits.points.labels("kind", np.arange(len(fits.points))))
             narrow = {"narrow": (share < 1.0).sum(), "points": share.size, "least": share.min()}
             yield say("repeatability.measured_once", sentinels=count, **narrow)
+    if fits.blocks is None:
+        yield say("repeatability.one_block_each" if reading.several else "repeatability.one_block")
 
 
 def _left(fits: Fits) -> Iterator[Statement]:
@@ -152,8 +138,7 @@ def _left(fits: Fits) -> Iterator[Statement]:
 
 def _drift(found: CampaignCharacteristics, fits: Fits) -> Iterator[Statement]:
     drift = found.drift
-    if drift is None:
-        return
+    assert drift is not None
     if fits.drift_share >= CARRIED:
         yield say("drift.not_carried" if np.ptp(fits.points["order"]) > 0.0 else "drift.no_order")
         return
@@ -260,25 +245,19 @@ def _position(found: CampaignCharacteristics) -> Iterator[Statement]:
             yield say("position.waves", prefix=prefix, waves=", ".join(waves))
 
 
-def _stick_slip(found: CampaignCharacteristics) -> Iterator[Statement]:
+def _unsteady(found: CampaignCharacteristics) -> Iterator[Statement]:
+    """Return statements on the start of stick-slip, and on cycles that are excluded from F(v)."""
     for threshold in found.stick_slip_thresholds:
         if threshold.low_m_s > 0.0:
             condition = threshold.condition.label(found.identity.ambient_pressure_pa)
             yield say("stick-slip.threshold", condition=condition, threshold=threshold)
-
-
-def _excluded(found: CampaignCharacteristics) -> Iterator[Statement]:
-    """Return statements on cycles that are excluded from F(v)."""
-    points = [p for c in found.curves if c.direction == BOTH for p in c.excluded]
-    off = [p for p in points if p.reason == OUTLIER]
+    points = [p for c in found.curves if c.direction == BOTH for p in c.excluded.iter_rows()]
+    off = [f"{friction:.3g} N at {1e3 * speed:.3g} mm/s" for speed, friction, reason in points if reason == OUTLIER]
     if off:
-        values = named(f"{p.friction_n:.3g} N at {1e3 * p.speed_m_s:.3g} mm/s" for p in off)
-        yield say("data.outliers", count=len(off), values=values)
-    excluded = [p for p in points if p.reason not in {OUTLIER, NEGATIVE}]
+        yield say("data.outliers", count=len(off), values=named(off))
+    excluded = sorted((1e3 * speed, reason) for speed, _, reason in points if reason not in {OUTLIER, NEGATIVE})
     if excluded:
-        speeds = sorted(1e3 * p.speed_m_s for p in excluded)
-        alike = speeds[-1] - speeds[0] < 0.01 * speeds[0]
-        at = f"{speeds[0]:.3g}" if alike else f"{speeds[0]:.3g} to {speeds[-1]:.3g}"
-        reasons = ", ".join(sorted({p.reason for p in excluded}))
+        slowest, fastest = excluded[0][0], excluded[-1][0]
+        at = f"{slowest:.3g}" if fastest - slowest < 0.01 * slowest else f"{slowest:.3g} to {fastest:.3g}"
         kind = "stick-slip.excluded_one" if len(excluded) == 1 else "stick-slip.excluded"
-        yield say(kind, count=len(excluded), speeds=at, reasons=reasons)
+        yield say(kind, count=len(excluded), speeds=at, reasons=", ".join(sorted({why for _, why in excluded})))

@@ -28,7 +28,13 @@ if TYPE_CHECKING:
     from pneudrive.friction.campaign.curves import Fits
 
 
-UNITS = {"time": "N/h", "travel": "N/decade", "temperature": "N/K", "interrupted": "N"}  # of effects of these causes
+#: Cause of a drift -> its effect in `Drift`, and the unit.
+EFFECTS = {
+    "time": ("per_hour", "N/h"),
+    "travel": ("per_decade_of_travel", "N/decade"),
+    "temperature": ("per_kelvin", "N/K"),
+    "interrupted": ("interrupted", "N"),
+}
 LEAST_KELVIN = 0.5  # least range of temperature for an effect
 LEAST_DECADES = 0.5  # of travel
 FIRST_TRAVEL_M = 1.0  # least travel for its logarithm
@@ -70,8 +76,10 @@ def drift_of(fits: Fits) -> Drift:
     """Describe the drift. Undetermined effects have the value None."""
     points, fit, scale = fits.points, fits.friction, fits.scale_n
     carried = fits.drift_share < CARRIED
-    known = {name: column for name, column in causes(fits).items() if carried or name == "interrupted"}
-    effects = {name: _effect(fits, column, UNITS[name]) for name, column in known.items()}
+    known, effects = causes(fits), dict[str, Estimate | None]()
+    for cause, (name, unit) in EFFECTS.items():
+        is_determined = cause in known and (carried or cause == "interrupted")
+        effects[name] = _effect(fits, known[cause], unit) if is_determined else None
     time, sentinel = points["elapsed_s"], points["kind"] == "sentinel"
     repeated = (np.bincount(points.cell[points.use]) > 1).any()
     basis = "sentinels" if sentinel.any() else "repeats" if repeated else "smooth curve"
@@ -83,10 +91,7 @@ def drift_of(fits: Fits) -> Drift:
         high_n=value + half,
         sentinel_time_s=time[sentinel],
         sentinel_n=points["friction_n"][sentinel],
-        per_hour=effects.get("time"),
-        per_decade_of_travel=effects.get("travel"),
-        per_kelvin=effects.get("temperature"),
-        interrupted=effects.get("interrupted"),
+        **effects,
         basis=basis if carried else "not determined",
         spread_n=float(np.std(value)),
     )
@@ -96,9 +101,14 @@ def _effect(fits: Fits, column: Array, unit: str) -> Estimate | None:
     """Return the effect of one cause on mean friction, estimated together with a smooth drift."""
     model = fits.friction.fit.model
     x = np.column_stack([model.x, column - column.mean()])
-    if independent(x).size < x.shape[1] or x.shape[0] <= x.shape[1] + 1:
+    if not _is_determined(x):
         return None
     return replace(model, x=x).fit().contrast(fits.scale_n * np.eye(x.shape[1])[-1], unit)
+
+
+def _is_determined(x: Array) -> bool:
+    """Return whether the cycles determine all fixed effects and their scatter."""
+    return x.shape[0] > x.shape[1] + 1 and independent(x).size == x.shape[1]
 
 
 def repeatability(fits: Fits) -> Repeatability:
@@ -119,13 +129,8 @@ def repeatability(fits: Fits) -> Repeatability:
         value = float(np.hypot(within.value, between.value))
         stderr = float(np.hypot(within.stderr * within.value, between.stderr * between.value)) / max(value, 1e-12)
         reach = NORMAL_95 * stderr / max(value, 1e-12)
-        total = replace(
-            within,
-            value=value,
-            low=value * np.exp(-reach),
-            high=value * np.exp(reach),
-            stderr=stderr,
-        )
+        ends = {"low": value * np.exp(-reach), "high": value * np.exp(reach)}
+        total = replace(within, value=value, **ends, stderr=stderr)
     return Repeatability(within, between, total, fit.relative > 0.5, basis)
 
 
@@ -146,27 +151,21 @@ def pure_scatter(fits: Fits) -> tuple[Estimate, float, str] | None:
     if not again.any():
         return None
     use, cell, y, order = use[again], cells(cell[again]), fit.data.y[again], fit.data.order[again]
-    weight = fit.data.count[again]
-    blocks = shares_of(points.labels("block", use))
-    columns = np.column_stack([order, blocks[:, :-1]])
-
-    def within(values: Array) -> Array:
-        total = np.zeros((cell.max() + 1, values.shape[1]))
-        np.add.at(total, cell, weight[:, None] * values)
-        return np.sqrt(weight)[:, None] * (values - total[cell] / np.bincount(cell, weight)[cell, None])
-
-    groups = np.unique(cell).size
-    kept = within(columns) if y.size - groups > ENOUGH_FOR_LINE else np.zeros((y.size, 0))
-    kept = kept[:, independent(kept)] if kept.size else kept
-    rest = within(y[:, None])[:, 0]
-    rest = rest - projection(rest, kept) if kept.size else rest
+    weight, groups = fit.data.count[again], cell.max() + 1
+    columns = np.column_stack([y, order, shares_of(points.labels("block", use))[:, :-1]])
+    total = np.zeros((groups, columns.shape[1]))
+    np.add.at(total, cell, weight[:, None] * columns)
+    columns = np.sqrt(weight)[:, None] * (columns - total[cell] / np.bincount(cell, weight)[cell, None])
+    rest, kept = columns[:, 0], columns[:, 1 : None if y.size - groups > ENOUGH_FOR_LINE else 1]
+    kept = kept[:, independent(kept)]
+    rest = rest - projection(rest, kept)
     free = y.size - groups - kept.shape[1]
     if free < 1:
         return None
     value = float(np.sqrt(rest @ rest / free))
     low, high = (value * float(np.sqrt(free / chdtri(free, p))) for p in (0.025, 0.975))
     sentinel = points["kind"][use] == "sentinel"
-    others = np.bincount(cell[~sentinel], minlength=cell.max() + 1)  # one more sweep at the point of the sentinels
+    others = np.bincount(cell[~sentinel], minlength=groups)  # one more sweep at the point of the sentinels
     kinds = (["repeats"] if others.max() > 1 else []) + (["sentinels"] if sentinel.any() else [])
     basis = " and ".join(kinds)
     estimate = Estimate(value, low, high, value / float(np.sqrt(2.0 * free)), "N", free)
@@ -189,12 +188,12 @@ COVERED = 0.9  # of the common bins: cycles that lack more are not used for tren
 
 def position_dependence(points: CurvePoints) -> tuple[PositionPattern, ...]:
     """Describe friction over position: for each mounting, seal and drive, then for conditions with enough cycles."""
-    own = [(c.title, c, points.use & (points["curve"] == i)) for i, c in enumerate(points.conditions)]
-    parts = {title: [one for one in own if one[0] == title] for title, _, _ in own}
-    groups = [(title, None, np.any([one[2] for one in some], axis=0)) for title, some in parts.items()]
-    groups += [one for some in parts.values() if len(some) > 1 for one in some]
-    found = [_describe(points, *group) for group in groups]
-    return tuple(one for one in found if one is not None)
+    found = [_describe(points, title, None, members) for title, members in points.assemblies.items()]
+    for title in points.assemblies:
+        own = [(i, c) for i, c in enumerate(points.conditions) if c.title == title]
+        if len(own) > 1:
+            found += [_describe(points, title, c, points.use & (points["curve"] == i)) for i, c in own]
+    return tuple(pattern for pattern in found if pattern is not None)
 
 
 def _describe(points: CurvePoints, title: str, condition: Condition | None, members: Bools) -> PositionPattern | None:
@@ -374,18 +373,10 @@ class _Design:
         """Return the values minus their mean over the compared cycles; zero for other cycles."""
         return np.where(self.compared, values - values[self.compared].mean(), 0.0)
 
-    def over_speed(self, columns: list[Array]) -> list[Array]:
-        """Return the columns, and the product of each with the logarithm of speed."""
-        tilt = self.centred(np.log(self.points["speed_m_s"]))
-        return [*columns, *(c * tilt for c in columns)] if self.speeds.size > 1 else columns
-
 
 def pressure_effects(fits: Fits, ambient_pa: float) -> tuple[PressureEffects, ...]:
     """Find the effects of pressure for each set of mounting, seal and drive with several pressure pairs."""
-    points = fits.points
-    titles = np.array([c.title for c in points.conditions])
-    groups = {title: points.use & (titles == title)[points["curve"]] for title in dict.fromkeys(titles.tolist())}
-    found = (_effects(ambient_pa, fits, members, title) for title, members in groups.items())
+    found = (_effects(ambient_pa, fits, members, title) for title, members in fits.points.assemblies.items())
     return tuple(effect for effect in found if effect is not None)
 
 
@@ -480,7 +471,7 @@ def _design(ambient_pa: float, fits: Fits, members: Bools) -> _Design | None:
 
 def _fit(fits: Fits, design: _Design, x: Array) -> MixedFit | None:
     """Fit fixed effects with the random effects of the curves' model; None with too few cycles."""
-    if x.shape[0] <= x.shape[1] + 1 or independent(x).size < x.shape[1]:
+    if not _is_determined(x):
         return None
     y = design.points["friction_n"]
     # A relative source is proportional to friction as predicted by the fixed effects, not to
@@ -506,7 +497,9 @@ def _widened(design: _Design, x: Array, columns: list[Array]) -> Array:
     Columns are the product of both centred pressures, or their squares: mean over speeds, and change with log
     speed. With the product, a slope applies at the mean of the other pressure.
     """
-    wide = np.column_stack([x, *design.over_speed(columns)])
+    tilt = design.centred(np.log(design.points["speed_m_s"]))
+    over_speed = [column * tilt for column in columns] if design.speeds.size > 1 else []
+    wide = np.column_stack([x, *columns, *over_speed])
     kept = independent(wide)
     return wide[:, kept] if np.isin(x.shape[1] + np.arange(len(columns)), kept).all() else x
 
