@@ -27,7 +27,7 @@ from pneudrive.friction.strokes import SampleChoice, Settled, StrokeUse, stroke_
 from pneudrive.lazy_names import upper
 from pneudrive.progress import Flag, Progress, Watch
 from pneudrive.signals.layout import AnyLayout
-from pneudrive.signals.load import LongFile, digest_of, find_cycles, find_long, from_run, is_run, recording_files
+from pneudrive.signals.load import RecordingFile, digest_of, find_cycles, find_long, from_run, is_run, recording_files
 from pneudrive.signals.recording import CHANNELS, Recording
 from pneudrive.views import View, Viewed
 
@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     import polars as pl
     import xarray as xr
 
-    Reader = Callable[[], Recording | LongFile]
+    Reader = Callable[[], Recording | RecordingFile]
     Input = Sequence[Recording | str | Path | xr.Dataset] | Recording | str | Path | xr.Dataset
 
 
@@ -323,7 +323,7 @@ def characterise_recordings(
         watch.tell(place, number, "recordings characterised")
         try:
             recording = read()
-            if isinstance(recording, LongFile):
+            if isinstance(recording, RecordingFile):
                 long.append(name)
                 result = reduction.extract_long(recording, choice, watch)
             else:

@@ -37,7 +37,7 @@ if TYPE_CHECKING:
 
     from pneudrive.arrays import Array, Bools, Columns, Interval, NamedNumbers, Row
     from pneudrive.friction.strokes import MeasuredStroke
-    from pneudrive.signals.load import LongFile
+    from pneudrive.signals.load import RecordingFile
 
     Part = tuple[RecordedMotion, tuple[Stroke, ...]]
 
@@ -334,12 +334,13 @@ def extract(recording: Recording, choice: SampleChoice) -> RecordingResult:
     return _result(motion, motion.strokes, tables, window)
 
 
-def extract_long(file: LongFile, choice: SampleChoice, watch: Watch) -> RecordingResult:
+def extract_long(file: RecordingFile, choice: SampleChoice, watch: Watch) -> RecordingResult:
     """Extract friction from a long recording.
 
     Parameters
     ----------
-    file : LongFile
+    file : RecordingFile
+        A long recording from `pneudrive.signals.load.find_long`.
     choice : SampleChoice
     watch : Watch
         Receives the number of rows done.
@@ -427,9 +428,9 @@ def window_of(motion: RecordedMotion) -> Interval:
     return recording.window_m
 
 
-def _parts(file: LongFile, choice: SampleChoice, watch: Watch) -> Iterator[Part]:
+def _parts(file: RecordingFile, choice: SampleChoice, watch: Watch) -> Iterator[Part]:
     """Read a recording part by part, each with its counted strokes; the next part is read in the background."""
-    name, first, count = file.name, file.first, file.count
+    name, (first, count) = file.name, file.span
     blocks = [(begin, min(begin + PART_SAMPLES, count)) for begin in range(first, count, PART_SAMPLES)]
     left: Columns = {}
     is_first = True

@@ -18,7 +18,7 @@ from pneudrive.simulation.trajectory import meaning, save_columns
 from pneudrive.units import converter, is_unit
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterable, Sequence
     from pathlib import Path
 
     from numpy.typing import NDArray
@@ -72,10 +72,7 @@ class FileChannel:
         if self.said is None:
             return raw
         value = self.said.in_unit(raw)
-        if self.curve is None:
-            return value
-        sign = 1 if self.said.positive == "+x" else -1
-        return sign * self.curve.force_n(sign * (self.slope * value)) / self.slope
+        return value if self.curve is None else self.said.corrected(self.slope * value, self.curve) / self.slope
 
     def si(self, shown: Any) -> Any:  # noqa: ANN401 - a number or an array
         """Convert displayed numbers to SI, without a copy if they are unchanged."""
@@ -180,7 +177,7 @@ def open_channels(path: Path, layout: Layout | None, cache: Path) -> ChannelFile
             raise error from None
         told = (f"the layout does not fit this file: {error.what}", "its columns are shown unchanged", error.remedy)
         notes = ("; ".join(filter(None, told)),)
-    kinds = _kinds(table)
+    kinds = {name: kind for name, kind in _kinds(table, table.names[:MOST_COLUMNS]).items() if kind in "iufM"}
     if not any(kind in "iuf" for kind in kinds.values()):
         raise RecordingError("the file has no column of numbers", where=path.name)
     time = _time(said, units, roles, kinds)
@@ -258,8 +255,7 @@ def _open(path: Path, said: FileLayout | None, cache: Path) -> tuple[Table, Name
         if said is None:
             return table, {}, {}
         names = names_of(said.places, table.names, path)
-        kinds = [table.get([name], (0, 16))[name].dtype.kind for name in names.values()]
-        if said.is_plain and not any(kind in TEXT_KINDS for kind in kinds):
+        if said.is_plain and TEXT_KINDS.isdisjoint(_kinds(table, names.values()).values()):
             return table, {}, {names[column.column]: channel for channel, column in said.channels.items()}
     how = (said.format, said.text_form, said.channels) if said is not None else ()
     converted = cache / f"table-{hashlib.sha256(repr(how).encode()).hexdigest()[:16]}.parquet"
@@ -287,14 +283,9 @@ def _converted(path: Path, said: FileLayout | None) -> tuple[dict[str, Array], d
     return {names[role]: values for role, values in channels.items()} | rest, about
 
 
-def _kinds(table: Table) -> dict[str, str]:
-    """Return the kind of each column with numbers, or dates and times, according to its first rows."""
-    out = {}
-    for name in table.names[:MOST_COLUMNS]:
-        first = table.get([name], (0, 16)).get(name)
-        if first is not None and first.ndim == 1 and first.dtype.kind in "iufM":
-            out[name] = first.dtype.kind
-    return out
+def _kinds(table: Table, names: Iterable[str]) -> Names:
+    """Return the kind of the values of columns (of NumPy), according to their first rows."""
+    return {name: first.dtype.kind for name, first in table.get(names, (0, 16)).items() if first.ndim == 1}
 
 
 def _time(said: FileLayout | None, units: Names, roles: Names, kinds: Names) -> FileChannel | None:

@@ -280,8 +280,9 @@ class FileColumn:
 
 
 class Candidate(NamedTuple):
-    """A column that may have a role, with the weight of its evidence."""
+    """A column that may have a role, with the weight of its evidence, and the next candidate in words, if chosen."""
 
     column: FileColumn
     score: float
     evidence: tuple[str, ...]
+    rank: str = ""

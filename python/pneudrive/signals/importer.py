@@ -326,8 +326,7 @@ def si_columns(layout: FileLayout, raw: Columns) -> Plain:
     for number, force in enumerate(layout.force, 1):
         across = values.pop(f"force {number}: pressure") - values.pop(f"force {number}: against", layout.ambient_pa)
         values[f"force {number}"] = (1 if force.positive == "+x" else -1) * force.area_m2 * across
-    stated = layout.chamber_pressures() if layout.kind == "rig" else {}
-    return {SI_NAMES.get(channel, channel): column for channel, column in (values | stated).items()}
+    return {SI_NAMES.get(channel, channel): column for channel, column in (values | layout.chamber_pressures()).items()}
 
 
 def convert(layout: FileLayout, channel: str, raw: Array) -> Array:
@@ -337,9 +336,8 @@ def convert(layout: FileLayout, channel: str, raw: Array) -> Array:
     value = column.in_unit(raw)
     value = value if unit.factor == 1.0 else unit.factor * value
     value = value + unit.shift  # always: the result is never the raw column, and has no zero with a sign
-    if channel == "force" and curve is not None:  # of the sensor, before the sign
-        sign = 1 if column.positive == "+x" else -1
-        value = sign * curve.force_n(sign * value)
+    if channel == "force" and curve is not None:
+        value = column.corrected(value, curve)
     if channel == "command" and column.range is not None:  # noise of the measured signal at full opening
         value = np.where(np.abs(value) < 1.0 + SIGNAL_NOISE, np.clip(value, -1.0, 1.0), value)
     return value + layout.ambient_pa if unit.gauge else value

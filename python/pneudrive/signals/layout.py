@@ -113,6 +113,11 @@ class Column(Described):
         value = value if self.offset == 0.0 else value + self.offset
         return value if self.positive == "+x" else -1 * value
 
+    def corrected(self, force_n: Array, curve: ForceCalibration) -> Array:
+        """Return forces corrected by the calibration of the sensor, whose sign is `positive`."""
+        sign = 1 if self.positive == "+x" else -1
+        return sign * curve.force_n(sign * force_n)
+
     @model_validator(mode="after")
     def _fits_the_channel(self) -> Column:
         said = self.model_fields_set

@@ -5,8 +5,9 @@ from __future__ import annotations
 import hashlib
 import sys
 from collections import Counter
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeGuard
 
@@ -35,11 +36,15 @@ MISSING_LAYOUT = "give a layout with --layout LAYOUT.toml; 'pneudrive layout FIL
 
 @dataclass(frozen=True)
 class RecordingFile:
-    """A file, its layout (None for a trajectory file), and the name of its recording."""
+    """A file, its layout (None for a trajectory file), and the name of its recording.
+
+    ``table`` is the open file of a long recording, a Parquet file of many rows that is read part by part.
+    """
 
     path: Path
     layout: Layout | None
     name: str
+    table: Table | None = None
 
     @cached_property
     def said(self) -> FileLayout | None:
@@ -56,6 +61,27 @@ class RecordingFile:
         if self.said is None:
             return read_trajectory(self.path, self.name)
         return to_recording(self.name, self.path, self.said, *import_file(self.path, self.said))
+
+    @property
+    def span(self) -> tuple[int, int]:
+        """First row of a long recording that is used, and the number of its rows."""
+        assert self.table is not None
+        return (0 if self.said is None else self.said.skip_samples), self.table.count()
+
+    def rows(self, rows: tuple[int, int]) -> Columns:
+        """Read some rows of the raw columns, by channel."""
+        if self.said is None:
+            return read_columns(self.path, MEASURED, rows, self.table)
+        return read_rows(self.path, self.said, rows)
+
+    def sha256(self) -> str:
+        """Return the hash of a long recording: of the bytes of its file, or of the columns of a trajectory."""
+        if self.said is None and self.table is not None:
+            edges = [*range(0, self.table.count(), HASHED_ROWS), self.table.count()]
+            pieces = ((column, part) for column in COLUMNS for part in pairwise(edges))
+            return digest_of(read_columns(self.path, [c], part, self.table)[c] for c, part in pieces)
+        with self.path.open("rb", buffering=0) as data:
+            return hashlib.file_digest(data, "sha256").hexdigest()
 
     def part(self, raw: Columns, name: str = "") -> Recording:
         """Return a recording from some rows of the raw columns, without the hash of the file."""
@@ -159,53 +185,15 @@ def load_recording(path: Path, layout: Layout, kind: str = "rig") -> Recording:
     return to_recording(stem(path), path, said, *import_file(path, said))
 
 
-@dataclass(frozen=True)
-class LongFile(RecordingFile):
-    """A Parquet file of many rows that is read part by part.
-
-    Attributes
-    ----------
-    count : int
-        Rows of the file.
-    table : Table
-        The file, open.
-    """
-
-    count: int
-    table: Table
-
-    @property
-    def first(self) -> int:
-        """First row that is used."""
-        return 0 if self.said is None else self.said.skip_samples
-
-    def rows(self, rows: tuple[int, int]) -> Columns:
-        """Read some rows of the raw columns, by channel."""
-        if self.said is None:
-            return read_columns(self.path, MEASURED, rows, self.table)
-        return read_rows(self.path, self.said, rows)
-
-    def sha256(self) -> str:
-        """Return the hash of a file that is one recording: of its bytes, or of the columns of a trajectory."""
-        if self.said is None:
-            parts = [(begin, min(begin + HASHED_ROWS, self.count)) for begin in range(0, self.count, HASHED_ROWS)]
-            pieces = ((column, part) for column in COLUMNS for part in parts)
-            return digest_of(read_columns(self.path, [c], part, self.table)[c] for c, part in pieces)
-        with self.path.open("rb", buffering=0) as data:
-            return hashlib.file_digest(data, "sha256").hexdigest()
-
-
-def find_long(file: RecordingFile, least: int) -> LongFile | None:
+def find_long(file: RecordingFile, least: int) -> RecordingFile | None:
     """Open a Parquet file with more than `least` rows for reading in parts; None: another file, or time as dates."""
     said = file.said
     if said is None:
         is_plain = file.path.suffix == ".parquet"
     else:
         is_plain = said.format == "parquet" and said.is_plain and not said.dates and not file.has_cycles
-    table = open_table(file.path, "parquet") if is_plain else None
-    if table is None or (count := table.count()) <= least:
-        return None
-    return LongFile(file.path, file.layout, file.name, count, table)
+    long = replace(file, table=open_table(file.path, "parquet")) if is_plain else file
+    return long if long.table is not None and long.table.count() > least else None
 
 
 def to_recording(
@@ -222,8 +210,7 @@ def to_recording(
     measured = {SI_NAMES[name]: layout.channels[name] for name in rig_channels if name in layout.channels}
     limits = {name: column.range for name, column in measured.items() if column.range is not None}
     if curve is not None and "force_n" in limits:
-        sign = 1 if layout.channels["force"].positive == "+x" else -1
-        low, high = sign * curve.force_n(sign * np.array(limits["force_n"]))
+        low, high = layout.channels["force"].corrected(np.array(limits["force_n"]), curve)
         limits["force_n"] = (float(low), float(high))
     area_a, area_b = layout.geometry.areas() if layout.kind == "rig" else (0.0, 0.0)
     return Recording(
@@ -290,12 +277,11 @@ def find_cycles(file: RecordingFile) -> tuple[Ints, Iterator[Recording]]:
 def _recordings(file: RecordingFile, bounds: Ints, numbers: Ints) -> Iterator[Recording]:
     """Yield the cycles of a campaign file from the first row of each and the end, reading a batch of rows at a time."""
     start = 0
-    assert file.said is not None
     while start < numbers.size:
         last = int(np.searchsorted(bounds, bounds[start] + BATCH_SAMPLES, side="right")) - 1
         stop = min(max(last, start + 1), numbers.size)
         rows = bounds[start : stop + 1] - bounds[start]
-        raw = read_rows(file.path, file.said, (int(bounds[start]), int(bounds[stop])))
+        raw = file.rows((int(bounds[start]), int(bounds[stop])))
         for number, first, end in zip(numbers[start:stop], rows[:-1], rows[1:], strict=True):
             yield file.part(rows_of(raw, slice(first, end)), f"{stem(file.path)}/{number}")
         start = stop

@@ -10,7 +10,7 @@ import numpy as np
 from pneudrive.constants import STANDARD_ATMOSPHERE_PA, STANDARD_GRAVITY_M_S2
 from pneudrive.errors import RecordingError
 from pneudrive.lazy_names import upper
-from pneudrive.signals.motion import NOISE_FACTOR, Stroke, middle, noise_level, thinned
+from pneudrive.signals.motion import NOISE_FACTOR, Stroke, middle, noise_level, quantiles, thinned
 from pneudrive.views import View, Viewed
 
 if TYPE_CHECKING:
@@ -408,9 +408,9 @@ def refuse_pressure(name: str, pressure_pa: Array, where: str) -> None:
     RecordingError
         The pressure is below vacuum or beyond the range.
     """
-    if pressure_pa.size == 0 or _all_within(pressure_pa, LOWEST_PA, PRESSURES_PA[0]):
+    if pressure_pa.size == 0:
         return
-    low, high = np.quantile(thinned(pressure_pa), QUANTILES)
+    low, high = quantiles(thinned(pressure_pa), *QUANTILES)
     if low < LOWEST_PA or high > PRESSURES_PA[0]:
         worst, why = (low, "lies below vacuum") if low < LOWEST_PA else (high, "no pneumatic rig has")
         ends = {"bar": worst / 1e5, "most": PRESSURES_PA[0] / 1e5}
@@ -428,8 +428,8 @@ def refuse_channels(recording: Recording) -> None:
     where = str(recording.source or recording.name)
     for channel in ("pressure_a_pa", "pressure_b_pa"):
         refuse_pressure(channel.removesuffix("_pa"), getattr(recording, channel), where)
-    if recording.force_n.size and not _all_within(recording.force_n, -FORCES_N[0], FORCES_N[0]):
-        strongest = float(np.quantile(np.abs(thinned(recording.force_n)), QUANTILES[1]))
+    if recording.force_n.size:
+        (strongest,) = quantiles(np.abs(thinned(recording.force_n)), QUANTILES[1])
         _no_more("the force reaches", strongest, FORCES_N[0], "N", "force", where)
 
 
@@ -453,8 +453,3 @@ def _no_more(what: str, value: float, limit: float, unit: str, column: str, wher
     if value > limit:
         names = {"what": f"{what} {value:.4g} {unit}", "most": f"{limit:g} {unit}", "column": column}
         raise RecordingError.of("signals.more-than-any", where=where, **names)
-
-
-def _all_within(values: Array, low: float, high: float) -> bool:
-    """Return whether all values are within limits. The slower quantiles are then not needed."""
-    return bool(low <= values.min() and values.max() <= high)

@@ -304,60 +304,56 @@ class RoleSearch:
         """Find the position by name, otherwise as the signal that moves evenly, with few small reversals."""
         if named := self.candidates("position"):
             named = _backed(named, "strokes", lambda values: unevenness(values, is_one_of_many=True) < np.inf)
-            chosen, rank = self._choose("position", named)
+            chosen = self._choose("position", named)
         else:
             signals = self._signals()
             ranked = sorted((unevenness(one.values, is_one_of_many=len(signals) > 1), one.index) for one in signals)
             ranked = [(badness, index) for badness, index in ranked if badness < 3.0]
             close = [index for badness, index in ranked if badness < ranked[0][0] + CLEAR_STROKES]
-            chosen, rank = self._only_one("position", ranked, close, "even strokes", "these columns move alike")
+            chosen = self._only_one("position", ranked, close, "even strokes", "these columns move alike")
         if chosen is not None:
-            self._accept("position", chosen, rank)
+            self._accept("position", chosen)
             self.directions = Directions.of(chosen.column.values)
 
     def _only_one(
         self, role: str, ranked: Sequence[tuple[float, int]], close: Sequence[int], evidence: str, why: str
-    ) -> tuple[Candidate | None, str]:
-        """Return the only candidate among columns without names, and the next one in words.
-
-        If several are close, the user is asked.
-        """
+    ) -> Candidate | None:
+        """Return the only candidate among columns without names. If several are close, the user is asked."""
         some = [Candidate(self.columns[index], PHYSICS, (evidence,)) for index in close]
         if len(some) > 1:
             self._ask(role, why, some)
             self.taken |= set(close)
         rank = f"next: column {self.columns[ranked[1][1]].place!r}" if len(ranked) > 1 else NO_OTHER
-        return some[0] if len(some) == 1 else None, rank
+        return some[0]._replace(rank=rank) if len(some) == 1 else None
 
     def _force(self) -> None:
-        directions, named = self.directions, self.candidates("force")
-        chosen, rank = None, ""
+        directions, named, chosen = self.directions, self.candidates("force"), None
         if named:
             if directions is not None:
                 named = _backed(named, "changes with the direction", lambda values: directions.sign(values) != 0)
-            chosen, rank = self._choose("force", named)
+            chosen = self._choose("force", named)
         elif directions is not None and self.guess("command") is None:
-            chosen, rank = self._force_by_swing(directions)
+            chosen = self._force_by_swing(directions)
         if chosen is None:
             return
         self.sign = 0 if directions is None else directions.sign(chosen.column.values)
         if directions is not None and self.sign == 0:
             why = "the force does not show its sign, as it hardly changes with the direction"
-            self._ask("force", f'{why}: positive = "+x" or "-x"', [chosen])
+            self._ask("force", f'{why}: positive = "+x" or "-x"', [chosen._replace(rank="")])
             self.taken.add(chosen.column.index)
         else:
-            self._accept("force", chosen, rank)
+            self._accept("force", chosen)
 
-    def _force_by_swing(self, directions: Directions) -> tuple[Candidate | None, str]:
+    def _force_by_swing(self, directions: Directions) -> Candidate | None:
         """Find the signal that changes most with the direction."""
         signals = self._signals()
         ranked = sorted(((directions.swing(one.values), one.index) for one in signals), reverse=True)
         if not ranked or ranked[0][0] == 0.0:
-            return None, ""
+            return None
         best = self.columns[ranked[0][1]]
         if is_held(best.values) and len(signals) >= FEWEST:
-            self._accept("command", Candidate(best, PHYSICS, HELD), "")
-            return None, ""
+            self._accept("command", Candidate(best, PHYSICS, HELD))
+            return None
         close = [index for swing, index in ranked if swing * CLEAR_SWING > ranked[0][0]]
         most = "changes most with the direction" if len(close) == 1 else "changes with the direction"
         return self._only_one("force", ranked, close, most, "these columns change with the direction")
@@ -387,7 +383,7 @@ class RoleSearch:
             self._settle(f"pressure_{side}", some, f"chamber {side} by its name; ")
         if len(free) == 1:
             side = "b" if "a" in sides else "a"
-            self._accept(f"pressure_{side}", free[0], f"chamber {side}: the other pressure is named")
+            self._accept(f"pressure_{side}", free[0]._replace(rank=f"chamber {side}: the other pressure is named"))
         elif free:
             self._ask("the other pressure", "more than one column is possible", free)
 
@@ -403,7 +399,7 @@ class RoleSearch:
                 self._ask("pressure_a and pressure_b" if len(free) > 1 else "pressure", why, free)
                 return
             for one, chamber in zip(free, (side, "b" if side == "a" else "a"), strict=False):
-                self._accept(f"pressure_{chamber}", one, f"chamber {chamber}: {why}; {NO_OTHER}")
+                self._accept(f"pressure_{chamber}", one._replace(rank=f"chamber {chamber}: {why}; {NO_OTHER}"))
 
     def _chamber(self, pressures: list[Array]) -> tuple[str, str]:
         """Return the chamber of the first pressure, and the evidence; empty if the force balance does not show it."""
@@ -451,30 +447,27 @@ class RoleSearch:
                 why = f"channel {name!r} has {length} values and the others have {usual}: resample it to their times"
                 self.questions.append(Question(role, why))
 
-    def _settle(self, role: str, named: list[Candidate], note: str = "") -> Candidate | None:
-        """Return the best candidate as the guess of a role, unless the user is asked."""
-        chosen, rank = self._choose(role, named)
+    def _settle(self, role: str, named: list[Candidate], note: str = "") -> None:
+        """Add the best candidate as the guess of a role, unless the user is asked."""
+        chosen = self._choose(role, named)
         if chosen is not None:
-            self._accept(role, chosen, note + rank)
-        return chosen
+            self._accept(role, chosen._replace(rank=note + chosen.rank))
 
-    def _choose(self, role: str, named: list[Candidate]) -> tuple[Candidate | None, str]:
-        """Return the best candidate, and the next one in words.
-
-        If candidates are similarly good, the user is asked, unless they show the same signal.
-        """
+    def _choose(self, role: str, named: list[Candidate]) -> Candidate | None:
+        """Return the best candidate. If others are similarly good and show other signals, the user is asked."""
         best, *rest = sorted(named, key=lambda one: -one.score)
         close = [one for one in rest if one.score > best.score - CLEAR]
         others = [one for one in close if not same_signal(best.column.values, one.column.values)]
         self.taken |= {one.column.index for one in (best, *close)}
         if others:
             self._ask(role, "more than one column is possible", [best, *others])
-            return None, ""
-        return best, f"next: column {rest[0].column.place!r} ({', '.join(rest[0].evidence)})" if rest else NO_OTHER
+            return None
+        rank = f"next: column {rest[0].column.place!r} ({', '.join(rest[0].evidence)})" if rest else NO_OTHER
+        return best._replace(rank=rank)
 
-    def _accept(self, role: str, one: Candidate, rank: str) -> None:
+    def _accept(self, role: str, one: Candidate) -> None:
         """Add a guess with its unit. For an unknown unit, a count or volts, the user is asked."""
-        column, guess = one.column, self._guess(role, one, rank)
+        column, guess = one.column, self._guess(role, one)
         same = {other.index for other in self._without_role() if same_signal(column.values, other.values)}
         self.taken |= same | {column.index}
         if column.unknown and not column.unit:
@@ -488,7 +481,7 @@ class RoleSearch:
         else:
             self.guesses.append(guess)
 
-    def _guess(self, role: str, one: Candidate, rank: str) -> Guess:
+    def _guess(self, role: str, one: Candidate) -> Guess:
         column = one.column
         unit, gauge, is_named = _unit(column, role)
         keys = [] if is_named or role == "command" else ["guessed = true"]
@@ -500,18 +493,18 @@ class RoleSearch:
         if late := self._late(column):
             keys.append(f'delay = "{-late:.9g} s"')
         reason = f"{', '.join(one.evidence)}, unit {'as named' if is_named else 'guessed from its size'}"
-        reason = "; ".join(filter(None, [reason, rank]))
+        reason = "; ".join(filter(None, [reason, one.rank]))
         return Guess(role, column, unit, reason, gauge, ", ".join(keys))
 
     def _ask(self, role: str, why: str, candidates: list[Candidate]) -> None:
         kind = "pressure" if " " in role and "pressure" in role else role
-        self.questions.append(Question(role, why, tuple(self._guess(kind, one, "") for one in candidates)))
+        self.questions.append(Question(role, why, tuple(self._guess(kind, one) for one in candidates)))
 
 
 def _backed(named: list[Candidate], text: str, shows: Callable[[Array], bool]) -> list[Candidate]:
     """Return the candidates, with evidence from their numbers added."""
     return [
-        Candidate(one.column, one.score + PHYSICS, (*one.evidence, text)) if shows(one.column.values) else one
+        one._replace(score=one.score + PHYSICS, evidence=(*one.evidence, text)) if shows(one.column.values) else one
         for one in named
     ]
 
