@@ -77,7 +77,7 @@ class PneudriveError(Exception):
     ----------
     what : str
         Problem, with names and values.
-    where : str, optional
+    where : str or Path, optional
         File and line, command-line option, row or time.
     value : object, optional
         The rejected value or line, as the user wrote it.
@@ -98,13 +98,14 @@ class PneudriveError(Exception):
         self,
         what: str,
         *,
-        where: str | None = None,
+        where: str | Path | None = None,
         value: object = None,
         rule: str | None = None,
         remedy: str | None = None,
     ) -> None:
         super().__init__(what)
-        self.what, self.where, self.value, self.rule, self.remedy = what, where, value, rule, remedy
+        self.what, self.value, self.rule, self.remedy = what, value, rule, remedy
+        self.where = None if where is None else str(where)
         self.others: tuple[Any, ...] = ()  # further errors
 
     @classmethod

@@ -281,7 +281,7 @@ def load_replay(source: str | Path, seed: int, pace: float | None) -> ReplayRig:
     campaign = Campaign.open(folder)
     files = [file for file in campaign.cycles() if file.head.cycle.kind != "operator"]
     if not files:
-        raise RigError("the campaign has no finished cycle to play", where=str(folder))
+        raise RigError("the campaign has no finished cycle to play", where=folder)
     identity, envelope = identity or campaign.identity, campaign.about.get("envelope")
     limits = limits or (envelope_of(envelope, str(folder / ABOUT)) if envelope else _envelope(files, identity))
     return ReplayRig(files, identity, limits, pace, file)

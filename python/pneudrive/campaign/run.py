@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
     from pneudrive.arrays import Plain
-    from pneudrive.campaign.planning.planned import Plan
+    from pneudrive.campaign.planning.preflight import Plan
     from pneudrive.campaign.running.live import Display
     from pneudrive.progress import Flag
 
@@ -107,7 +107,7 @@ def run_campaign(
         there = Campaign.open(folder)
         if asked.text.strip() != there.protocol.strip():
             names = {"there": there.about.get("name", ""), "name": asked.name, "folder": folder}
-            raise CampaignError.of("campaign.other-protocol", where=str(folder), **names)
+            raise CampaignError.of("campaign.other-protocol", where=folder, **names)
         return resume_campaign(folder, rig, options=options, pace=pace, **audience)
     with _bench(rig, asked.seed, pace) as (bench, source):
         check_levels(asked, bench)
@@ -115,7 +115,7 @@ def run_campaign(
         make_folder(folder)
         with FolderLock(folder) as lock:
             if (folder / ABOUT).exists():  # another process was faster
-                raise CampaignError.of("campaign.begun", where=str(folder), folder=folder)
+                raise CampaignError.of("campaign.begun", where=folder, folder=folder)
             operator = (options and options.operator) or asked.operator
             about = _about(plan, operator, {**asked.labels, **(labels or {})}, source)
             inputs = [stored_input("rig", source, source, _digest(source))] if Path(source).is_file() else []
@@ -178,7 +178,7 @@ def resume_campaign(
         if not other and identity.synthetic and before and _digest(source) not in ("", before):
             other = [f"the file {source}"]
         if other:  # cycles of another rig are not comparable
-            raise CampaignError.of("campaign.other-rig", where=str(campaign.path), names=", ".join(other))
+            raise CampaignError.of("campaign.other-rig", where=campaign.path, names=", ".join(other))
         if (limits := bench.limits()) != plan.envelope:
             lay_out(plan.protocol, campaign.identity, limits)  # check again: the rig may allow less than before
         audience = {"display": display, "prompt": prompt, "subscribers": subscribers, "cancel": cancel}

@@ -90,12 +90,12 @@ class SimulatedRig:
 
     def identity(self) -> Identity:
         """Return the identity of the rig, with the stated accuracies."""
-        d = self.description
+        d, tables = self.description, self.description.tables
         channels = {
-            "force_n": (d.force_sensor, d.tables.force_sensor.accuracy),
-            "pressure_a_pa": (d.pressure_sensor, d.tables.pressure_sensor.accuracy),
-            "pressure_b_pa": (d.pressure_sensor, d.tables.pressure_sensor.accuracy),
-            "temperature_k": (d.thermometer, d.tables.temperature_sensor.accuracy),
+            "force_n": (d.force_sensor, tables.force_sensor.accuracy),
+            "pressure_a_pa": (d.pressure_sensor, tables.pressure_sensor.accuracy),
+            "pressure_b_pa": (d.pressure_sensor, tables.pressure_sensor.accuracy),
+            "temperature_k": (d.thermometer, tables.temperature_sensor.accuracy),
         }
         (area_a, area_b), errors = d.areas_m2, WORDS["calibration"]
         return Identity(
@@ -103,9 +103,9 @@ class SimulatedRig:
             area_a_m2=area_a,
             area_b_m2=area_b,
             ambient_pressure_pa=d.ambient_pressure_pa,
-            mass_beyond_sensor_kg=d.tables.cylinder.moving_mass,
-            incline_rad=d.tables.cylinder.incline,
-            stiffness_n_m=d.tables.force_sensor.stiffness,
+            mass_beyond_sensor_kg=tables.cylinder.moving_mass,
+            incline_rad=tables.cylinder.incline,
+            stiffness_n_m=tables.force_sensor.stiffness,
             accuracy={name: accuracy for name, (_, accuracy) in channels.items()}
             | {"position_m": d.encoder.resolution_m / 12.0**0.5},
             limits={name: (sensor.low, sensor.high) for name, (sensor, _) in channels.items()},
@@ -113,8 +113,8 @@ class SimulatedRig:
             | {"position_m": d.encoder.resolution_m},
             calibration={name: errors["force" if name == "force_n" else "sensor"] for name in channels},
             labels={"rig": d.name},
-            chambers=d.tables.chambers.kind,
-            pressure_measured_at=d.tables.pressure_sensor.at,
+            chambers=tables.chambers.kind,
+            pressure_measured_at=tables.pressure_sensor.at,
             synthetic=True,
         )
 
@@ -395,18 +395,18 @@ class RigSession:
 
     def limits(self) -> Envelope:
         """Return the limits of the rig."""
-        d = self.rig.description
-        ambient, safety, kind = d.ambient_pressure_pa, d.tables.safety, d.tables.chambers.kind
+        d, tables = self.rig.description, self.rig.description.tables
+        ambient, safety, servo, kind = d.ambient_pressure_pa, tables.safety, tables.servo, tables.chambers.kind
         highest = ambient if kind == "open" else min(
-            safety.pressure or d.pressure_sensor.high, d.tables.supply.pressure or np.inf
+            safety.pressure or d.pressure_sensor.high, tables.supply.pressure or np.inf
         )  # fmt: skip
-        speed = d.tables.servo.speed or d.limits.top_speed_m_s(d.stroke_m - 2.0 * d.tables.servo.margin)
-        room = d.tables.ambient.temperature
+        speed = servo.speed or d.limits.top_speed_m_s(d.stroke_m - 2.0 * servo.margin)
+        room = tables.ambient.temperature
         least = safety.least_temperature or room + USUAL_TEMPERATURES_K[0]
         greatest = safety.greatest_temperature or room + USUAL_TEMPERATURES_K[1]
         friction = self.rig.true_friction(np.array([CREEP_M_S, speed]), highest, highest)
         return Envelope(
-            position_m=(d.tables.servo.margin, d.stroke_m - d.tables.servo.margin),
+            position_m=(servo.margin, d.stroke_m - servo.margin),
             speed_m_s=speed,
             acceleration_m_s2=d.limits.acceleration_m_s2,
             jerk_m_s3=d.limits.jerk_m_s3,
@@ -416,7 +416,7 @@ class RigSession:
             temperature_k=(least, greatest),
             supply_pressure_pa=safety.least_supply or 0.0,
             expected_friction_n=float(np.max(friction)),
-            home_m=d.tables.servo.margin,
+            home_m=servo.margin,
         )
 
     def state(self) -> RigState:

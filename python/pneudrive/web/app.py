@@ -10,9 +10,11 @@ import asyncio
 import json
 import os
 import platform
+import re
 from functools import cache
 from importlib import import_module
-from inspect import signature
+from inspect import Parameter, signature
+from mimetypes import guess_type
 from typing import TYPE_CHECKING, Any
 
 from pydantic import create_model
@@ -23,14 +25,14 @@ from starlette.routing import Route, WebSocketRoute
 
 from pneudrive import __version__
 from pneudrive.arrays import Keyed, Plain
-from pneudrive.errors import PneudriveError, package_table
+from pneudrive.errors import CommandError, PneudriveError, package_table
 from pneudrive.figures import plain_data
+from pneudrive.report.page import FIGURES, POLICY, REPORT
 from pneudrive.web.drop import take
-from pneudrive.web.guard import DROP, REPORTS
+from pneudrive.web.guard import DROP, REPORTS, new_token
 from pneudrive.web.jobs import READY
 from pneudrive.web.live import live
 from pneudrive.web.messages import PageRequest, page_error, problems_of, table_of
-from pneudrive.web.reports import SANDBOX, read_report
 from pneudrive.web.workspace import MOST_FILES, ChangedError, Workspace
 
 if TYPE_CHECKING:
@@ -40,6 +42,9 @@ if TYPE_CHECKING:
 
 
 PLATFORM = f"{platform.system()} {platform.machine()}"
+#: Permissions of a report in a browser: only to be viewed and saved.
+SANDBOX = f"{POLICY}; frame-ancestors 'none'; sandbox allow-same-origin allow-downloads"
+_PICTURE = re.compile(rf"{FIGURES}/[\w.+-]+\.(?:png|svg)")
 BUILD_FILE, FRAME = "/build.json", "application/octet-stream"
 #: Method and address -> function that answers. The parameters of the function define the request: ``workspace``,
 #: ``control`` and ``build`` come from the server, ``given`` is the whole table, and all others are validated by their
@@ -122,28 +127,26 @@ def _route(name: str, function: str, known: Keyed) -> Route:
 
 def _answer(name: str, query: Mapping[str, str], body: bytes | None, known: Keyed) -> Any:  # noqa: ANN401 - plain data, or a frame
     """Call a function of `ANSWERS` with the values of a request. Texts missing in a GET request are empty."""
-    function, names, fields, models = _door(name)
-    texts = [key for key, each in fields.model_fields.items() if each.is_required()]
-    table = {**dict.fromkeys(texts, ""), **query} if body is None else {**query, **table_of(body)}
-    read = {key: model.of(table) for key, model in models.items()}
-    values = {**known, "given": table, **vars(fields.of(table)), **read}
-    return function(**{key: values[key] for key in names})
+    function, parameters, request = _door(name)
+    required = [key for key, field in request.model_fields.items() if field.is_required()]
+    table = {**dict.fromkeys(required, ""), **query} if body is None else {**query, **table_of(body)}
+    models = [key for key, each in parameters.items() if hasattr(each.annotation, "model_fields")]
+    values = {**known, "given": table, **vars(request.of({**table, **dict.fromkeys(models, table)}))}
+    return function(**{key: values[key] for key in parameters})
 
 
 @cache
-def _door(name: str) -> tuple[Callable[..., Any], list[str], type[PageRequest], dict[str, type[PageRequest]]]:
-    """Return a function of `ANSWERS`, its parameters, the model of its values, and the parameters that are models."""
+def _door(name: str) -> tuple[Callable[..., Any], Mapping[str, Parameter], type[PageRequest]]:
+    """Return a function of `ANSWERS`, its parameters, and the model of those that come from a request."""
     module, _, function = name.partition(":")
     found = getattr(import_module(f"pneudrive.web.{module}"), function)
     parameters = signature(found, eval_str=True).parameters
-    asked = {key: each for key, each in parameters.items() if key not in ("workspace", "control", "build", "given")}
-    models = {key: each.annotation for key, each in asked.items() if hasattr(each.annotation, "model_fields")}
     fields: Plain = {
         key: (each.annotation, ... if each.default is each.empty else each.default)
-        for key, each in asked.items()
-        if key not in models
+        for key, each in parameters.items()
+        if key not in ("workspace", "control", "build", "given")
     }
-    return found, list(parameters), create_model(function, __base__=PageRequest, **fields), models
+    return found, parameters, create_model(function, __base__=PageRequest, **fields)
 
 
 def _json(answer: Any) -> JSONResponse:  # noqa: ANN401 - plain data
@@ -181,3 +184,31 @@ def studies(workspace: Workspace, control: bool, build: str, state: str) -> Plai
             {"path": f"{PREFIX}{name}", "title": entry.title} for name, entry in entries().items() if entry.is_drive
         ],
     }
+
+
+def read_report(workspace: Workspace, secret: str, name: str) -> tuple[bytes, str]:
+    """Return a report, or a picture of a report, with its media type. A report never runs code.
+
+    Raises
+    ------
+    CommandError
+        The secret is not valid, or the file is neither a report nor a picture.
+    """
+    if secret in workspace.reports and (name == REPORT or _PICTURE.fullmatch(name)):
+        path = workspace.folder(f"{workspace.reports[secret]}/{name}")
+        if path.is_file():
+            return path.read_bytes(), guess_type(name)[0] or ""
+    raise CommandError("there is no such report", remedy="Open it from the page again.")
+
+
+def report_address(workspace: Workspace, path: str) -> dict[str, str]:
+    """Return the address of the report in a folder. Empty without a report.
+
+    A tab that is opened by a link has no token. The address itself therefore contains a secret of the same length. The
+    secret is valid for one folder until the server stops.
+    """
+    if not (workspace.folder(path) / REPORT).is_file():
+        return {"address": ""}
+    secret = next((known for known, folder in workspace.reports.items() if folder == path), None) or new_token()
+    workspace.reports[secret] = path
+    return {"address": f"{REPORTS}{secret}/{REPORT}"}

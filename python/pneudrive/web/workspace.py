@@ -67,7 +67,7 @@ class Workspace:
     """A folder and the names in it that the page may use."""
 
     root: Path
-    #: Secret in the address of a report -> its folder. See `pneudrive.web.reports`.
+    #: Secret in the address of a report -> its folder. See `pneudrive.web.app.report_address`.
     reports: dict[str, str] = field(default_factory=dict, init=False, repr=False, compare=False)
     _saves: dict[Path, tuple[str, ...]] = field(default_factory=dict, init=False, repr=False, compare=False)
     _states: dict[Any, Any] = field(default_factory=dict, init=False, repr=False, compare=False)
@@ -247,7 +247,7 @@ def built_page(built: Path = BUILT) -> dict[str, bytes]:
         The page is not built.
     """
     if not (built / "index.html").is_file():
-        raise CommandError("the page is not built", where=str(built), remedy="Run make setup.")
+        raise CommandError("the page is not built", where=built, remedy="Run make setup.")
     return {
         f"/{path.relative_to(built).as_posix()}": path.read_bytes()
         for path in sorted(built.rglob("*"))

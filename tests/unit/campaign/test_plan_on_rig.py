@@ -5,7 +5,7 @@ from dataclasses import replace
 import pytest
 
 from pneudrive.campaign.planning.plan import lay_out
-from pneudrive.campaign.planning.planned import size_of
+from pneudrive.campaign.planning.preflight import size_of
 from pneudrive.campaign.planning.protocol import parse_protocol
 from pneudrive.campaign.storage.folder import Head, write_cycle
 from pneudrive.errors import RigError

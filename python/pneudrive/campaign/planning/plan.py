@@ -16,8 +16,8 @@ from typing import Any, TypeVar
 
 from pneudrive.batching import many_objects
 from pneudrive.campaign.cycle import Cycle
-from pneudrive.campaign.planning.planned import BYTES_PER_SAMPLE, Plan, Planned, size_of
-from pneudrive.campaign.planning.preflight import ROUNDING, check, margins, millimetres
+from pneudrive.campaign.planning import preflight
+from pneudrive.campaign.planning.preflight import Plan, Planned, size_of
 from pneudrive.campaign.planning.protocol import VENTED, AxisPosition, Pair, Protocol
 from pneudrive.constants import STANDARD_GRAVITY_M_S2
 from pneudrive.errors import ProtocolError
@@ -168,18 +168,18 @@ def lay_out(protocol: Protocol, identity: Identity, envelope: Envelope) -> Plan:
     # The description of a custom rig goes into its folder, and must be readable from there.
     identity_of(as_json(identity.to_dict()), f'rig "{identity.name}"')
     plan = draft(protocol, identity, envelope)
-    return replace(plan, notes=check(plan))
+    return replace(plan, notes=preflight.check(plan))
 
 
 def draft(protocol: Protocol, identity: Identity, envelope: Envelope) -> Plan:
     """Lay out a protocol without a check against the rig's limits; `lay_out` does both."""
     plan, (low, high) = Plan(protocol, identity, envelope), envelope.position_m
     begin, end = plan.ends_m
-    if plan.length_m <= 0.0 or begin < low - ROUNDING or end > high + ROUNDING:
+    if plan.length_m <= 0.0 or begin < low - preflight.ROUNDING or end > high + preflight.ROUNDING:
         raise protocol.fail(
             "position",
-            f"the campaign would move from {millimetres(begin)} to {millimetres(end)}",
-            rule=f"the axis may move from {millimetres(low)} to {millimetres(high)}",
+            f"the campaign would move from {preflight.millimetres(begin)} to {preflight.millimetres(end)}",
+            rule=f"the axis may move from {preflight.millimetres(low)} to {preflight.millimetres(high)}",
             remedy="Change [position] range or margin.",
         )
     count = cycle_count(protocol)
@@ -344,7 +344,8 @@ def _stop(
 def show(plan: Plan) -> str:
     """Return the summary: blocks with their content and time, and the result of the pre-flight check."""
     rig = f'on "{plan.identity.name}"{" (simulated: its data are synthetic)" if plan.identity.synthetic else ""}'
-    used = [f"{name} {value:.4g} of {limit:.4g} {unit}" for name, (value, limit, unit) in margins(plan).items()]
+    limits = preflight.margins(plan)
+    used = [f"{name} {value:.4g} of {limit:.4g} {unit}" for name, (value, limit, unit) in limits.items()]
     lines = [f"{plan.protocol.name}, {rig}", "", _blocks(plan), "", *_contents(plan), ""]
     return "\n".join([*lines, f"pre-flight: passed ({', '.join(used)})", *(f"note: {note}" for note in plan.notes)])
 
@@ -393,7 +394,7 @@ def _contents(plan: Plan) -> list[str]:
         f"order    {p.order.kind}{seed}; repeats {p.repeats}, replicates {p.order.replicates}",
         f"time     {duration(plan.time_s)}: axis {duration(axis_s)}{waits}{hands}",
         f"data     {sum(planned.samples for planned in plan.planned)} samples, {size(size_of(plan.planned))} "
-        f"({BYTES_PER_SAMPLE:g} bytes per sample, measured on files of the simulated rig)",
+        f"({preflight.BYTES_PER_SAMPLE:g} bytes per sample, measured on files of the simulated rig)",
     ]
 
 

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from pneudrive.arrays import Array, Bools, Interval, Ints, Pair, Plain
-    from pneudrive.campaign.planning.planned import Plan
+    from pneudrive.campaign.planning.preflight import Plan
     from pneudrive.rig.interface import Identity, Rig, RigState
 
 

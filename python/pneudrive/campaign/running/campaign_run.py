@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from concurrent.futures import Future
 
     from pneudrive.arrays import Plain
-    from pneudrive.campaign.planning.planned import Plan, Planned
+    from pneudrive.campaign.planning.preflight import Plan, Planned
     from pneudrive.progress import Flag
     from pneudrive.rig.interface import Rig, Samples
 
@@ -424,7 +424,7 @@ class CampaignRun:
             self._await_conditions(cycle)
             if (free := shutil.disk_usage(self.campaign.path).free) < needed:
                 sizes = {"free": free / 1e6, "needed": needed / 1e6, "remedy": control.REMEDIES[errno.ENOSPC]}
-                raise CampaignError.of("campaign.disk-full", where=str(self.campaign.path), **sizes)
+                raise CampaignError.of("campaign.disk-full", where=self.campaign.path, **sizes)
             self._checkpoint()
             number += 1
             attempt = self._on_rig(partial(self._attempts.run, cycle=cycle, settling_s=settling_s, number=number))

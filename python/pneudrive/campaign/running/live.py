@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
     from pneudrive.arrays import Columns, Plain
     from pneudrive.campaign.cycle import Cycle
-    from pneudrive.campaign.planning.planned import Plan
+    from pneudrive.campaign.planning.preflight import Plan
     from pneudrive.rig.interface import Samples
 
     Points = NDArray[np.float32]

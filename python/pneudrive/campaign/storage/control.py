@@ -56,7 +56,7 @@ def clear_errors(what: str, path: Path) -> Iterator[None]:
     except OSError as error:
         reason = error.strerror or str(error)
         remedy = REMEDIES.get(error.errno or 0, "Check the disk, then resume: finished cycles are kept.")
-        raise CampaignError(what, where=str(path), value=reason, remedy=remedy) from error
+        raise CampaignError(what, where=path, value=reason, remedy=remedy) from error
 
 
 def write_whole(path: Path, data: bytes, *, flush: bool = True) -> None:
@@ -207,11 +207,11 @@ class FolderLock:
             taken = take(self._file)
         except OSError as error:
             os.close(self._file)
-            raise CampaignError.of("campaign.no-locks", where=str(path), value=error.strerror) from error
+            raise CampaignError.of("campaign.no-locks", where=path, value=error.strerror) from error
         if not taken:
             os.close(self._file)
             other = str(_read(path) or "a process without a name")
-            raise CampaignError.of("campaign.locked", where=str(folder), value=other, folder=folder)
+            raise CampaignError.of("campaign.locked", where=folder, value=other, folder=folder)
         self._holder = Holder(os.getpid(), socket.gethostname(), user(), now())
         self.tell()
 
@@ -427,7 +427,7 @@ def ask(folder: Path, word: str, by: str) -> Holder:
     """
     running = holder(folder)
     if running is None:
-        raise CampaignError.of("campaign.no-process", where=str(folder), folder=folder)
+        raise CampaignError.of("campaign.no-process", where=folder, folder=folder)
     no_links(folder)
     make_folder(folder / FOLDER)
     write_whole(

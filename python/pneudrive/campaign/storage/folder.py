@@ -40,7 +40,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from pneudrive.arrays import Array, Bools, Ints, Plain
-    from pneudrive.campaign.planning.planned import Plan
+    from pneudrive.campaign.planning.preflight import Plan
 
 
 #: Fraction of the usual speed below which the piston counts as at rest.
@@ -326,7 +326,7 @@ def write_cycle(folder: Path, head: Head, samples: Samples) -> Path:
 
     target = folder / CYCLES / f"{file_name(head.index, head.cycle.key)}.parquet"
     if target.exists():
-        raise CampaignError("the cycle exists already and is not written again", where=str(target))
+        raise CampaignError("the cycle exists already and is not written again", where=target)
     make_folder(target.parent)
     head = replace(head, sha256=digest(vars(samples)))
     write_whole(target, sealed_parquet(pl.DataFrame(vars(samples)), {HEAD: head.to_json()}))
@@ -345,7 +345,7 @@ def _file_of(path: Path, found: Text | PneudriveError) -> tuple[CycleFile, list[
         raise found
     text, is_sealed = found
     if text is None:
-        raise CampaignError.of("campaign.no-header", where=str(path), head=HEAD)
+        raise CampaignError.of("campaign.no-header", where=path, head=HEAD)
     number, _, key = path.stem.partition("-")
     index = int(number) if number.isdigit() else None
     head, notes = read_head(text, str(path), index=index, key=key)
@@ -392,13 +392,13 @@ class Campaign(Shown):
         folder = Path(path)
         missing = [name for name in (RIG, ABOUT) if not exists(folder / name)]
         if missing:
-            raise CampaignError.of("campaign.no-campaign", where=str(folder), missing=missing[0], folder=folder)
+            raise CampaignError.of("campaign.no-campaign", where=folder, missing=missing[0], folder=folder)
         if exists(folder / CYCLES) and not (folder / CYCLES).is_dir():
-            raise CampaignError.of("campaign.no-cycles", where=str(folder / CYCLES))
+            raise CampaignError.of("campaign.no-cycles", where=folder / CYCLES)
         rig = read_json(folder / RIG, CampaignError)
         about = read_json(folder / ABOUT, CampaignError)
         if not isinstance(about, dict):
-            raise CampaignError("this is not a JSON object", where=str(folder / ABOUT))
+            raise CampaignError("this is not a JSON object", where=folder / ABOUT)
         check_schema(about.get("schema"), str(folder / ABOUT))
         identity, notes = identity_of(rig, str(folder / RIG), CampaignError)
         return cls(folder, identity, about, tuple(notes))
@@ -495,7 +495,7 @@ def create(folder: Path, protocol: str, identity: Identity, about: Plain) -> Cam
     own = {PROTOCOL, RIG, ABOUT, LOG, CYCLES, FOLDER}
     foreign = [p.name for p in folder.iterdir() if p.name.removesuffix(PART) not in own and p.suffix != ".lock"]
     if foreign or any((folder / CYCLES).glob("*")):
-        raise CampaignError.of("campaign.not-empty", where=str(folder), value=", ".join(sorted(foreign)[:5]) or CYCLES)
+        raise CampaignError.of("campaign.not-empty", where=folder, value=", ".join(sorted(foreign)[:5]) or CYCLES)
     make_folder(folder / CYCLES)
     write_whole(folder / PROTOCOL, protocol.encode())
     write_whole(folder / RIG, json.dumps(identity.to_dict(), indent=2, default=plain).encode())
@@ -551,7 +551,7 @@ def plan_of(campaign: Campaign, *, checked: bool = True) -> Plan:
     """
     text, limits = campaign.protocol, campaign.about.get("envelope")
     if not text or not isinstance(limits, dict):
-        raise CampaignError.of("campaign.no-plan", where=str(campaign.path))
+        raise CampaignError.of("campaign.no-plan", where=campaign.path)
     from pneudrive.campaign.planning.plan import draft, lay_out
     from pneudrive.campaign.planning.protocol import parse_protocol
 

@@ -20,7 +20,7 @@ from pneudrive.describe.files import toml
 from pneudrive.describe.files.catalogue import entries
 from pneudrive.describe.formulas.written import FILE_PREFIX
 from pneudrive.describe.kinds import COMMAND
-from pneudrive.describe.short import expanded
+from pneudrive.describe.short import Short
 from pneudrive.errors import CommandError, PneudriveError, Problems
 from pneudrive.files.content import read_bytes
 from pneudrive.fmu.package import read_fmu
@@ -273,7 +273,7 @@ def _written_as(document: tomlkit.TOMLDocument, key: str) -> list[str]:
     many = [name for name, copies in lists.items() if isinstance(copies, list) and names[1] in copies]
     if many:
         return [names[0], many[0], *names[2:]]
-    return str(expanded(tables, Problems()).located(key)).split(".")
+    return str(Short(tables, Problems()).located(key)).split(".")
 
 
 def shown_file(workspace: Workspace, path: str, checked: str = "") -> Plain:

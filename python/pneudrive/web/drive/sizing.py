@@ -38,9 +38,7 @@ def checked_or_first(text: str | None = None) -> Plain:
     return {
         "problems": [],
         "name": task.name,
-        "values": [
-            {"key": key, "text": text, "kind": kind, "origin": origin} for key, text, origin, kind in values_of(task)
-        ],
+        "values": [by_name(("key", "text", "origin", "kind"), row) for row in values_of(task)],
         "follows": [by_name(("what", "value", "unit"), row) for row in follows_from(task)],
     }
 
