@@ -191,7 +191,7 @@ def abort(folder: Path) -> None:
     control.ask(folder, control.ABORT, control.user())
     after = control.wait_for(folder, (), 90.0)
     if after is not None:
-        raise CampaignError.of("campaign.not-ended", where=str(folder), value=str(after), pid=after.pid)
+        raise CampaignError.of("campaign.not-ended", where=folder, value=str(after), pid=after.pid)
     typer.echo("The campaign has ended. Finished cycles are kept.")
 
 

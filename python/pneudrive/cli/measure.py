@@ -78,7 +78,7 @@ def layout(file: Path, *, out: Path | None = None) -> None:
     sys.stderr.write("".join(f"{path}\n" for path in (out, picture) if path is not None))
     if found.problem:
         before = "" if found.asks else "the proposed layout does not read the file yet: "
-        raise RecordingError.of("signals.open-layout", where=str(file), problem=f"{before}{found.problem}")
+        raise RecordingError.of("signals.open-layout", where=file, problem=f"{before}{found.problem}")
 
 
 def characterise(

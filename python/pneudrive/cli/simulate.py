@@ -231,7 +231,7 @@ def _table(drive: pn.Drive | pn.Circuit, path: Path) -> dict[str, Any]:
     for column in columns:
         if column not in known and column not in known.values():
             kind, remedy = drive.file_kind, nearest(column, known)
-            raise CommandError.of("cli.no-number", where=str(path), column=column, kind=kind, remedy=remedy)
+            raise CommandError.of("cli.no-number", where=path, column=column, kind=kind, remedy=remedy)
     return {known.get(column, column): values for column, values in trajectory.read_columns(path, columns).items()}
 
 
