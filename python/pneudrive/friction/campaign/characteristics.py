@@ -162,9 +162,10 @@ def _characterise(reading: CampaignData, choice: SampleChoice) -> CampaignCharac
     rig, parts = reading.identity, {}
     if fits is not None:
         separated = rig.pressure_measured_at == "chamber"
+        curves = campaign_curves.curves_of(fits, contains_air=not separated)
         parts |= {
-            "curves": campaign_curves.curves_of(fits, contains_air=not separated),
-            "air": campaign_curves.air_shares(fits, separated=separated),
+            "curves": curves,
+            "air": campaign_curves.air_shares(fits, curves, separated=separated),
             "asymmetry": campaign_curves.asymmetries(fits),
             "drift": trends.drift_of(fits),
             "repeatability": trends.repeatability(fits),

@@ -385,7 +385,7 @@ def deviation_n(fits: Fits, source: str, friction_n: Array) -> Array:
     return sd * np.sqrt(relative * (friction_n / fits.level_n) ** 2 + 1.0 - relative)
 
 
-def air_shares(fits: Fits, *, separated: bool) -> tuple[result.AirShare, ...]:
+def air_shares(fits: Fits, curves: Sequence[result.Curve], *, separated: bool) -> tuple[result.AirShare, ...]:
     """Divide the total drag at each condition into air and seal, if chamber pressures were measured (``separated``)."""
     points = fits.points
     whole: list[tuple[Array, Array, Array]] = []
@@ -396,15 +396,15 @@ def air_shares(fits: Fits, *, separated: bool) -> tuple[result.AirShare, ...]:
         whole.append(_with_u(value, low, high, systematic(fits, value, value, band.index).friction_n()))
     del total  # one model after the other: each needs much memory
     air = fit_response(fits, points["air_n"], points["air_stderr_n"], drift=False) if separated else None
-    found = []
-    for band, total_n in zip(fits.bands, whole, strict=True):
+    found, both = [], (curve for curve in curves if curve.direction == BOTH)
+    for band, curve, total_n in zip(fits.bands, both, whole, strict=True):
         unknown = np.full(band.speed_m_s.size, np.nan)
         part = seal = (unknown, unknown, unknown)
         bound = np.maximum(total_n[2] - np.minimum.accumulate(total_n[1]), 0.0) if air is None else unknown
         if air is not None:
             u = float(np.mean(points["u_air_n"][points.use & (points["curve"] == band.index)]))
             part = _with_u(*in_newton(air, air.at(band.number, band.speed_m_s)), u)
-            seal = _with_u(band.value_n, band.low_n, band.high_n, band.shared.friction_n())
+            seal = (curve.friction_n, curve.low_n, curve.high_n)
         found.append(result.AirShare(band.condition, separated, band.speed_m_s, *total_n, *part, *seal, bound))
     return tuple(found)
 
@@ -422,9 +422,8 @@ def sources(fits: Fits, gain: Gain, known: ForceCalibration | None) -> tuple[res
 
     def size_of(part: Callable[[CurveBand], Array], removed: Sequence[str] = ()) -> float:
         size = rms(np.concatenate([part(band)[band.measured] for band in fits.bands]))
-        if not removed:
-            return size
-        return float(np.sqrt(max(size**2 - sum(named.get(name, 0.0) ** 2 for name in removed), 0.0)))
+        explained = sum(named.get(name, 0.0) ** 2 for name in removed)
+        return float(np.sqrt(max(size**2 - explained, 0.0))) if removed else size
 
     def zero(band: CurveBand) -> Array:
         both = np.hypot(band.shared.zero_n, band.shared.half_sum_n)
@@ -465,7 +464,8 @@ def stick_slip(
             here = points.at((points["curve"] == index) & (points["level"] == level))
             if not len(here):
                 continue
-            share = float(np.isin(here["reason"].tolist(), NAMES).mean())
+            reasons = here["reason"].tolist()
+            share = float(np.isin(reasons, NAMES).mean())
             if share:
                 slipping = here["stick_slip"] == 1.0
                 ripple = np.nan_to_num([here["ripple"], here["piston_ripple"]]).max(axis=0)
@@ -473,7 +473,7 @@ def stick_slip(
                 medians = (float(np.median(ripple)), period, step, float(np.median(here["swing_n"])))
                 found.append(result.StickSlipPoint(condition, speed, share, ripple.size, *medians))
             # An uneven speed may come from the axis or its encoder, and is therefore not sufficient evidence.
-            if np.isin(here["reason"].tolist(), STICK_SLIP).mean() > 0.5:
+            if np.isin(reasons, STICK_SLIP).mean() > 0.5:
                 top = speed
             elif share <= 0.5:
                 steady.append(speed)

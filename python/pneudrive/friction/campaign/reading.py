@@ -208,10 +208,9 @@ def read_campaign(campaign: Campaign, choice: SampleChoice, processes: int | Non
     table = cycles.CycleTable.of(whole, BINS)
     skipped += [data for _, data in rows.values() if isinstance(data, Skipped)]
     kinds = table["kind"]
-    tares = table.at(kinds == "tare")
+    sliding, tares = table.at(np.isin(kinds.tolist(), SLIDING)), table.at(kinds == "tare")
     gain = cycles.sensor_gain(campaign.identity, table.at(kinds == "weight"), tares)
     zeros = cycles.pressure_zeros(campaign.identity, tares)
-    sliding = table.at(np.isin(kinds.tolist(), SLIDING))
     return CampaignData(
         name=str(campaign.about.get("name", campaign.path.name)),
         source=campaign.path,

@@ -143,17 +143,20 @@ def _rest(cycle: Cycle, time_s: Array, position_m: Array, step: Ints) -> Phases:
 def steady_part(recording: Recording, part: slice) -> slice:
     """Return the part of one move at constant speed, from the first to the last sample near its usual speed."""
     time_s, position_m = recording.time_s[part], recording.position_m[part]
-    n = time_s.size
-    share = np.abs(position_m - position_m[0]) / max(abs(position_m[-1] - position_m[0]), 1e-12)
+    share = _travelled(position_m)
     inner = np.flatnonzero((share > 0.2) & (share < 0.8))
-    if inner.size < FEWEST or time_s[inner[-1]] <= time_s[inner[0]]:
-        return slice(part.start, part.start + n)
-    ends = inner[[0, -1]]
-    (way_m,), (lasts_s,) = np.diff(position_m[ends]), np.diff(time_s[ends])
-    usual = float(way_m / lasts_s)
-    steady = np.flatnonzero(np.abs(speed_of(time_s, position_m, abs(usual)) - usual) < STEADY * abs(usual))
-    first, last = (steady[0], steady[-1]) if steady.size >= FEWEST else (0, n - 1)
-    return slice(part.start + int(first), part.start + int(last) + 1)
+    if inner.size >= FEWEST:
+        (way_m,), (lasts_s,) = (np.diff(values[inner[[0, -1]]]) for values in (position_m, time_s))
+        usual = float(way_m / lasts_s)
+        steady = np.flatnonzero(np.abs(speed_of(time_s, position_m, abs(usual)) - usual) < STEADY * abs(usual))
+        if steady.size >= FEWEST:
+            return slice(part.start + int(steady[0]), part.start + int(steady[-1]) + 1)
+    return slice(part.start, part.start + time_s.size)
+
+
+def _travelled(position_m: Array) -> Array:
+    """Return the fraction of a move that is done at each sample."""
+    return np.abs(position_m - position_m[0]) / max(abs(position_m[-1] - position_m[0]), 1e-12)
 
 
 def mean_velocity(recording: Recording, part: slice) -> float:
@@ -357,9 +360,7 @@ def _approach(recording: Recording, phases: Phases, speed: float) -> slice | Non
     steady = steady_part(recording, phases.approach)
     if abs(abs(mean_velocity(recording, steady)) - speed) > SAME_SPEED * speed:
         return None
-    position = recording.position_m[steady]
-    share = np.abs(position - position[0]) / max(abs(position[-1] - position[0]), 1e-12)
-    first = steady.start + int(np.argmax(share >= 1.0 - LAST_SHARE))
+    first = steady.start + int(np.argmax(_travelled(recording.position_m[steady]) >= 1.0 - LAST_SHARE))
     return slice(first, steady.stop) if steady.stop - first >= 2 * FEWEST else None
 
 

@@ -261,10 +261,9 @@ def fit_contact_age(
         distance = np.full(times.size, ASSUMED_DISTANCE_M)
         if seen.sum() >= FEWEST_STOPS:
             distance = np.array([np.mean(lengths(t)) for t in times])
-        both = zip(times, distance, strict=True)
-        gained = (form.psi(dwell, t, exponent) - form.psi(length / speed, t, exponent) for t, length in both)
-        aged = np.array(list(gained))
-        return Scan(np.column_stack([times, distance]), aged[:, :, None] * columns, increment)
+        shapes = np.column_stack([times, distance])
+        aged = np.array([form.psi(dwell, t, exponent) - form.psi(d / speed, t, exponent) for t, d in shapes])
+        return Scan(shapes, aged[:, :, None] * columns, increment)
 
     freedom = max(len(stops) - columns.shape[1] - 1, 1)
     limits = (dwell.min() / REACH[0], dwell.max() * REACH[1])
@@ -276,8 +275,9 @@ def fit_contact_age(
     row = np.eye(columns.shape[1])[0]
     spread = np.sqrt(found.scale(freedom) * np.diag(found.covariance[best]))
     clear = np.abs(b) > student(freedom) * spread
-    shares = iter(np.where(clear, b / b[0], 0.0)[1:].tolist())
-    each = [next(shares)] * 2 if together else [next(shares) if own else 0.0 for own in varied]
+    shares = np.zeros(2)
+    shares[varied] = np.where(clear, b / b[0], 0.0)[1:]  # one value for both chambers if they changed together
+    share_a, share_b = shares.tolist()
     each_length = lengths(time)
     return ContactAge(
         form=form,
@@ -285,8 +285,8 @@ def fit_contact_age(
         increment=Estimate(float(b[0]), *found.interval(row, rise), float(spread[0]), "N", freedom),
         time=Estimate(time, *found.shape_interval(0, rise, limits), np.nan, "s"),
         distance=mean_estimate(each_length, "m") if each_length.size >= FEWEST_STOPS else None,
-        share_a_pa=each[0],
-        share_b_pa=each[1],
+        share_a_pa=share_a,
+        share_b_pa=share_b,
         together=together,
     )
 
@@ -497,7 +497,7 @@ def _pressure(curve: dwell_models.DwellCurve, at: Array, ambient: float) -> Dwel
     kind = classify_pressures(gauge / PA_PER_BAR)
     names = [] if kind == "line" else [*TOLD.get(kind, ["sum"])]
     away = gauge - gauge.mean(axis=0)
-    columns = [away[:, 1] if name == "b" else away[:, 0] for name in names]
-    rows = np.linalg.pinv(np.column_stack([np.ones(len(gauge)), *columns]))[1:].astype(float)
+    columns = away[:, [int(name == "b") for name in names]]
+    rows = np.linalg.pinv(np.c_[np.ones(len(gauge)), columns])[1:].astype(float)
     found = (by_name(names, one.combine(rows).estimates("N/Pa")) for one in (curve.slopes(at), curve.values(at)))
     return DwellPressure(say(f"stops.pressure_{kind}").text, *found)

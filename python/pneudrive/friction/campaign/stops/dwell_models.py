@@ -327,11 +327,9 @@ def fit_curve(stops: pl.DataFrame, conditions: tuple[Condition, ...], drift_prio
     condition = np.array([conditions.index(c) for c in conditions_of(stops)], dtype=np.int64)
     data: dict[str, NDArray] = {name: stops[name].to_numpy() for name in stops.columns}
     data |= {"condition": condition, "log_s": np.log10(data["dwell_s"])}
-    n, u, rows = len(stops), data["log_s"], np.arange(len(stops))
+    n, u, own = len(stops), data["log_s"], np.eye(len(conditions))[condition]
     centre = float(u.mean())
-    x = np.zeros((n, 2 * len(conditions)))
-    x[rows, condition] = 1.0
-    x[rows, len(conditions) + condition] = u - centre
+    x = np.c_[own, np.where(own > 0.0, (u - centre)[:, None], 0.0)]
     if n - x.shape[1] < LEAST_FREEDOM:
         return None
     extra, hidden, inflation = _places_and_drift(data, x, drift_prior_n)
@@ -364,9 +362,9 @@ def fit_curve(stops: pl.DataFrame, conditions: tuple[Condition, ...], drift_prio
         )
         curve = DwellCurve(data, conditions, model.fit(), centre, extra, inflation, weight)
         # Residual of each stop from curve and blocks, in standard deviations.
-        own = (model.noise + curve.fit.sd[0] ** 2 * scatter.kernel) * weight
+        variance = (model.noise + curve.fit.sd[0] ** 2 * scatter.kernel) * weight
         solved = np.linalg.solve(model.covariance(curve.fit.sd), model.y - x @ curve.fit.states[0].beta)
-        away = np.abs(own / weight * solved) / np.sqrt(np.maximum(own, 1e-300))
+        away = np.abs(variance / weight * solved) / np.sqrt(np.maximum(variance, 1e-300))
         updated = np.minimum(1.0, HUBER_K / np.maximum(away, 1e-12))
         if np.allclose(updated, weight, atol=0.02):
             break
