@@ -8,6 +8,7 @@ from pneudrive.errors import CommandError
 from pneudrive.free.parameters import Differentiator
 
 REFERENCE = pn.Drive.load("catalogue:reference")
+WARM = REFERENCE.replace({"friction.temperature": {"reference": "0 degC", "viscous": "1 %/K", "levels": "-0.5 %/K"}})
 STICKING = REFERENCE.replace(
     {
         "friction": {
@@ -44,11 +45,12 @@ def differences(of: Differentiator, values, times, step):
     [
         # before the first impact, which washes out derivatives of pressure and velocity at a given time
         (REFERENCE, "0.6", 0.15, ["friction.coulomb", "cylinder.bore", "supply.pressure", "valve.conductance"], 1e-3),
+        (WARM, "0.6", 0.15, [f"friction.temperature.{key}" for key in ("viscous", "levels")], 1e-3),
         (LAW, "0.6", 0.15, [f"cylinder.{key}" for key in ("heat_transfer_scale", "port_diameter", "bore")], 1e-3),
         # breaks away, sticks, breaks away, sticks: derivatives jump there, and a large step moves a sample over it
         (STICKING, "0.003", 1.5, ["friction.coulomb", "friction.breakaway", "cylinder.bore"], 1e-5),
     ],
-    ids=["stroke", "heat", "stick-slip"],
+    ids=["stroke", "temperature", "heat", "stick-slip"],
 )
 def test_derivatives_are_those_of_the_runs(drive, command, until, names, step):
     of = Differentiator(drive, names, command, {"position": "50 mm"}, rtol=1e-12)

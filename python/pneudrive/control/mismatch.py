@@ -16,7 +16,7 @@ from pneudrive.control.setup import Disturbance, Setup, read_ready
 from pneudrive.describe.base import Described
 from pneudrive.describe.kinds import component_kinds
 from pneudrive.describe.marks import Bounds, Choice, Mark, number, parameter_quantities, quantity
-from pneudrive.describe.tables.friction import friction_laws, has_bristles, has_stribeck_curve
+from pneudrive.describe.tables.friction import friction_laws, options_of
 from pneudrive.errors import CommandError, DescriptionError, invalid
 
 if TYPE_CHECKING:
@@ -265,8 +265,7 @@ def _other_law(word: str, friction: Keyed) -> Plain:
             parameters[name] = has[name]
         elif usual is None:
             raise invalid("friction_law", "control.law_needs", law=word, name=name)
-    fits = {"evolution": law["evolves"], "stribeck_shape": has_stribeck_curve(word), "relaxation": has_bristles(word)}
-    fits |= {"formula": False, "elements": False}
+    fits = options_of(law) | {"formula": False, "elements": False}
     kept = {key: value for key, value in friction.items() if fits.get(key, True)}
     return kept | {"law": word, "parameters": parameters}
 

@@ -17,7 +17,7 @@ from pneudrive.describe.connections import Part, Wiring
 from pneudrive.describe.files import toml
 from pneudrive.describe.formulas import formula, law, written
 from pneudrive.describe.kinds import COMMAND, component_kinds
-from pneudrive.describe.short import Short, expanded
+from pneudrive.describe.short import Short
 from pneudrive.describe.system import DRIVE_NAMES, PISTON, DescribedSystem, System
 from pneudrive.describe.tables.parts import assumed_stops
 from pneudrive.describe.tables.starts import PRESSURE, Starts, check_platforms, start_place, start_values
@@ -86,7 +86,7 @@ class Circuit(DescribedSystem):
         if not isinstance(data, dict):
             return handler(data)
         problems = Problems()
-        short = expanded(data, problems)
+        short = Short(data, problems)
         data = completed(data, short, problems)
         components, parts, templates = read_components(data.get("components"), problems)
         lists = [data.get(key, ()) for key in ("connections", "plugged")]

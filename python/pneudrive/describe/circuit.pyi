@@ -23,7 +23,7 @@ from pneudrive.describe.files.sourced import Value as Value
 from pneudrive.describe.formulas import formula as formula, law as law, written as written
 from pneudrive.describe.kinds import COMMAND as COMMAND, component_kinds as component_kinds
 from pneudrive.describe.marks import Positions as Positions, Signal as Signal
-from pneudrive.describe.short import Short as Short, expanded as expanded
+from pneudrive.describe.short import Short as Short
 from pneudrive.describe.system import (
     DRIVE_NAMES as DRIVE_NAMES,
     DescribedSystem as DescribedSystem,

@@ -327,7 +327,7 @@ def rows(entry: Keyed) -> list[tuple[str, str, str, str]]:
         only, was = parameter["only"], parameter["was"]
         meaning = parameter["meaning"] + (f"; acts only with {only}".replace("with no", "without") if only else "")
         out.append((key, takes, default + assumed, meaning + (f"; in older files `{was}`" if was else "")))
-        out += [(other, _SIZES[_last(other)].written or "", "", f"Alternative to {key}") for other in keys[1:]]
+        out += [(other, _size(other).written or "", "", f"Alternative to {key}") for other in keys[1:]]
     for choice in entry["choices"]:
         out.append((choice["name"], " | ".join(choice["options"]), choice["options"][0], choice["meaning"]))
     if entry["formula"]:
@@ -363,8 +363,8 @@ def _mark(parameter: Keyed) -> Quantity | StatedPressure:
     return mark if mark.si_unit else marks.PureNumber("", bounds=mark.bounds)
 
 
-def _last(key: str) -> str:
-    return key.rpartition("_")[2]
+def _size(key: str) -> Quantity:
+    return _SIZES[key.rpartition("_")[2]]
 
 
 @lru_cache(maxsize=512)
@@ -381,7 +381,7 @@ def component_class(kind: str, formula: ComponentFormula | None = None) -> type[
             default = Pressure(default, gauge=False)
         if is_needed(parameter) and not sizes:
             default = ...
-        others = ((size, _SIZES[_last(size)], None, f"Alternative to {key}") for size in sizes)
+        others = ((size, _size(size), None, f"Alternative to {key}") for size in sizes)
         for name, form, usual, meaning in ((key, mark, default, parameter["meaning"]), *others):
             number = float if isinstance(form, Quantity) else Pressure
             names[name] = column_name(name, getattr(form, "si_unit", ""))

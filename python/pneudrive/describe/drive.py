@@ -16,8 +16,8 @@ from pneudrive.describe.files.provenance import Origin
 from pneudrive.describe.formulas import written
 from pneudrive.describe.formulas.law import law_of
 from pneudrive.describe.marks import Positions, Signal, absolute_above_vacuum
-from pneudrive.describe.short import TABLES, expanded, without_other_sizes
-from pneudrive.describe.system import PISTON, DescribedSystem, System, drive_names, short_name
+from pneudrive.describe.short import TABLES, Short, without_other_sizes
+from pneudrive.describe.system import PISTON, DescribedSystem, System, drive_names, expanded_drive, short_name
 from pneudrive.describe.tables.dependences import DEPENDENCES
 from pneudrive.describe.tables.friction import Friction, friction_laws
 from pneudrive.describe.tables.parts import Cylinder, EndStop, Initial, Load, Supply, Valve, assumed_stops
@@ -171,20 +171,14 @@ class Drive(DescribedSystem):
     @property
     def component_places(self) -> list[tuple[str, str]]:
         """Pairs of a component's key in a circuit file and its key in the drive file; the longest keys come first."""
-        places = expanded(self.to_dict() | {"friction": self.friction}, Problems()).places
+        places = Short(self.to_dict() | {"friction": self.friction}, Problems()).places
         out = sorted((places | {"components.supply.gas": "gas"}).items(), key=lambda one: -len(one[1]))
         return out if "components.load" in places else [*out, ("components.cylinder", "load")]
 
     @property
-    def lines(self) -> tuple[str, ...]:
-        """Names of the tables with tubes and flow controls between valve and cylinder."""
-        tables = {"tubing": self.tubing, "flow_control": self.flow_control}
-        return tuple(f"{table}.{chamber}" for table, own in tables.items() for chamber in own)
-
-    @property
     def is_plain(self) -> bool:
-        """Whether the drive has no lines, and a proportional valve without overlap and leakage."""
-        return not (self.lines or self.valve.has_shape or self.valve.is_switching)
+        """Whether the drive has no tubes and flow controls, and a proportional valve without overlap and leakage."""
+        return not (self.tubing or self.flow_control or self.valve.has_shape or self.valve.is_switching)
 
     @property
     def plain(self) -> Drive:
@@ -213,7 +207,7 @@ class Drive(DescribedSystem):
     def system(self) -> System:
         """Circuit of the drive in the core's form, and the names of the drive file."""
         if self.is_plain:
-            return System.of_drive(self.short_form())
+            return System(json.dumps(expanded_drive(self.short_form()), sort_keys=True), drive_names(only=True))
         return System(self.circuit.core_json(), drive_names(only=False))
 
     @property

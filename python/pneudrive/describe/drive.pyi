@@ -24,12 +24,13 @@ from pneudrive.describe.marks import (
     Signal as Signal,
     absolute_above_vacuum as absolute_above_vacuum,
 )
-from pneudrive.describe.short import TABLES as TABLES, expanded as expanded, without_other_sizes as without_other_sizes
+from pneudrive.describe.short import Short as Short, TABLES as TABLES, without_other_sizes as without_other_sizes
 from pneudrive.describe.system import (
     DescribedSystem as DescribedSystem,
     PISTON as PISTON,
     System as System,
     drive_names as drive_names,
+    expanded_drive as expanded_drive,
     short_name as short_name,
 )
 from pneudrive.describe.tables.dependences import DEPENDENCES as DEPENDENCES
@@ -84,8 +85,6 @@ class Drive(DescribedSystem):
     def dew_point_pressure_pa(self) -> float | None: ...
     @property
     def component_places(self) -> list[tuple[str, str]]: ...
-    @property
-    def lines(self) -> tuple[str, ...]: ...
     @property
     def is_plain(self) -> bool: ...
     @property

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 from itertools import pairwise
-from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, NamedTuple
 
 from pydantic_core import core_schema
 
@@ -44,6 +44,13 @@ class Bounds:
         if self.at_most is not None and not value <= self.at_most:
             return f"not more than {show(self.at_most)}"
         return None if math.isfinite(value) else "finite"
+
+    @property
+    def ends(self) -> Interval:
+        """Lower and upper end, open or closed; infinite without a bound."""
+        low = self.above if self.at_least is None else self.at_least
+        high = self.below if self.at_most is None else self.at_most
+        return (-math.inf if low is None else low), (math.inf if high is None else high)
 
     def beyond(self, given: object, value: float) -> None:
         """Raise `DescriptionError` for a value beyond the named bound."""
@@ -144,6 +151,11 @@ class Quantity(Mark):
     written: str | None = None
     bounds: Bounds = Bounds()
 
+    @property
+    def ends(self) -> Interval:
+        """Lower and upper bound, SI."""
+        return self.bounds.ends
+
     def read(self, given: object) -> float:
         """Convert and check."""
         return quantity(given, self.si_unit, self.bounds, self.written) if self.si_unit else number(given, self.bounds)
@@ -171,7 +183,6 @@ class Quantity(Mark):
         return out
 
 
-@dataclass(frozen=True)
 class EachChamber(Quantity):
     """Annotation of a field that takes ``{ a = ..., b = ... }`` and stores a `PerChamber`."""
 
@@ -210,6 +221,8 @@ class StatedPressure(Mark):
     """Annotation of a field that takes a pressure with ``abs`` or ``gauge`` and stores a `pneudrive.units.Pressure`."""
 
     gauge_allowed: bool = True
+
+    ends: ClassVar[Interval] = (0.0, math.inf)
 
     def read(self, given: object) -> Pressure:
         """Convert and check; an absolute pressure is above zero."""
@@ -354,7 +367,6 @@ class Percent(Quantity):
 Accuracy = Annotated[float, Percent(bounds=Bounds(at_least=0.0, below=100.0))]
 
 
-@dataclass(frozen=True)
 class Between(Quantity):
     """Annotation of a field for a range, ``"15 degC .. 30 degC"``, stored as (low, high)."""
 
@@ -373,7 +385,6 @@ class Between(Quantity):
         return {"type": "string", "pattern": r"^.+ \.\. .+$", "x-unit": self.si_unit}
 
 
-@dataclass(frozen=True)
 class PressureBetween(StatedPressure):
     """Annotation of a field for a range of pressures, ``"0 bar gauge .. 10 bar gauge"``, stored as both ends."""
 
@@ -418,7 +429,6 @@ def _on_paper(given: object) -> Interval | None:
 ON_PAPER = Reads(_on_paper, list, {"type": "array", "items": {"type": "number"}, "minItems": 2, "maxItems": 2})
 
 
-@dataclass(frozen=True)
 class PureNumber(Quantity):
     """Annotation of a field for a pure number, or a fraction in per cent, "0.4 %"."""
 

@@ -7,7 +7,6 @@ only renamed; no value is computed.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from pneudrive.describe.connections import ARROW
@@ -28,22 +27,68 @@ _NEEDLE, _CHECK = "needle_", "check_"
 _SAME = "assumed as large as that of the needle"
 
 
-@dataclass
 class Short:
     """Components and connections that the tables of a drive file describe.
 
     Parameters
     ----------
+    data : mapping
+        Tables of a drive file or a circuit file.
+    problems : Problems
+        Gathers the errors.
+
+    Attributes
+    ----------
     components : dict
         Tables of components by name.
     places : dict
         Key of a circuit file -> its key in the short form; the longest match counts.
+    chains : list of str
+        Default connections that `connections` and `plugged` do not replace.
     """
 
-    components: dict[str, dict[str, Any]] = field(default_factory=dict)
-    places: dict[str, str] = field(default_factory=dict)
-    chains: list[str] = field(default_factory=list)
-    given: int = 0  # number of the user's connections, which precede the usual ones
+    def __init__(self, data: Keyed, problems: Problems) -> None:
+        self.components: dict[str, dict[str, Any]] = {}
+        self.places: dict[str, str] = {}
+        given = _tables(data, problems)
+        if "supply" in given:
+            self._add("supply", "supply", {"kind": "reservoir"} | given["supply"])
+        for name in ("valve", "cylinder"):
+            if name in given:
+                self._add(name, name, _of_kind(given[name], name))
+        if "friction" in given:
+            self.components["cylinder"]["friction"] = given["friction"]
+            self.places["components.cylinder.friction"] = "friction"
+        load = dict(given.get("load", {}))
+        spring = load.pop("spring", None)
+        if load:
+            self._add("load", "load", {"kind": "load"} | load)
+        if spring is not None:
+            self._add("spring", "load.spring", {"kind": "spring"} | (spring if isinstance(spring, dict) else {}))
+        for key in _LINES:
+            for chamber, table in given.get(key, {}).items():
+                with problems.caught():
+                    self._add_line(key, chamber, table)
+        self.chains = _chains(self.components, data)
+        connections = data.get("connections", ())
+        self._given = len(connections) if isinstance(connections, list | tuple) else 0  # before the default ones
+
+    def _add(self, name: str, place: str, table: Plain) -> None:
+        self.components[name] = table
+        self.places[f"components.{name}"] = place
+
+    def _add_line(self, key: str, chamber: str, table: object) -> None:
+        """Add the component of a line to a chamber."""
+        part, kind, renamed = _LINES[key]
+        where = f"{key}.{chamber}"
+        if chamber not in CHAMBERS:
+            raise invalid(where, "describe.not-a-chamber", shown=where, remedy=nearest(chamber, CHAMBERS))
+        if not isinstance(table, dict):
+            raise wrong(where, f"{where} = {table!r} is not a table", remedy="Write { ... }.")
+        name = f"{part}_{chamber}"
+        self._add(name, where, {"kind": kind} | renamed(table, where))
+        for size in set(FLOW_KEYS) & set(table) if key == "flow_control" else ():
+            self.places[f"components.{name}.{_NEEDLE}{size}"] = f"{where}.{size}"
 
     def located(self, key: str | None) -> str | None:
         """Return the key of the short form for a key of a circuit file."""
@@ -51,33 +96,7 @@ class Short:
             if key is not None and (key == known or key.startswith(f"{known}.")):
                 return f"{self.places[known]}{key[len(known) :]}"
         table, _, number = (key or "").partition(".")
-        return "valve" if table == "connections" and number.isdigit() and int(number) >= self.given else key
-
-
-def expanded(data: Keyed, problems: Problems) -> Short:
-    """Return components for the tables of a drive file, and the default connections not replaced in `connections`."""
-    short = Short()
-    given = _tables(data, problems)
-    if "supply" in given:
-        _add(short, "supply", "supply", {"kind": "reservoir"} | given["supply"])
-    for name in ("valve", "cylinder"):
-        if name in given:
-            _add(short, name, name, _of_kind(given[name], name))
-    if "friction" in given:
-        short.components["cylinder"]["friction"] = given["friction"]
-        short.places["components.cylinder.friction"] = "friction"
-    load = dict(given.get("load", {}))
-    spring = load.pop("spring", None)
-    if load:
-        _add(short, "load", "load", {"kind": "load"} | load)
-    if spring is not None:
-        _add(short, "spring", "load.spring", {"kind": "spring"} | (spring if isinstance(spring, dict) else {}))
-    for key in _LINES:
-        for chamber, table in given.get(key, {}).items():
-            with problems.caught():
-                _add_line(short, key, chamber, table)
-    _join(short, data)
-    return short
+        return "valve" if table == "connections" and number.isdigit() and int(number) >= self._given else key
 
 
 def _tables(data: Keyed, problems: Problems) -> Plain:
@@ -98,25 +117,6 @@ def _tables(data: Keyed, problems: Problems) -> Plain:
             problems.add(wrong(key, f"{what}, but {rest} is missing", remedy=remedy))
             del given[key]
     return given
-
-
-def _add_line(short: Short, key: str, chamber: str, table: object) -> None:
-    """Add the component of a line to a chamber."""
-    part, kind, renamed = _LINES[key]
-    where = f"{key}.{chamber}"
-    if chamber not in CHAMBERS:
-        raise invalid(where, "describe.not-a-chamber", shown=where, remedy=nearest(chamber, CHAMBERS))
-    if not isinstance(table, dict):
-        raise wrong(where, f"{where} = {table!r} is not a table", remedy="Write { ... }.")
-    name = f"{part}_{chamber}"
-    _add(short, name, where, {"kind": kind} | renamed(table, where))
-    for size in set(FLOW_KEYS) & set(table) if key == "flow_control" else ():
-        short.places[f"components.{name}.{_NEEDLE}{size}"] = f"{where}.{size}"
-
-
-def _add(short: Short, name: str, place: str, table: Plain) -> None:
-    short.components[name] = table
-    short.places[f"components.{name}"] = place
 
 
 def _of_kind(table: Keyed, family: str) -> Plain:
@@ -173,23 +173,21 @@ _LINES: dict[str, tuple[str, str, Any]] = {
 }
 
 
-def _join(short: Short, data: Keyed) -> None:
-    """Add the default connections. Valve ports and lines named in `connections` or `plugged` are left out."""
+def _chains(has: Keyed, data: Keyed) -> list[str]:
+    """Return the default connections. Valve ports and lines named in `connections` or `plugged` are left out."""
     lists = (one for key in ("connections", "plugged") if isinstance(one := data.get(key), list | tuple))
     texts = (text for one in lists for text in one if isinstance(text, str))
     words = {word.strip() for text in texts for word in text.split(ARROW)}
     named = words | {word.partition(".")[0] for word in words if "." in word}
-    has = short.components
+    chains = []
     if "valve" in has and "supply" in has and "valve.1" not in named and _has_ports(has["valve"], "1"):
-        short.chains.append(f"supply {ARROW} valve.1")
+        chains.append(f"supply {ARROW} valve.1")
     for chamber, port in CHAMBERS.items():
         if "valve" in has and "cylinder" in has and _has_ports(has["valve"], *CHAMBERS.values()):
             lines = [f"{part}_{chamber}" for part, *_ in _LINES.values() if f"{part}_{chamber}" in has]
             if not {f"valve.{port}", *lines} & named:
-                short.chains.append(f" {ARROW} ".join([f"valve.{port}", *lines, f"cylinder.{chamber}"]))
-    short.chains += [f"{name} {ARROW} cylinder.rod" for name in ("load", "spring") if name in has]
-    connections = data.get("connections", ())
-    short.given = len(connections) if isinstance(connections, list | tuple) else 0
+                chains.append(f" {ARROW} ".join([f"valve.{port}", *lines, f"cylinder.{chamber}"]))
+    return chains + [f"{name} {ARROW} cylinder.rod" for name in ("load", "spring") if name in has]
 
 
 def _has_ports(table: Keyed, *names: str) -> bool:

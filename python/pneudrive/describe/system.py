@@ -47,11 +47,6 @@ class System(NamedTuple):
     json: str
     names: ShortNames | None = None
 
-    @classmethod
-    def of_drive(cls, form: Plain) -> System:
-        """Return the system of a drive without lines, from its tables in SI (`Drive.short_form`)."""
-        return cls(json.dumps(expanded_drive(form), sort_keys=True), drive_names(only=True))
-
     def compiled(self) -> _core.Circuit:
         """Return the core's circuit; each system is compiled once.
 
@@ -94,7 +89,7 @@ def expanded_drive(form: Plain) -> Plain:
     Parameters
     ----------
     form : dict
-        Tables of the drive file in SI: keys carry units, ``{"cylinder": {"bore_m": 0.025, ...}, ...}``.
+        Tables of the drive file in SI (`Drive.short_form`). Keys carry units: ``{"cylinder": {"bore_m": 0.025, ...}}``.
     """
     cylinder, valve, load = dict(form["cylinder"]), dict(form["valve"]), dict(form.get("load", {}))
     choices = {"chamber_law": cylinder.pop("chamber_law", "energy-balance")}

@@ -16,11 +16,11 @@ import numpy as np
 
 from pneudrive import units
 from pneudrive.describe.components import parameter_quantity
-from pneudrive.describe.files.provenance import marks
-from pneudrive.describe.files.toml import leaves
+from pneudrive.describe.files.provenance import marks, values
 from pneudrive.describe.kinds import STATED, component_kinds
 from pneudrive.describe.marks import Quantity, StatedPressure, parameter_quantities
 from pneudrive.describe.system import compiled
+from pneudrive.describe.tables.dependences import Acting
 from pneudrive.describe.tables.derived import Derived, derived, derived_in_circuit
 from pneudrive.describe.tables.starts import start_mark
 from pneudrive.describe.tables.valve_flow import FLOW_KEYS
@@ -36,15 +36,18 @@ if TYPE_CHECKING:
 
     from pneudrive._core import Circuit as CoreCircuit
     from pneudrive._core import Shooting, Shot
-    from pneudrive.arrays import Array, ArrayPair, Keyed, NamedNumbers, Pair, Plain
+    from pneudrive.arrays import Array, ArrayPair, NamedNumbers, Pair, Plain
     from pneudrive.describe import Circuit, Drive
     from pneudrive.describe.system import ShortNames
+    from pneudrive.describe.tables.parts import Ambient
 
 
 # --- Numbers of a drive's circuit by their names in the drive file, and the gas of its tubes.
 
 _NUMBERS = package_table(__file__, "numbers.toml")
 CYLINDER_FRICTION = "cylinder.friction."
+#: Path of a parameter of a friction law in a component of the core's form.
+LAW = "friction.parameters."
 
 
 def component_numbers(form: Plain) -> Iterator[tuple[str, str, float, Plain]]:
@@ -101,16 +104,11 @@ def side_of(name: str) -> str:
 
 # --- Numbers of a drive that can be free, and their names.
 
-#: Units, recognised by the suffix of a name in the core's form.
-_UNITS = ("m^3/(s Pa)", "W/(m^2 K)", "J/(kg K)", "N s/m", "N/m", "m/s", "rad", "m^3", "kg", "Pa", "K", "m", "N", "s")
-#: Numbers that may be negative, by the last key of their names, with the size of a usual change.
+#: Numbers that may be negative, by the last key of their names or by their unit, with the size of a usual change.
 _SIGNED: NamedNumbers = _NUMBERS["signed"]
+_SIGNED_UNITS: NamedNumbers = _NUMBERS["signed_units"]
 #: Parameters of a valve that act on the command schedule -> finite-difference step.
 COMMAND_STEPS: NamedNumbers = _NUMBERS["command_steps"]
-#: Bounds of a number without a row in a table of the core, such as a temperature.
-POSITIVE: NamedNumbers = {"lower": 0.0, "upper": math.inf}
-_SEAL_SLOPE = 1e-5  # N/Pa: 1 N/bar
-_AGEING_SLOPE = 1e-6  # 1/Pa: 0.1/bar
 
 
 @dataclass(frozen=True)
@@ -166,7 +164,7 @@ INITIAL = "initial."
 def start_numbers(marks: Mapping[str, Quantity | StatedPressure]) -> dict[str, Parameter]:
     """Return the numbers of a start state by their names in a design, from their written forms."""
     names = {f"{INITIAL}{key}": mark for key, mark in marks.items()}
-    return {name: _bounded(name, "", mark_unit(mark), np.nan, None, mark=mark) for name, mark in names.items()}
+    return {name: _number(name, "", np.nan, mark) for name, mark in names.items()}
 
 
 def mark_unit(mark: Quantity | StatedPressure) -> str:
@@ -179,14 +177,18 @@ def numbers_of(described: DriveOrCircuit) -> dict[str, Parameter]:
     if described.system.names is None:
         return {name: p for name, p in circuit_numbers(described.circuit).items() if not math.isnan(p.value)}
     drive = cast("Drive", described)
-    laws = {p["key"]: p for p in drive.friction.entry["parameters"]}
-    form, written = json.loads(drive.core_json()), marks(drive)
-    own = {"ambient": form["ambient"], "friction": drive.friction.core()}
-    found = [_parameter(key, float(n), laws) for key, n in leaves(own) if type(n) in (int, float)]
+    form, written, friction = json.loads(drive.core_json()), marks(drive), drive.friction
+    quantities = parameter_quantities(friction.entry)
+    found = [*_numbers_of_table("ambient", "ambient", drive.ambient)]
+    for key, value in friction.parameters.items():
+        found.append(_number(f"friction.{key}", f"cylinder.{LAW}{key}", value, quantities[key]))
+    for key, table, _ in friction.entries():
+        if isinstance(table, Acting):
+            found += _numbers_of_table(f"friction.{key}", f"{CYLINDER_FRICTION}{key}", table)
     for name, path, value, entry in component_numbers(form):
         mark = StatedPressure() if entry["unit"] == STATED else parameter_quantity(entry)
-        about = (mark_unit(mark), value, entry, _SIGNED.get(path.rpartition(".")[2]))
-        found.append(_bounded(name, path, *about, discrete=entry["discrete"], mark=mark))
+        usual = _SIGNED.get(path.rpartition(".")[2])
+        found.append(_number(name, path, value, mark, usual, discrete=entry["discrete"]))
     found.sort(key=lambda p: p.core.replace(CYLINDER_FRICTION, "friction."))
     return {p.name: replace(p, mark=written.get(p.name) or p.mark) for p in found}
 
@@ -257,41 +259,27 @@ def chosen(drive: DriveOrCircuit, free: Sequence[str]) -> list[Parameter]:
     return found
 
 
-def _parameter(path: str, value: float, laws: dict[str, Plain]) -> Parameter:
-    head, _, key = path.rpartition(".")
-    if head == "friction.parameters":
-        unit = "1" if laws[key]["unit"] == "-" else laws[key]["unit"]
-        return _bounded(f"friction.{key}", f"cylinder.{path}", unit, value, laws[key])
-    stem = key.removesuffix("_per_m")
-    stem, unit = (stem, "1/m") if stem != key else units.without_unit(key, _UNITS)
-    if stem.endswith(("_a", "_b")):
-        stem = f"{stem[:-2]}.{stem[-1]}"
-    name = f"{head}.{stem}" if head else stem
-    path = f"cylinder.{path}" if name.startswith("friction.") else path
-    if head == "friction.pressure":
-        return _bounded(name, path, "N/Pa", value, None, _SEAL_SLOPE)
-    if name.startswith("friction.dwell.pressure"):
-        return _bounded(name, path, "1/Pa", value, None, _AGEING_SLOPE)
-    return _bounded(name, path, unit, value, POSITIVE, _SIGNED.get(stem))
+def _numbers_of_table(name: str, path: str, table: Ambient | Acting) -> Iterator[Parameter]:
+    """Yield the numbers of the ambient air or of a friction modifier."""
+    keys = (key for key, value in table.core().items() if isinstance(value, float))
+    for key, (own, number) in zip(keys, values(table).items(), strict=True):
+        is_signed = math.isinf(number.mark.ends[0])
+        usual = _SIGNED.get(own) or _SIGNED_UNITS.get(mark_unit(number.mark)) if is_signed else None
+        yield _number(f"{name}.{own}", f"{path}.{key}", number.si, number.mark, usual)
 
 
-def _bounded(
+def _number(
     name: str,
     core: str,
-    unit: str,
     value: float,
-    row: Keyed | None,
+    mark: Quantity | StatedPressure,
     usual: float | None = None,
-    **other: Any,  # noqa: ANN401
+    *,
+    discrete: bool = False,
 ) -> Parameter:
-    """Return a number with the bounds of its row in a table of the core.
-
-    A number without a row, or with a typical change, may be negative.
-    """
-    lower, upper = -np.inf, np.inf
-    if row is not None and usual is None:
-        lower, upper = row["lower"], row["upper"]
-    return Parameter(name, core, unit, value, lower, upper, usual or abs(value) or 1.0, **other)
+    """Return a number with the bounds of its written form. A number with a usual change may be negative."""
+    lower, upper = (-np.inf, np.inf) if usual else mark.ends
+    return Parameter(name, core, mark_unit(mark), value, lower, upper, usual or abs(value) or 1.0, discrete, mark)
 
 
 #: Relative step for derivatives of a derived value with respect to its sources.
@@ -444,10 +432,7 @@ def family_of(
 
 # --- Numbers of a circuit by name, and circuits for any values of some of them.
 
-#: Path of a parameter of a friction law in a component of the core's form.
-LAW = "friction.parameters."
-#: Names in a design -> keys of the circuit file.
-AMBIENT = {"ambient.pressure": "ambient.pressure_pa", "ambient.temperature": "ambient.temperature_k"}
+AMBIENT = ("ambient.pressure", "ambient.temperature")
 
 
 def circuit_numbers(circuit: Circuit) -> dict[str, Parameter]:
@@ -456,34 +441,27 @@ def circuit_numbers(circuit: Circuit) -> dict[str, Parameter]:
     Names are those of components and their keys, ``left.bore``, ``left.friction.coulomb``. Further names are
     ``ambient.pressure``, ``ambient.temperature`` and ``initial.left.position``.
     """
-    # Begin of the names and of the paths, written forms by key, entry of the core.
-    tables: list[tuple[str, str, Keyed, Keyed]] = []
+    form, found = json.loads(circuit.core_json()), list[Parameter]()
+
+    def add(name: str, path: str, mark: Quantity | StatedPressure, usual: float | None, *, discrete: bool) -> None:
+        table, key = table_of(form, path)
+        value = table.get(key, np.nan)
+        found.append(_number(name, path, value if math.isfinite(value) else np.nan, mark, usual, discrete=discrete))
+
     for name, one in circuit.components.items():
-        written, friction = one.marks(), getattr(one, "friction", None)
-        given = {key: written[key] for key in one.numbers(circuit.ambient.pressure_pa)}
-        tables.append((f"{name}.", f"{name}.", given, one.entry))
+        written = one.marks()
+        friction: Any = getattr(one, "friction", None)
+        for key in one.numbers(circuit.ambient.pressure_pa):
+            own = f"{name}.{key}"
+            add(own, own, written[key], _SIGNED.get(key), discrete=key in one.entry["discrete"])
         if friction is not None:
             quantities = parameter_quantities(friction.entry)
-            given = {key: quantities[key] for key in friction.parameters}
-            tables.append((f"{name}.friction.", f"{name}.{LAW}", given, friction.entry))
-    form, found = json.loads(circuit.core_json()), {}
-    for name, path, written, entry in tables:
-        rows, discrete = {row["key"]: row for row in entry["parameters"]}, entry.get("discrete", ())
-        for key, mark in written.items():
-            table, last = table_of(form, path + key)
-            value = table.get(last, np.nan)
-            # A custom friction law alone determines the signs of its parameters.
-            usual = None if path.endswith(LAW) else _SIGNED.get(key)
-            about = (mark_unit(mark), value if math.isfinite(value) else np.nan, rows.get(key), usual)
-            found[name + key] = _bounded(name + key, path + key, *about, discrete=key in discrete, mark=mark)
-    ambient = circuit.ambient.marks()
-    for name, path in AMBIENT.items():
-        mark = ambient[name.partition(".")[2]]
-        value = form["ambient"][path.partition(".")[2]]
-        found[name] = _bounded(name, path, mark_unit(mark), value, POSITIVE, mark=mark)
+            for key in friction.parameters:
+                add(f"{name}.friction.{key}", f"{name}.{LAW}{key}", quantities[key], None, discrete=False)
+    found += _numbers_of_table("ambient", "ambient", circuit.ambient)
     lasts = {key: name.rpartition(".")[2] for key, name in circuit.start_names.items()}
     starts = {key: start_mark(last)[1] for key, last in lasts.items() if last != "contact_age_s"}
-    return found | start_numbers(starts)
+    return {p.name: p for p in found} | start_numbers(starts)
 
 
 # --- Exact derivatives of a trajectory by numbers of the drive: those of the numerical solution, including events.

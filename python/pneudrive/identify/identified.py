@@ -14,7 +14,7 @@ from pneudrive import figures, units
 from pneudrive.describe import Circuit
 from pneudrive.describe.files import provenance
 from pneudrive.describe.marks import Quantity, StatedPressure, parameter_quantities
-from pneudrive.describe.tables.friction import assumed_with, friction_laws, has_bristles
+from pneudrive.describe.tables.friction import assumed_with, friction_laws
 from pneudrive.errors import FitError, nearest, package_table, warn
 from pneudrive.estimate.estimates import CONFIDENCE
 from pneudrive.figures import MODEL, RESIDUAL, SPEED, Axis, Figure, Line, Look, Mark, Markers, Panel, Rule, thin
@@ -402,7 +402,7 @@ class Dependences:
 
     def for_law(self, law: str) -> Dependences:
         """Return the modifiers for a law; relaxation is left out if the law has no bristles."""
-        return self if has_bristles(law) else self.without("relaxation")
+        return self if friction_laws()[law]["bristles"] else self.without("relaxation")
 
     def without(self, key: str) -> Dependences:
         """Return the modifiers without the one under this key."""

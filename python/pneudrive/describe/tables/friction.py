@@ -21,7 +21,7 @@ from pneudrive.describe.tables.dependences import DEPENDENCES, Acting
 from pneudrive.errors import DescriptionError, invalid, nearest, warn, wrong
 
 if TYPE_CHECKING:
-    from pneudrive.arrays import NamedNumbers, Plain
+    from pneudrive.arrays import Keyed, NamedNumbers, Plain
 
 
 @lru_cache(maxsize=1)
@@ -33,18 +33,23 @@ def friction_laws() -> MappingProxyType[str, Plain]:
     return MappingProxyType({law["name"]: law for law in _core.friction_laws()})
 
 
-def has_bristles(law: str) -> bool:
-    """Return whether a law has elastic bristles, which can relax."""
-    return friction_laws()[law]["bristles"]
+def options_of(entry: Keyed) -> dict[str, bool]:
+    """Return whether a law takes each choice and modifier that only some laws take, by its entry.
+
+    A Stribeck curve has a selectable shape. Elastic bristles can relax.
+    """
+    is_built_in, keys = entry["name"] in friction_laws(), {p["key"] for p in entry["parameters"]}
+    own = {"stribeck_shape": is_built_in and "stribeck_exponent" in keys, "elements": entry["elements"]}
+    return own | {"evolution": entry["evolves"], "relaxation": entry["bristles"]}
+
+
+def laws_with(option: str) -> list[str]:
+    """Return the names of the core's laws that take an option."""
+    return [name for name, entry in friction_laws().items() if options_of(entry)[option]]
 
 
 #: Shapes of the Stribeck curve: exp(-(v/vs)^2), exp(-|v/vs|), 1/(1 + (v/vs)^2), exp(-|v/vs|^n) with the exponent n.
 StribeckShape = Literal["gaussian", "exponential", "lorentzian", "free"]
-
-
-def has_stribeck_curve(law: str) -> bool:
-    """Return whether a law has a Stribeck curve with a selectable shape."""
-    return any(p["key"] == "stribeck_exponent" for p in friction_laws()[law]["parameters"])
 
 
 #: Evolution of the state in rate-and-state friction: with time and slip, or only with slip.
@@ -223,13 +228,8 @@ class Friction(Described):
         for key, given in rest.items():
             full = f"friction.{key}"
             if key not in parameters:
-                has = {
-                    "stribeck_shape": name in laws and has_stribeck_curve(name),
-                    "elements": entry["elements"],
-                    "evolution": entry["evolves"],
-                    "relaxation": entry["bristles"],
-                }
-                known = ["law", *parameters, *(one for one in (*CHOICES, *DEPENDENCES) if has.get(one, True))]
+                takes = options_of(entry)
+                known = ["law", *parameters, *(one for one in (*CHOICES, *DEPENDENCES) if takes.get(one, True))]
                 owners = [law for law, about in laws.items() if key in {p["key"] for p in about["parameters"]}]
                 remedy = f"It belongs to {', '.join(owners)}." if owners else nearest(key, known)
                 raise wrong(full, f'{full} is not a known key of law "{name}"', remedy=remedy)
@@ -283,17 +283,18 @@ class Friction(Described):
         if coulomb is not None and breakaway is not None and breakaway < coulomb:
             lower, upper = units.write(breakaway, "N", "N"), units.write(coulomb, "N", "N")
             raise invalid("friction.breakaway", "describe.breakaway-below-coulomb", lower=lower, upper=upper)
-        if self.stribeck_shape is not None and (self.formula is not None or not has_stribeck_curve(self.law)):
-            laws = ", ".join(name for name in friction_laws() if has_stribeck_curve(name))
+        takes = options_of(self.entry)
+        if self.stribeck_shape is not None and not takes["stribeck_shape"]:
+            laws = ", ".join(laws_with("stribeck_shape"))
             raise invalid("friction.stribeck_shape", "describe.no-stribeck-curve", law=self.law, laws=laws)
         if self.stribeck_shape not in (None, "free") and "stribeck_exponent" in self.given:
             raise invalid("friction.stribeck_exponent", "describe.idle-exponent", shape=self.stribeck_shape)
         key, stiffness = "friction.elements", "friction.bristle_stiffness"
         total = sum(element.share for element in self.elements)
         if not self.elements:
-            if self.entry["elements"] and "bristle_stiffness" not in self.parameters:
+            if takes["elements"] and "bristle_stiffness" not in self.parameters:
                 raise invalid(stiffness, "describe.no-stiffness", law=self.law, needed=units.needed("N/m"))
-        elif not self.entry["elements"]:
+        elif not takes["elements"]:
             raise wrong(key, f'{key} belongs to law "gms"; law "{self.law}" has no elements')
         elif "bristle_stiffness" in self.given:
             raise wrong(stiffness, f"{stiffness} already follows from {key}", remedy="Keep one of the two.")
@@ -301,10 +302,10 @@ class Friction(Described):
             raise wrong(key, f"{key} has {len(self.elements)} entries", rule=f"2 to {MOST_ELEMENTS}")
         elif abs(total - 1.0) > SHARES_WITHIN:
             raise wrong(key, f"the values `share` of {key} add up to {total:g}", rule="their sum must be 1")
-        if self.evolution is not None and not self.entry["evolves"]:
+        if self.evolution is not None and not takes["evolution"]:
             raise invalid("friction.evolution", "describe.no-evolution", law=self.law)
-        if self.relaxation is not None and not self.entry["bristles"]:
-            laws = ", ".join(name for name in friction_laws() if has_bristles(name))
+        if self.relaxation is not None and not takes["relaxation"]:
+            laws = ", ".join(laws_with("relaxation"))
             raise invalid("friction.relaxation", "describe.no-bristles", law=self.law, laws=laws)
         return self
 
@@ -356,20 +357,19 @@ class Friction(Described):
     def __get_pydantic_json_schema__(cls, schema: Any, handler: Any) -> Plain:  # noqa: ANN401 - pydantic's own
         """Return the JSON schema: one alternative for each law of the core."""
         tables = {key: about.model_json_schema(by_alias=True) for key, about in DEPENDENCES.items()}
+        element = SlipElement.model_json_schema(by_alias=True)
+        options = tables | {
+            "stribeck_shape": {"enum": list(get_args(StribeckShape))},
+            "evolution": {"enum": list(get_args(Evolution))},
+            "elements": {"type": "array", "items": element, "minItems": 2, "maxItems": MOST_ELEMENTS},
+        }
         alternatives = []
         for name, law in friction_laws().items():
-            own = {key: table for key, table in tables.items() if key != "relaxation" or has_bristles(name)}
-            properties: Plain = {"law": {"const": name}, **own}
-            if has_stribeck_curve(name):
-                properties["stribeck_shape"] = {"enum": list(get_args(StribeckShape))}
-            if law["evolves"]:
-                properties["evolution"] = {"enum": list(get_args(Evolution))}
-            if law["elements"]:
-                one = SlipElement.model_json_schema(by_alias=True)
-                properties["elements"] = {"type": "array", "items": one, "minItems": 2, "maxItems": MOST_ELEMENTS}
+            takes = options_of(law)
+            properties: Plain = {"law": {"const": name}}
+            properties |= {key: form for key, form in options.items() if takes.get(key, True)}
             for p in law["parameters"]:
-                one = parameter_quantity(p).schema()
-                properties[p["key"]] = one | {"title": p["meaning"]}
+                properties[p["key"]] = parameter_quantity(p).schema() | {"title": p["meaning"]}
             required = ["law", *(p["key"] for p in law["parameters"] if p["default"] is None)]
             alternatives.append({"type": "object", "title": law["title"], **marks.table_schema(properties, required)})
         (usual,) = (one for one in alternatives if one["properties"]["law"]["const"] == DEFAULT_LAW)

@@ -18,7 +18,7 @@ from _typeshed import Incomplete
 from collections.abc import Callable as Callable, Iterable, Iterator, Mapping
 from functools import cached_property
 from pneudrive import _core as _core, units as units
-from pneudrive.arrays import NamedNumbers as NamedNumbers, Plain as Plain
+from pneudrive.arrays import Keyed as Keyed, NamedNumbers as NamedNumbers, Plain as Plain
 from pneudrive.describe import marks as marks
 from pneudrive.describe.base import Described as Described, as_tables as as_tables
 from pneudrive.describe.formulas.law import FrictionLaw as FrictionLaw, law_of as law_of
@@ -44,12 +44,10 @@ from types import MappingProxyType
 from typing import Annotated, Any, ClassVar
 
 def friction_laws() -> MappingProxyType[str, Plain]: ...
-def has_bristles(law: str) -> bool: ...
+def options_of(entry: Keyed) -> dict[str, bool]: ...
+def laws_with(option: str) -> list[str]: ...
 
 StribeckShape: Incomplete
-
-def has_stribeck_curve(law: str) -> bool: ...
-
 Evolution: Incomplete
 MOST_ELEMENTS: int
 SHARES_WITHIN: float
