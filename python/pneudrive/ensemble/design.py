@@ -288,7 +288,7 @@ class Rows:
         Number of members.
     about : dict
         Description of the design as plain data. Two designs with the same description have the same rows.
-    points : callable
+    take : callable
         (first, last) -> values of members first to last - 1, shape (members, names).
     quantiles : callable, optional
         For a sampled design: points of the unit cube -> values.
@@ -297,7 +297,7 @@ class Rows:
     names: tuple[str, ...]
     size: int
     about: Plain
-    points: Callable[[int, int], Array]
+    take: Callable[[int, int], Array]
     quantiles: Callable[[Array], Array] | None = None
 
     @classmethod
@@ -327,14 +327,10 @@ class Rows:
 
         return Rows((*self.names, *other.names), self.size, {**self.about, "beside": other.about}, points)
 
-    def take(self, first: int, last: int) -> Array:
-        """Return the values of members `first` to ``last - 1``, shape (members, names)."""
-        return self.points(first, min(last, self.size))
-
     def check(self, variation: Variation) -> None:
         """Reject impossible rows; see `Variation.check`."""
         for first in range(0, self.size, CHECKED_ROWS):
-            variation.check(self.take(first, first + CHECKED_ROWS), first)
+            variation.check(self.take(first, min(first + CHECKED_ROWS, self.size)), first)
 
 
 def _part(values: Array, first: int, last: int) -> Array:
@@ -551,8 +547,6 @@ class EnsembleDesign(Shown):
 
     def _size(self) -> int:
         most = {"latin-hypercube": MOST_HYPERCUBE, "sobol": MOST_SOBOL}.get(self.method, MOST_WHOLE)
-        if self.method not in SAMPLERS:
-            raise CommandError(f'there is no design "{self.method}"', remedy=nearest(self.method, SAMPLERS))
         if self.members is None:
             raise CommandError("vary has distributions, and the number of members is missing", remedy="Give n.")
         whole_number("seed", self.seed, 0)

@@ -332,7 +332,7 @@ class Output:
         CommandError
             A signal does not exist, or the rate is not valid.
         """
-        columns, rate_hz = tuple(map(known.column, self.signals)), _rate(self.rate)
+        columns, rate_hz = tuple(known.meaning(signal)[0] for signal in self.signals), _rate(self.rate)
         return Reduction("own", columns, self.name, self.unit, self.long_name, rate_hz=rate_hz, function=self.function)
 
 
@@ -358,8 +358,8 @@ class SignalNames:
         self.towards_b = towards_b
         self.states = [signal for signal in states if signal in self.columns]
 
-    def column(self, signal: str) -> str:
-        """Return the column of a signal.
+    def meaning(self, signal: str) -> tuple[str, str, str, str]:
+        """Return column, name, unit and long name of a signal.
 
         Raises
         ------
@@ -369,7 +369,7 @@ class SignalNames:
         if signal not in self.columns:
             known = {meaning(column)[0] for column in self.columns.values()}
             raise CommandError(f"outputs: there is no signal {signal}", remedy=nearest(str(signal), known))
-        return self.columns[signal]
+        return self.columns[signal], *meaning(self.columns[signal])
 
 
 #: Word -> beginning of the long name of an output of one signal.
@@ -383,15 +383,15 @@ _PLAIN = {
 
 
 def _plain(word: str, signals: SignalNames, signal: str) -> Reduction:
-    name, unit, long_name = meaning(signals.column(signal))
+    column, name, unit, long_name = signals.meaning(signal)
     if word == "integral":
         unit = unit.removesuffix("/s") if unit.endswith("/s") else f"{unit} s" if unit != "1" else "s"
-    return Reduction(word, (signals.column(signal),), f"{word}_{name}", unit, _PLAIN[word] + long_name)
+    return Reduction(word, (column,), f"{word}_{name}", unit, _PLAIN[word] + long_name)
 
 
 def _samples(signals: SignalNames, signal: str, rate: str = "1 kHz") -> Reduction:
-    name, unit, long_name = meaning(signals.column(signal))
-    return Reduction("samples", (signals.column(signal),), name, unit, long_name, rate_hz=_rate(rate))
+    column, name, unit, long_name = signals.meaning(signal)
+    return Reduction("samples", (column,), name, unit, long_name, rate_hz=_rate(rate))
 
 
 def _time_when(signals: SignalNames, condition: str) -> Reduction:
@@ -399,8 +399,7 @@ def _time_when(signals: SignalNames, condition: str) -> Reduction:
     if found is None:
         raise CommandError.of("ensemble.condition", text=condition)
     signal, sign, text = found.groups()
-    column = signals.column(signal)
-    name, unit, long_name = meaning(column)
+    column, name, unit, long_name = signals.meaning(signal)
     side = "above" if sign == ">" else "below"
     about = f"first time at which {long_name.partition(',')[0]} {sign} {text}"
     level = _quantity(text, unit, "pressure" in name)
@@ -412,13 +411,12 @@ def _stroke_time(signals: SignalNames) -> Reduction:
         raise CommandError.of("ensemble.stroke_time")
     end, level = ("b", TOUCH_N) if signals.towards_b else ("a", -TOUCH_N)
     about = f"time from the start until the piston first touches the end of chamber {end}"
-    column = signals.column("end_stop_force")
+    column = signals.meaning("end_stop_force")[0]
     return Reduction("time_when", (column,), "stroke_time", "s", about, level, above=signals.towards_b)
 
 
 def _settling(signals: SignalNames, signal: str, band: str, rate: str = "1 kHz") -> Reduction:
-    column = signals.column(signal)
-    name, unit, long_name = meaning(column)
+    column, name, unit, long_name = signals.meaning(signal)
     half = _quantity(band, unit, False)
     if unit == "K":
         half -= units.parse(f"0 {band.strip().partition(' ')[2]}", unit)  # a band is a difference: 5 degC are 5 K

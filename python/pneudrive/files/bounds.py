@@ -70,17 +70,11 @@ def within(name: str, value: float, what: str, kind: ErrorKind, where: str | Non
     PneudriveError
         An error of `kind`, with the bound, its reason and how to raise it.
     """
-    broken = beyond(name, value)
-    if broken:
-        raise kind(what, where=where, rule=broken[0], remedy=broken[1])
-
-
-def beyond(name: str, value: float) -> tuple[str, str | None] | None:
-    """Return rule and remedy for a value beyond a bound, None for a valid value."""
     most, entry = bound(name), BOUNDS[name]
     if value <= most:
-        return None
+        return
     wanted = value if value < float("inf") else 10 * most
     raised = f'{VARIABLE}="{name}={float(f"{1.5 * wanted:.0e}"):.3g}"'  # a rounded bound that is sufficient
     remedy = f"If the value is right, raise the bound: {raised}." if entry.get("raised", True) else None
-    return f"at most {most:,.15g} {entry['unit']} ({name}: {entry['reason']})".replace("  ", " "), remedy
+    rule = f"at most {most:,.15g} {entry['unit']} ({name}: {entry['reason']})".replace("  ", " ")
+    raise kind(what, where=where, rule=rule, remedy=remedy)

@@ -232,8 +232,6 @@ _TABLE = package_table(__file__, "kinds.toml")
 #: Kind of a result folder -> its characteristic files.
 FOLDERS: dict[str, list[str]] = _TABLE["folders"]
 HEAD = 1 << 16  # bytes of a TOML file that are read to find its kind
-#: A task file has the key stroke before any table. The pattern consumes whole lines, so that its time stays linear.
-_TASK = re.compile(r"(?:[ \t]*(?:[^\s\[][^\n]*)?\n)*[ \t]*stroke[ \t]*=")
 #: Kind of a TOML file -> pattern at the beginning of a line.
 _KINDS = {kind: re.compile(rf"^[ \t]*(?:{mark})", re.MULTILINE) for kind, mark in _TABLE["files"].items()}
 
@@ -250,8 +248,6 @@ def kind_of_toml(path: Path) -> str:
             head = file.read(HEAD).decode("utf-8", "replace")
     except OSError:
         return "unreadable"
-    if _TASK.match(head):
-        return "task"
     return next((kind for kind, mark in _KINDS.items() if mark.search(head)), "other")
 
 

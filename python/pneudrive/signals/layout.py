@@ -470,10 +470,8 @@ class Layout(Shown):
         labels = {key: text for key, text in layout.labels.items() if key != "pattern"}
         pattern = layout.labels.get("pattern", "")
         found = labels_from_name(pattern, stem(path)) if pattern else {}
-        if found is None:
-            part, left = where_pattern_ends(pattern, stem(path))
-            rest = f"'{left}' of the name is not matched" if left else "the name is too short"
-            names = {"pattern": pattern, "file": path.name, "rule": f"at {part}, {rest}"}
+        if isinstance(found, str):
+            names = {"pattern": pattern, "file": path.name, "rule": found}
             raise self.fail(invalid(self._place("labels.pattern", chosen), "signals.pattern-differs", **names))
         return layout.of_file(kind, labels | found)
 
@@ -575,8 +573,8 @@ _FIELD = re.compile(r"(\{\w+\})")  # in a pattern of labels
 FIELDS = {"pressure": (r"[-+]?\d+(?:[.,]\d+)?(?: ?(?:mbar|bar|kPa|MPa|Pa|psi))?", "a number, with or without a unit")}
 
 
-def labels_from_name(pattern: str, name: str) -> dict[str, str] | None:
-    """Return the labels in a file name; None if it does not match.
+def labels_from_name(pattern: str, name: str) -> dict[str, str] | str:
+    """Return the labels in a file name; if it does not match, the first part that differs, in words.
 
     ``{pressure}`` matches a number, with or without a unit: ``5``, ``0,5``, ``1bar``. Every other field matches any
     text of at least one character. Each field, from left to right, matches the shortest possible text.
@@ -590,21 +588,13 @@ def labels_from_name(pattern: str, name: str) -> dict[str, str] | None:
     """
     parts = _FIELD.split(pattern)
     found = _matched(parts, name, "$")
-    if found is None:
-        return None
-    fields = (part[1:-1] for part in parts[1::2])
-    return dict(zip(fields, found[1::2], strict=False))
-
-
-def where_pattern_ends(pattern: str, name: str) -> tuple[str, str]:
-    """Return the first part of the pattern that does not match, and the rest of the name."""
-    parts = _FIELD.split(pattern)
-    for count in range(len(parts) - 1, -1, -1):
-        part, found = parts[count], _matched(parts[:count], name, "")
-        if part and found is not None:
-            about = FIELDS.get(part[1:-1], ("", "any text"))[1] if part.startswith("{") else None
-            return (f"{part} ({about})" if about else f"'{part}'"), name[len("".join(found)) :]
-    return pattern, name
+    if found is not None:
+        return dict(zip((part[1:-1] for part in parts[1::2]), found[1::2], strict=False))
+    begins = ((part, _matched(parts[:count], name, "")) for count, part in enumerate(parts) if part)
+    part, begin = [(part, begin) for part, begin in begins if begin is not None][-1]
+    about = f"{part} ({FIELDS.get(part[1:-1], ('', 'any text'))[1]})" if part.startswith("{") else f"'{part}'"
+    left = name[len("".join(begin)) :]
+    return f"at {about}, " + (f"'{left}' of the name is not matched" if left else "the name is too short")
 
 
 def _matched(parts: list[str], name: str, end: str) -> tuple[str, ...] | None:

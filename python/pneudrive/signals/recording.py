@@ -276,8 +276,6 @@ def _bad_samples(recording: Recording) -> dict[str, Bools]:
         if channel in recording.limits:
             low, high = recording.limits[channel]
             masks["saturated"] |= (values <= low) | (values >= high)
-        if not (values[1:] == values[:-1]).any():
-            continue
         runs = equal_runs(values)
         if runs[1].max() < SATURATED_RUN:
             continue

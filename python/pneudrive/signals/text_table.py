@@ -457,19 +457,15 @@ def _sample(tail: Lines) -> Lines:
 
 
 def _candidates(sample: Lines) -> list[TextForm]:
-    forms = []
+    """Return the possible formats. Numbers contain the delimiter only inside quotes."""
+    forms, has_quotes = [], any('"' in line for line in sample)
     for delimiter in DELIMITERS:
         fields = [text for line in sample for text in split_row(line, delimiter)]
         grouped = {m.group(1) for text in fields if (m := _GROUPED.match(text))}
         marks = sorted({" " if mark.isspace() else mark for mark in grouped})
-        has_quotes = any('"' in line for line in sample)
-        for decimal in (".", ","):
-            if decimal == delimiter and not has_quotes:
-                continue
-            usual = [mark for mark in marks if mark not in (delimiter, decimal) or (mark == delimiter and has_quotes)]
-            own = [decimal] if decimal in marks and any(text.count(decimal) > 1 for text in fields) else []
-            separators = (None, *usual, *own)
-            forms += [TextForm(delimiter=delimiter, decimal=decimal, thousands=mark) for mark in separators]
+        decimals, separators = ([sign for sign in signs if sign != delimiter or has_quotes] for signs in (".,", marks))
+        for decimal in decimals:
+            forms += [TextForm(delimiter, decimal=decimal, thousands=mark) for mark in (None, *separators)]
     return forms
 
 
