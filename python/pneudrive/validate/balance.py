@@ -253,9 +253,7 @@ class Signals:
     def velocity_m_s(self) -> Array:
         """Measured velocity, or otherwise slope of a local cubic."""
         if "velocity_m_s" in self.recording:
-            measured = self.recording["velocity_m_s"]
-            same = measured.size == self.time_s.size
-            return measured if same else np.interp(self.time_s, self.recording.time_s, measured)
+            return np.interp(self.time_s, self.recording.time_s, self.recording["velocity_m_s"])
         return self.smooth(self.position_m, 1)
 
     @cached_property
