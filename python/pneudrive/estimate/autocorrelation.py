@@ -326,7 +326,7 @@ def _trend(values: Array, x: Array, most: int) -> tuple[Array, float]:
         score = corrected_criterion(values.size * np.log(rest), k, values.size)
         if score < best:
             best, out = score, (fitted, rest / (values.size - count))
-    return np.asarray(out[0]), out[1]
+    return out
 
 
 def _inverse_trigamma(x: float) -> float:

@@ -47,15 +47,10 @@ class DesignSpace:
     known: Array
     region: Array | None = None
 
-    @property
-    def scale(self) -> Array:
-        """Norm of each parameter's column, shape (p,). The algorithms work on columns of norm one."""
-        size = np.sqrt(np.mean(self.gradients**2, axis=(0, 1)))
-        return np.where(size > 0.0, size, 1.0)
-
     def scaled(self) -> DesignSpace:
         """Return the candidates with columns of norm one, and a diagonal term that makes every matrix regular."""
-        s = self.scale
+        size = np.sqrt(np.mean(self.gradients**2, axis=(0, 1)))
+        s = np.where(size > 0.0, size, 1.0)
         known = self.known / np.outer(s, s) + RIDGE * self.gradients.shape[1] * np.eye(s.size)
         region = None if self.region is None else self.region / np.outer(s, s)
         return DesignSpace(self.gradients / s, known, region)

@@ -278,10 +278,11 @@ class Fit(Viewed):
     @property
     def determined(self) -> tuple[str, ...]:
         """Names of `values` that the data determine, without held values."""
-        return tuple(name for name in self.values if self._is_determined(name, self.values[name]))
+        return tuple(name for name in self.values if self._is_determined(name))
 
-    def _is_determined(self, name: str, value: float) -> bool:
-        return name in self.free and name not in names_of(self.undetermined) and bool(np.isfinite(value))
+    def _is_determined(self, name: str) -> bool:
+        is_free = name in self.free and name not in names_of(self.undetermined)
+        return is_free and bool(np.isfinite(self.free_values()[name]))
 
     @property
     def recordings(self) -> tuple[str, ...]:
@@ -484,15 +485,14 @@ class Fit(Viewed):
         keys : mapping
             Name in the fit -> name in the drive file.
         """
-        ends = {key: self.intervals[name] for name, key in keys.items() if name in self.intervals}
-        wide = {keys[name]: u for name, u in self.systematic.items() if name in keys}
-        values = {key: self.values[name] for name, key in keys.items()}
+        wide = {name: self.systematic.get(name, 0.0) for name in (*self.free, *keys)}
+        sure = {name: key for name, key in keys.items() if name in self.intervals}
         rows = self.free if self.covariance.size else ()  # a fit without values has no covariance
-        known = {key: rows.index(name) for name, key in keys.items() if key in ends and name in rows}
-        shares = self._correlation([self.systematic.get(n, 0.0) for n in self.free]) if known else self.covariance
+        known = {key: rows.index(name) for name, key in sure.items() if name in rows}
+        shares = self._correlation([wide[name] for name in self.free]) if known else self.covariance
         return Identified(
-            values=values,
-            intervals={key: whole_interval(values[key], ends[key], wide.get(key, 0.0)) for key in ends},
+            values={key: self.values[name] for name, key in keys.items()},
+            intervals={k: whole_interval(self.values[n], self.intervals[n], wide[n]) for n, k in sure.items()},
             recordings=self.recordings,
             fit=str(self.provenance.get("fit_hash", ""))
             or hashlib.sha256(self.toml().encode()).hexdigest()[:HASH_DIGITS],
@@ -523,8 +523,7 @@ class Fit(Viewed):
 
     def _entry(self, name: str, value: float) -> Plain:
         """Return the table of a value; `FitEntry` reads it."""
-        entry: Plain = {"value": value, "unit": self.units[name]}
-        entry["determined"] = self._is_determined(name, value)
+        entry: Plain = {"value": value, "unit": self.units[name], "determined": self._is_determined(name)}
         if name in self.intervals:
             entry["standard_error"] = self.standard_errors[name] if self.covariance.size else None
             entry |= {"u_systematic": self.systematic.get(name), "interval": list(self.intervals[name])}

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from itertools import starmap
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -191,7 +192,8 @@ def select_friction_law(
     rows, same = _distinct(rows)
     tried += same
     best = min(rows, key=lambda row: row.error_n)
-    recommended = min((row for row in rows if _as_good(row, best)), key=lambda row: (row.free, row.error_n))
+    good = [row for row in rows if (d := row.squares - best.squares).mean() <= d.std(ddof=1) / np.sqrt(d.size)]
+    recommended = min(good, key=lambda row: (row.free, row.error_n))
     said = (*_statements(rows, best, recommended, held_out), *(row for row in tried if isinstance(row, str)))
     ordered = tuple(sorted(rows, key=lambda row: row.error_n))
     return LawComparison(ordered, held_out, int(folds.max()) + 1, recommended, said)
@@ -283,11 +285,6 @@ def _condition(at: sliding.Observations) -> str:
     return f"{span(at.speed_m_s, 1e3, 'mm/s')}, chamber a {a}, b {b} gauge"
 
 
-def _as_good(row: Compared, best: Compared) -> bool:
-    difference = row.squares - best.squares
-    return bool(difference.mean() <= difference.std(ddof=1) / np.sqrt(difference.size))
-
-
 def _statements(rows: list[Compared], best: Compared, recommended: Compared, held_out: str) -> Iterator[str]:
     coverage = 100 * recommended.coverage
     yield _sentence("recommended", recommended, held_out=held_out, coverage=coverage)
@@ -355,7 +352,7 @@ class Prior(Shown):
         covariance = to_internal @ fit.covariance @ to_internal.T
         deviation = np.sqrt(np.diag(covariance))
         size = np.outer(deviation, deviation)
-        known = np.asarray(np.linalg.pinv(covariance / size, rcond=1e-12, hermitian=True) / size, dtype=float)
+        known = np.linalg.pinv(covariance / size, rcond=1e-12, hermitian=True) / size
         is_log = [name.startswith("stribeck_") or name == "breakaway" for name in fit.free]
         share = np.where(is_log, np.minimum(1.0, WIDEST / np.maximum(deviation, 1e-12)), 1.0)
         rng = np.random.default_rng(1)
@@ -408,7 +405,7 @@ class Limits:
         return 2.0 * self.strokes * (one + speed_m_s / self.acceleration_m_s2) + self.settling_s
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, order=True)
 class Point:
     """Condition to measure `repeats` times."""
 
@@ -547,13 +544,10 @@ def next_measurements(
     else:
         chosen = exchange(candidates, points or 2 * len(prior.model.names), criterion)
     counts = np.bincount(chosen, minlength=len(grid)).astype(float)
-    where = np.flatnonzero(counts)
-    proposed = [
-        Point(float(grid.speed_m_s[i]), float(grid.gauge_a_pa[i]), float(grid.gauge_b_pa[i]), int(counts[i]))
-        for i in where
-    ]
+    columns = (grid.speed_m_s, *grid.gauges_pa, counts.astype(int))
+    proposed = zip(*(column[counts > 0.0].tolist() for column in columns), strict=True)
     return Design(
-        tuple(sorted(proposed, key=lambda p: (p.speed_m_s, p.gauge_a_pa, p.gauge_b_pa))),
+        tuple(sorted(starmap(Point, proposed))),
         criterion,
         now,
         _half_widths(prior, information(candidates, counts), prior.values + chosen.size),
@@ -563,10 +557,11 @@ def next_measurements(
 
 def _noise(source: FrictionFit | Prior) -> float:
     """Return the standard deviation of a further measured value, N, from the fit."""
-    if isinstance(source, Prior) or source.observations is None:
-        return np.nan if isinstance(source, Prior) else source.statistics["rms_n"]
-    typical = float(np.median(source.observations.stderr_n))
-    return float(np.sqrt(source.statistics["variance"])) * typical
+    if isinstance(source, Prior):
+        return np.nan
+    if source.observations is None:
+        return source.statistics["rms_n"]
+    return float(np.sqrt(source.statistics["variance"]) * np.median(source.observations.stderr_n))
 
 
 def _grid(limits: Limits, count: int = SPEEDS) -> sliding.Observations:

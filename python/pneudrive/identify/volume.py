@@ -76,9 +76,8 @@ class VolumeFit(Fit, kind="volume"):
 
     start: Tank | None = field(repr=False)
 
-    def _is_determined(self, name: str, value: float) -> bool:
+    def _is_determined(self, name: str) -> bool:
         """Return whether the recordings determine a value; False if the search did not converge."""
-        del value
         return name in self.intervals
 
     def apply(self, tank: Tank | None = None) -> Tank:
@@ -650,9 +649,8 @@ def _intervals(
     covariance = inverse @ (scores.T @ scores) @ inverse
     deviation = student(max(len(edges) - 4, 3)) * np.sqrt(np.diag(covariance))
     if len(own) > 1:
-        values = [point[:4] for point in own.values()]
-        between = np.std(values, axis=0, ddof=1) / np.sqrt(len(own))
+        between = np.std([*own.values()], axis=0, ddof=1) / np.sqrt(len(own))
         deviation = np.maximum(deviation, student(len(own) - 1) * between)
     low, high = (REGULATOR_SCALES.natural(best.x + sign * deviation) for sign in (-1.0, 1.0))
-    ends = {name: (float(low[i]), float(high[i])) for i, name in enumerate(REGULATOR_UNITS)}
+    ends = by_name(REGULATOR_UNITS, zip(low.tolist(), high.tolist(), strict=True))
     return ends, float(inverse[0, 1] / np.sqrt(inverse[0, 0] * inverse[1, 1]))

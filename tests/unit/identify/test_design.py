@@ -45,7 +45,7 @@ def candidates(truth, law, speeds):
 
 def d_optimal_weights(candidates):
     """Weights of sum one that are D-optimal: each times its variance over p, until none has a variance above p."""
-    gradients = candidates.gradients / candidates.scale
+    gradients = candidates.scaled().gradients
     tried = DesignSpace(gradients, np.zeros_like(candidates.known))
     size = gradients.shape[2]
     weight = np.full(gradients.shape[1], 1.0 / gradients.shape[1])

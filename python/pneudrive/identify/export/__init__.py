@@ -50,7 +50,8 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
 
     from pneudrive.arrays import Array, ArrayPair, Interval, Keyed, Pair
-    from pneudrive.describe import Drive, Friction
+    from pneudrive.describe import Drive
+    from pneudrive.describe.tables.friction import Friction
 
 
 # --- Sliding friction for export: a curve over the measured speeds, and the dependences that it does not contain.
@@ -211,7 +212,7 @@ def steady_friction(
     v = np.ascontiguousarray(velocity_m_s, dtype=float)
     law = core["law"], core["parameters"]
     force = _core.steady_friction(*law, v, gauge_a_pa, gauge_b_pa, core.get("pressure"), more, position_m)
-    return np.asarray(force) * np.sign(v)
+    return force * np.sign(v)
 
 
 # --- Conversions: parameters of the other tool, and deviation of its curve from that of pneudrive.

@@ -211,10 +211,10 @@ class DrivenCircuit:
             raise FitError(**stated("readings", "pistons", count=len(pistons)))
         self.piston = pistons[0]
         numbers = self.parts[self.piston]["numbers"]
-        self.stroke_m = float(numbers["stroke"])
+        self.stroke_m = numbers["stroke"]
         self.areas_m2 = _areas(self.parts[self.piston]["kind"], numbers)
         self.tanks = {side: self._neighbour(side, "tank") for side in SIDES}
-        self.machine = self._machine(float(numbers["moving_mass"]))
+        self.machine = self._machine(numbers["moving_mass"])
         self.wall_k = {side: self._wall_k(side) for side in SIDES}
         names = _core.Circuit(json.dumps(self.form)).start_names
         self.starts = {side: self._start(side, names) for side in SIDES}
@@ -251,7 +251,7 @@ class DrivenCircuit:
     def _wall_k(self, side: str) -> float:
         tank = self.tanks[side]
         given = None if tank is None else self.parts[tank]["numbers"].get("wall_temperature")
-        return float(self.form["ambient"]["temperature_k"] if given is None else given)
+        return self.form["ambient"]["temperature_k"] if given is None else given
 
     def _start(self, side: str, names: Sequence[str]) -> str:
         for name in (self.tanks[side], f"{self.piston}.{side}"):
@@ -304,7 +304,7 @@ class DrivenCircuit:
             self._add(name, "leak", {}, *ends)
         # assumed start: 1 % of the gas at 5 bar leaks to the ambient air in 100 s
         volume = self.stroke_m * max(self.areas_m2) + sum(self._dead(side) for side in SIDES)
-        usual = LEAK_SHARE * volume / LEAK_TIME_S / (5e5 * float(self.form["gas"]["gas_constant_j_kg_k"]))
+        usual = LEAK_SHARE * volume / LEAK_TIME_S / (5e5 * self.form["gas"]["gas_constant_j_kg_k"])
         return self._number(name, "coefficient", usual)
 
     def _ends(self, leak: str) -> set[str]:
@@ -314,7 +314,7 @@ class DrivenCircuit:
     def _dead(self, side: str) -> float:
         tank = self.tanks[side]
         numbers = self.parts[tank or self.piston]["numbers"]
-        return float(numbers["volume"] if tank else numbers.get(f"dead_volume_{side}", 0.0))
+        return numbers["volume"] if tank else numbers.get(f"dead_volume_{side}", 0.0)
 
     def _one(self, name: str) -> Number:
         component, _, key = name.removeprefix("components.").rpartition(".")
@@ -330,7 +330,7 @@ class DrivenCircuit:
                 raise FitError(f"{component}.{key} is zero", remedy="give a start value in the circuit file")
             numbers[key] = start
         side = next((s for s in SIDES if component in (self.tanks[s], f"leak_{s}") or key.endswith(f"_{s}")), "")
-        return Number(component, key, UNITS.get(key, ""), float(numbers[key]), side)
+        return Number(component, key, UNITS.get(key, ""), numbers[key], side)
 
     @property
     def is_coupled(self) -> bool:
@@ -355,7 +355,7 @@ class DrivenCircuit:
         faces = 2.0 * self.areas_m2[SIDES.index(side)]
         if tank is None or "heat_transfer" not in numbers:
             return None
-        return float(numbers["heat_transfer"]) * (float(numbers.get("wall_area", 0.0)) + faces)
+        return numbers["heat_transfer"] * (numbers.get("wall_area", 0.0) + faces)
 
     def volumes_m3(self, position_m: Array) -> Columns:
         """Return the volume of each chamber at these positions."""

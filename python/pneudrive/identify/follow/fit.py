@@ -166,14 +166,14 @@ class Rival:
 
     @property
     def verdict(self) -> str:
-        """Conclusion in one sentence."""
+        """Conclusion in words."""
         if self.name == "held":
-            return f"{self.words}: sum of squares {self.gain:.2f} times that with free start and delay"
+            return f"sum of squares {self.gain:.2f} times that with free start and delay"
         if not self.predictions:
-            return f"{self.words}: not determined, changes the sum of squares to {100 * self.gain:.0f} %"
+            return f"not determined, changes the sum of squares to {100 * self.gain:.0f} %"
         shown = ", ".join(f"{100 * p:.0f} %" for p in self.predictions)
         last = "earns its place" if self.earns else "is not accepted"
-        return f"{self.words}: sum of squares {100 * self.gain:.0f} % in the fit, {shown} in predictions: {last}"
+        return f"sum of squares {100 * self.gain:.0f} % in the fit, {shown} in predictions: {last}"
 
 
 @dataclass(frozen=True)
@@ -256,9 +256,7 @@ class FollowFit(Fit, kind="motion"):
         return [f"{record.name}: {record}" for record in self.records]
 
     def _tables(self) -> tuple[ShownTable, ...]:
-        verdicts = [rival.verdict.removeprefix(f"{rival.words}: ") for rival in self.rivals]
-        fits = ((rival.words, f"{rival.fit_percent:.2f}") for rival in self.rivals)
-        rows = tuple((*fit, verdict) for fit, verdict in zip(fits, verdicts, strict=True))
+        rows = tuple((rival.words, f"{rival.fit_percent:.2f}", rival.verdict) for rival in self.rivals)
         return (ShownTable("Other models", ("model", "worst rms % of range", "verdict"), rows),) if rows else ()
 
     def _first(self) -> Plain:
@@ -343,8 +341,7 @@ def _first_point(
     own = FollowProblem(driven, records, driven.numbers_of(first), watch=problem.watch)
     found = solve_follow(own, passes=1).point
     values = by_name([n.name for n in own.numbers], found.shared)
-    shared = [values.get(n.name, start) for n, start in zip(problem.numbers, problem.begin().shared, strict=True)]
-    return FollowPoint(np.array(shared), found.local)
+    return FollowPoint(np.array([values.get(n.name, np.log(n.start)) for n in problem.numbers]), found.local)
 
 
 def _result(

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from pneudrive.arrays import Array, ArrayPair, Interval, NamedNumbers, by_name
 from pneudrive.errors import FitError
 from pneudrive.estimate.estimates import student
 from pneudrive.identify.follow.driven import SIDES, DrivenCircuit, DrivenRecording, Number
@@ -24,7 +25,6 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from pneudrive.arrays import Array, ArrayPair, Interval, NamedNumbers
 
 #: Prior standard uncertainty of the gas temperature for a start at rest and in motion, K, and of the delay, s
 #: (assumed).
@@ -189,16 +189,15 @@ class FollowSolution:
     @property
     def values(self) -> NamedNumbers:
         """Shared parameters by name, SI."""
-        shared = zip(self.problem.numbers, self.point.shared, strict=True)
-        return {number.name: float(np.exp(log)) for number, log in shared}
+        return by_name((number.name for number in self.problem.numbers), np.exp(self.point.shared))
 
     @property
     def intervals(self) -> dict[str, Interval]:
         """95 % intervals of the shared parameters, for the model of this solution."""
-        halves = map(self.deviation, range(len(self.point.shared)))
-        every = zip(self.problem.numbers, self.point.shared, halves, strict=True)
-        ends = {number.name: (log - half, log + half) for number, log, half in every}
-        return {name: (float(np.exp(low)), float(np.exp(high))) for name, (low, high) in ends.items()}
+        shared = self.point.shared
+        half = np.array([self.deviation(place) for place in range(shared.size)])
+        low, high = np.exp(shared - half).tolist(), np.exp(shared + half).tolist()
+        return by_name(self.values, zip(low, high, strict=True))
 
     def deviation(self, place: int) -> float:
         """Return the half width of the 95 % interval of a number, or of the logarithm of a shared number."""
@@ -308,7 +307,7 @@ def _search(problem: FollowProblem, point: FollowPoint, pool: ThreadPoolExecutor
         trial, lower = found, np.inf
         for _ in range(8):
             scaled = matrix + np.diag(damping * np.maximum(diagonal, 1e-12))
-            move = np.asarray(np.linalg.solve(scaled, -gradient), float)
+            move = np.linalg.solve(scaled, -gradient)
             shared = found.point.shared + np.clip(move[: start.size], -LARGEST_STEP, LARGEST_STEP)
             local = found.point.local + move[start.size :].reshape(found.point.local.shape)
             point = FollowPoint(np.clip(shared, start - REACH, start + REACH), np.clip(local, -FARTHEST, FARTHEST))

@@ -114,7 +114,7 @@ def _with_pressure(
         lost += _lost((f"{f}_{c}" for f in forces for c in "ab"), "same_pressure")
         chambers = ("ab",)
     if pressure in ("quadratic", "saturating"):
-        few = [c for c in "ab" if any(c in chamber for chamber in chambers) and _levels(gauges[c]) < 3]
+        few = [c for c in "".join(chambers) if _levels(gauges[c]) < 3]
         if few:
             lost += _lost((f"{f}_curve_{c}" for f in forces for c in few), "few_pressures", chamber=few[0])
             pressure = "linear"
@@ -156,11 +156,11 @@ def diagnose(found: RobustEstimate, intervals: Ends) -> list[Undetermined]:
 
 def without_support(found: RobustEstimate, intervals: Ends) -> tuple[FrictionModel, list[Undetermined]]:
     """Return the law without a part that the data do not support, or the law itself if all parts are supported."""
-    model, data, excess_p_value = found.model, found.data, _excess_p_value(found)
+    model, data = found.model, found.data
     span, fastest = _span(data), float(data.speed_m_s.max())
-    if model.stribeck and excess_p_value is not None and excess_p_value > CHANCE:
-        names = _curve_names(model) + [f"breakaway_{c}" for c in "ab" if any(c in ch for ch in model.chambers)]
-        return model.without_stribeck(), _lost(names, "no_fall", p=excess_p_value, **span)
+    if model.stribeck and found.dof > 0 and (p := _excess_p_value(found)) > CHANCE:
+        names = _curve_names(model) + [f"breakaway_{c}" for c in "ab" if c in "".join(model.chambers)]
+        return model.without_stribeck(), _lost(names, "no_fall", p=p, **span)
     if model.stribeck or not model.viscous:
         return model, []
     smaller = replace(model, viscous=False)
@@ -296,12 +296,10 @@ def interval_over_shapes(found: RobustEstimate, intervals: Ends) -> Ends:
     return out
 
 
-def _excess_p_value(found: RobustEstimate) -> float | None:
+def _excess_p_value(found: RobustEstimate) -> float:
     """Return the p-value of the Stribeck part by an F-test against the law without it, on the same pseudo-values."""
     from scipy.special import fdtrc
 
-    if not found.model.stribeck or found.dof < 1:
-        return None
     without = found.pseudo_fit(found.model.without_stribeck())
     extra = len(found.model.names) - len(without.model.names)
     gain = np.sum(without.residual**2) - found.pseudo_cost

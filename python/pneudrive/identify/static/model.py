@@ -616,13 +616,13 @@ def _pairs(column: dict[str, NDArray], keep: Bools) -> Ints:
     """
     waiting: dict[tuple, int] = {}
     pairs: list[list[int]] = []
+    names, frictions, ways = (column[name].tolist() for name in ("recording", "friction_n", "direction"))
     for i in np.flatnonzero(keep).tolist():
-        key = (str(column["recording"][i]), float(column["friction_n"][i]), -float(column["direction"][i]))
-        partner = waiting.pop(key, None)
+        partner = waiting.pop((names[i], frictions[i], -ways[i]), None)
         if partner is not None:
             pairs[partner][1] = i
         else:
-            waiting[(key[0], key[1], -key[2])] = len(pairs)
+            waiting[names[i], frictions[i], ways[i]] = len(pairs)
             pairs.append([i, i])
     return np.array(pairs, dtype=np.int64).reshape(-1, 2)
 

@@ -141,11 +141,11 @@ class FrictionFit(SlidingFit, kind="friction map"):
 
     def correlated(self) -> list[str]:
         """Return sentences on pairs of parameters with a correlation above 0.9, each with a remedy."""
-        pairs = ((i, j, self.correlation[i, j]) for i, j in combinations(range(len(self.free)), 2))
+        names, shares = self.free, self.correlation
         return [
-            f"{self.free[i]} and {self.free[j]} change together (correlation {share:+.2f}): {_remedy(self, i, j)}"
-            for i, j, share in pairs
-            if abs(share) > TOGETHER
+            f"{names[i]} and {names[j]} change together (correlation {shares[i, j]:+.2f}): {_remedy(self, i, j)}"
+            for i, j in combinations(range(len(names)), 2)
+            if abs(shares[i, j]) > TOGETHER
         ]
 
     def predict(
@@ -233,10 +233,14 @@ class FrictionFit(SlidingFit, kind="friction map"):
         forces = {n for n in self.determined if n not in sliding.PRESSURE_NAMES}
         other_law = not forces <= known
         takes_curve = other_law or (self.model.stribeck and "stribeck_exponent" in known)
-        missing = sorted({"coulomb", "breakaway", "stribeck_velocity", "viscous"} - forces)
+        missing = sorted({*STEADY} - forces)
         if other_law and missing:
             raise FitError(**stated("application", "no_stribeck", law=drive.friction.law, missing=", ".join(missing)))
-        self._check_pressure(drive)
+        seals = drive.friction.pressure
+        if self.model.chambers and self.model.pressure != "linear":
+            raise FitError(**stated("application", "curved", form=self.model.pressure))
+        if seals is not None and not self.model.chambers and any((*seals.coulomb_n_pa, *seals.breakaway_n_pa)):
+            raise FitError(**stated("application", "pressure"))
         changes: dict[str, object] = {"friction.law": self.law} if other_law else {}
         if takes_curve and self.model.lorentzian:
             changes["friction.stribeck_shape"] = "lorentzian"
@@ -263,13 +267,9 @@ class FrictionFit(SlidingFit, kind="friction map"):
         ends = (float(fitted.speed_m_s[0]), float(fitted.speed_m_s[-1]))
         friction_n = export.curve_of_drive(after, ends, fitted.gauge_a_pa, fitted.gauge_b_pa).friction_n
         k = int(np.argmax(np.abs(friction_n - fitted.friction_n)))
-        if abs(friction_n[k] - fitted.friction_n[k]) > KEPT_SHARE * abs(fitted.friction_n[k]):
-            at = {
-                "speed": 1e3 * fitted.speed_m_s[k],
-                "own": friction_n[k],
-                "fitted": fitted.friction_n[k],
-            }
-            warn(sentence("notes", "kept", kept=", ".join(kept), **at))
+        speed, own, known = 1e3 * fitted.speed_m_s[k], friction_n[k], fitted.friction_n[k]
+        if abs(own - known) > KEPT_SHARE * abs(known):
+            warn(sentence("notes", "kept", kept=", ".join(kept), speed=speed, own=own, fitted=known))
 
     def identified(self, *, curve: bool = False) -> Identified:
         """Return the determined parameters under their names in the drive file. `curve` adds the exponent.
@@ -284,18 +284,8 @@ class FrictionFit(SlidingFit, kind="friction map"):
         slopes = [n for n in sliding.PRESSURE_NAMES if n in self.determined or n in half]
         return self.identified_as({n: f"friction.{n}" for n in names} | {n: slope_key(n) for n in slopes})
 
-    def _check_pressure(self, drive: Drive) -> None:
-        if self.model.chambers and self.model.pressure != "linear":
-            raise FitError(**stated("application", "curved", form=self.model.pressure))
-        seals = drive.friction.pressure
-        if seals is None or self.model.chambers:
-            return
-        if any((*seals.coulomb_n_pa, *seals.breakaway_n_pa)):
-            raise FitError(**stated("application", "pressure"))
-
     def _curve(self, speeds_m_s: Any, gauges_pa: Pair) -> export.SlidingCurve:  # noqa: ANN401 - checked
-        speed, gauges = export.speeds_over(speeds_m_s, "fit"), gauges_pa
-        found = self.identified()
+        speed, found = export.speeds_over(speeds_m_s, "fit"), self.identified()
         entries: dict[str, export.Entry] = {}
         for name, value in self.values.items():
             key = slope_key(name) if name in sliding.PRESSURE_NAMES else f"friction.{name}"
@@ -307,14 +297,14 @@ class FrictionFit(SlidingFit, kind="friction map"):
         shape = "lorentzian" if self.model.lorentzian else f"exp(-(v/vs)^{exponent:g})"
         effects = sentences("not_exported")
         lost = [effects[key].partition(":")[0] for key in self.dependences.friction if key in effects]
-        pressure = effects["pressure"].format(a=gauges[0] / 1e5, b=gauges[1] / 1e5)
+        pressure = effects["pressure"].format(a=gauges_pa[0] / 1e5, b=gauges_pa[1] / 1e5)
         return export.SlidingCurve(
             f"friction fit, law {self.law}",
             self.model.law,
             shape if self.model.stribeck else "none",
             speed,
-            self.predict(speed, *gauges).friction_n,
-            *gauges,
+            self.predict(speed, *gauges_pa).friction_n,
+            *gauges_pa,
             entries,
             (*([pressure] if self.model.chambers else ()), *lost),
             tuple(lost),

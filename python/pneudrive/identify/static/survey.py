@@ -199,8 +199,7 @@ class Survey(Shown):
         """Predict friction of a seal measured at one pressure, by the ratio between pressures of the other seals."""
         here = at_conditions(at.speed_m_s, *(gauge.mean() for gauge in one.data.gauges_pa))
         dependent = (seal for seal in self.seals.values() if seal.model.chambers)
-        both = ([self._most_likely(seal, x) for x in (at, here)] for seal in dependent)
-        ratios = [there / near for there, near in both]
+        ratios = [self._most_likely(seal, at) / self._most_likely(seal, here) for seal in dependent]
         others = [ratio for ratio in ratios if (ratio > 0.0).all()]
         if len(others) < LEAST_FREEDOM:
             raise FitError.of("identify.one_pressure", name=one.name, least=LEAST_FREEDOM)
@@ -316,7 +315,7 @@ def _kernel(model: FrictionModel, first: Observations, second: Observations, spa
     """Return the covariance of the integrated Wiener process, one for each chamber with varied pressure."""
     total = np.zeros((len(first), len(second)))
     for chamber in "".join(model.chambers):
-        s, t = (np.asarray(getattr(x, f"gauge_{chamber}_pa")) - VACUUM_PA for x in (first, second))
+        s, t = (getattr(x, f"gauge_{chamber}_pa") - VACUUM_PA for x in (first, second))
         total += integrated_wiener(s / span, t / span) / 3.0  # of white noise of unit density
     return total
 
