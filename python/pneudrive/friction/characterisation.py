@@ -123,14 +123,12 @@ def _difference(one: Level, other: Level, way: int) -> tuple[float, dict[str, fl
 
     Common error sources are fully correlated between both levels, except clocks of loggers.
     """
-    shares = [
+    first, second = (
         {e.source: e.friction_n if len(level.sides) == 2 else e.offset_n for e in level.budget}
         for level in (one, other)
-    ]
-    apart = [
-        shares[0].get(source, 0.0) - shares[1].get(source, 0.0) for source in shares[0] | shares[1] if source != CLOCKS
-    ]
-    clocks = [share.get(CLOCKS, 0.0) for share in shares]
+    )
+    apart = [first.get(name, 0.0) - second.get(name, 0.0) for name in first | second if name != CLOCKS]
+    clocks = [share.get(CLOCKS, 0.0) for share in (first, second)]
     half = COVERAGE_FACTOR * float(np.linalg.norm([one.stderr_n, other.stderr_n, *apart, *clocks]))
     values = {"first_n": one.friction_n, "second_n": other.friction_n, "speed_mm_s": 1e3 * one.speed_m_s}
     return abs(one.friction_n - other.friction_n) / half, {**values, "way": "+x" if way > 0 else "-x", "half_n": half}

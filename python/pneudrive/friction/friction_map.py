@@ -28,8 +28,8 @@ if TYPE_CHECKING:
 
 TABLES = package_table(__file__, "columns.toml")
 #: Column -> (unit, meaning), in the order of the files: columns of every map, then further columns of a campaign.
-COLUMNS: dict[str, tuple[str, str]] = {name: (unit, meaning) for name, (unit, meaning) in TABLES["map"].items()}
-LEVEL_COLUMNS = {name: (unit, meaning) for name, (unit, meaning) in TABLES["campaign"].items()}
+COLUMNS: dict[str, tuple[str, str]] = TABLES["map"]
+LEVEL_COLUMNS: dict[str, tuple[str, str]] = TABLES["campaign"]
 CYCLE_COLUMNS: Row = TABLES["cycle"]  # column of a cycle -> value of a cycle without it
 AMBIENT = "ambient_pressure_pa"
 ADDED = (AMBIENT, "strokes_recorded")  # missing from maps of earlier versions

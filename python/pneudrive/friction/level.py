@@ -132,8 +132,8 @@ class Level(Shown):
             (side,) = self.sides.values()
             scatter, single, inside = side.spread.stderr_n, rows[0][0], within_stderr(rows[0])
         else:
-            deviation = np.array([[spread.deviation_n for spread in self.spreads.values()]])
-            effective = np.array([[spread.effective for spread in self.spreads.values()]])
+            known = [(spread.deviation_n, spread.effective) for spread in self.spreads.values()]
+            deviation, effective = np.array(known).T[:, None]
             scatter, single = pair_stderr(deviation, effective)[0], self.profile.friction_n[self.bins]
             inside = np.sqrt(sum(within_stderr(matrix) ** 2 for matrix in rows)) / 2
         return float(chance_n(scatter, inside if np.isfinite(scatter) else profile_stderr(single)))
@@ -245,7 +245,7 @@ class Level(Shown):
     def speed_stderr_m_s(self) -> float:
         """Standard error of ``speed_m_s``: scatter of the strokes' speeds, the larger one of both directions."""
         speeds = [[r.stroke.speed_m_s for r in self.table.rows if r.stroke.direction == d] for d in (1, -1)]
-        errors = (float(np.std(v, ddof=1)) / float(np.sqrt(len(v))) for v in speeds if len(v) > 1)
+        errors = (float(np.std(v, ddof=1) / np.sqrt(len(v))) for v in speeds if len(v) > 1)
         return max(errors, default=0.0)
 
     @property

@@ -123,11 +123,10 @@ def _closure(points: pl.DataFrame) -> ClosureFit | None:
         return None
     # Half the sum of the forces of both directions at equal positions does not contain friction.
     offset, weight = points["offset_n"].to_numpy(), points["weight_n"].to_numpy()
-    total = offset - gauge["a"] * nominal["a"] + gauge["b"] * nominal["b"] + weight
-    force = total - weight
-    for side in "ab":
-        if not any(side in sides for sides in factors):  # a chamber at constant pressure acts with its nominal area
-            force = force - push[side]
+    total = offset + push["a"] + push["b"] + weight
+    varied = sum(factors, ())
+    # A chamber at constant pressure acts with its nominal area.
+    force = total - weight - sum(push[side] for side in "ab" if side not in varied)
     matrix = np.column_stack([*(sum(push[s] for s in sides) for sides in factors), np.ones(len(points))])
     solution = np.linalg.lstsq(matrix, force, rcond=None)[0]
     residual = force - matrix @ solution
@@ -136,7 +135,7 @@ def _closure(points: pl.DataFrame) -> ClosureFit | None:
     errors = deviation * np.sqrt(np.diag(np.linalg.inv(matrix.T @ matrix)))
     doubt = _contradiction(points, residual) if dof > 0 else "few"
     freedom = 0 if doubt else dof
-    lead = max(sum(factors, ()), key=lambda side: np.ptp(gauge[side]))
+    lead = max(varied, key=lambda side: np.ptp(gauge[side]))
     sizes = {side: nominal[side] for side, *_ in factors}
     if len(factors[0]) == 2:  # the same force follows from many pairs of areas
         sizes = {NET: float(np.std(push["a"] + push["b"]) / np.std(gauge[lead]))}

@@ -61,8 +61,8 @@ class ReversalPeak:
 
 def find_reversal_peaks(
     recording: Recording, strokes: Sequence[motion.Stroke], balance_n: Array, profile: Profile
-) -> list[ReversalPeak]:
-    """Find the peak after each reversal at which one of ``strokes`` begins.
+) -> dict[int, ReversalPeak]:
+    """Find the peak after each reversal at which one of ``strokes`` begins, by the number of the stroke.
 
     Parameters
     ----------
@@ -77,11 +77,11 @@ def find_reversal_peaks(
     """
     after = [stroke for stroke in strokes if stroke.start != 0 and stroke.index != 0]
     if (np.isfinite(profile.offset_n) & profile.in_window).sum() < FEWEST_BINS or not after:
-        return []
+        return {}
     sliding, step = float(np.nanmean(profile.friction_n[profile.in_window])), motion.middle(np.diff(recording.time_s))
     noise = motion.noise_level(balance_n)
     noise_pa = [motion.noise_level(p, quantisation=False) for p in (recording.pressure_a_pa, recording.pressure_b_pa)]
-    position, time, peaks = recording.position_m, recording.time_s, list[ReversalPeak]()
+    position, time, peaks = recording.position_m, recording.time_s, dict[int, ReversalPeak]()
     for stroke in after:
         # The force rises while the piston still rests: go back from the first motion through the dwell.
         back = np.searchsorted(time, time[stroke.start] - stroke.dwell_s)
@@ -106,23 +106,21 @@ def find_reversal_peaks(
             "gap": gap > 5 * step,
             "no_peak": top >= friction.size - 2,  # still rising at the end of the search: no maximum
         }
-        peaks.append(
-            ReversalPeak(
-                recording=recording.name,
-                stroke=stroke.index,
-                direction=stroke.direction,
-                time_s=float(times[top]),
-                position_m=float(position[part][top]),
-                friction_n=float(friction[top]),
-                sliding_n=sliding,
-                excess_n=excess,
-                # The largest of m noisy samples is sqrt(2 ln m) deviations too high by chance.
-                significant=excess > noise * (np.sqrt(2 * np.log(max(friction.size, 2))) + 1),
-                dwell_s=stroke.dwell_s,
-                loading_rate_n_s=float(friction[high] - friction[low]) / duration if duration > 0 else np.nan,
-                rise_samples=high - low,
-                flags=tuple(name for name, is_so in seen.items() if is_so),
-            )
+        peaks[stroke.index] = ReversalPeak(
+            recording=recording.name,
+            stroke=stroke.index,
+            direction=stroke.direction,
+            time_s=float(times[top]),
+            position_m=float(position[part][top]),
+            friction_n=float(friction[top]),
+            sliding_n=sliding,
+            excess_n=excess,
+            # The largest of m noisy samples is sqrt(2 ln m) deviations too high by chance.
+            significant=excess > noise * (np.sqrt(2 * np.log(max(friction.size, 2))) + 1),
+            dwell_s=stroke.dwell_s,
+            loading_rate_n_s=float(friction[high] - friction[low]) / duration if duration > 0 else np.nan,
+            rise_samples=high - low,
+            flags=tuple(name for name, is_so in seen.items() if is_so),
         )
     return peaks
 
@@ -263,7 +261,7 @@ def measure_stick_slip(time_s: Array, position_m: Array, velocity_m_s: Array | N
     step = duration / max(time_s.size - 1, 1)
     half_width = 0
     if velocity_m_s is None:
-        half_width = _smoothing(time_s, position_m, mean)
+        half_width = _smoothing(step, position_m, mean)
         velocity_m_s = motion.local_slope(time_s, position_m, half_width)
     speed = direction * velocity_m_s
     weights = np.gradient(time_s)  # duration that each sample represents
@@ -292,18 +290,20 @@ def measure_stick_slip(time_s: Array, position_m: Array, velocity_m_s: Array | N
     )
 
 
-def _smoothing(time_s: Array, position_m: Array, mean: float) -> int:
-    """Return the half width of the slope window at which position noise causes at most 5 % of the mean speed."""
-    step = (time_s[-1] - time_s[0]) / max(time_s.size - 1, 1)
+def _smoothing(step: float, position_m: Array, mean: float) -> int:
+    """Return the half width of the slope window at which position noise causes at most 5 % of the mean speed.
+
+    The samples are `step` s apart.
+    """
     noise = motion.noise_level(position_m)
     if mean <= 0 or step <= 0:
         return 1
     # Slope of a line through 2 h + 1 points: variance 3 noise^2 / (h (h + 1) (2 h + 1) step^2).
-    for half_width in range(1, max(time_s.size // 20, 2)):
+    for half_width in range(1, max(position_m.size // 20, 2)):
         spread = noise * np.sqrt(3.0 / (half_width * (half_width + 1) * (2 * half_width + 1))) / step
         if spread <= 0.05 * mean:
             return half_width
-    return max(time_s.size // 20, 1)
+    return max(position_m.size // 20, 1)
 
 
 def slip_onsets(stuck: Bools, slipping: Bools) -> list[int]:

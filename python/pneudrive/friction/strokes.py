@@ -86,8 +86,7 @@ class Strokes:
         table = cls(grid, tuple(rows), balance)
         if len(table.directions) < 2:
             return table
-        found = find_reversal_peaks(motion.recording, strokes, motion.raw_balance_n, table.profile)
-        peaks = {peak.stroke: peak for peak in found}
+        peaks = find_reversal_peaks(motion.recording, strokes, motion.raw_balance_n, table.profile)
         return replace(table, rows=tuple(replace(row, peak=peaks.get(row.stroke.index)) for row in rows))
 
     @classmethod
@@ -221,8 +220,9 @@ def _means(motion: RecordedMotion, stroke: Stroke, window: Interval) -> NamedNum
     if not index.size:
         return {}
     pressure_a, pressure_b = recording.pressure_a_pa[index], recording.pressure_b_pa[index]
-    seconds, way = (np.diff(values[index[[0, -1]]])[0] for values in (motion.time_s, motion.position_m))
-    gas = np.diff(recording.area_a_m2 * pressure_a[[0, -1]] - recording.area_b_m2 * pressure_b[[0, -1]])[0]
+    first, last = map(int, index[[0, -1]])
+    seconds, way = (values[last] - values[first] for values in (motion.time_s, motion.position_m))
+    gas_n = recording.area_a_m2 * pressure_a - recording.area_b_m2 * pressure_b
     moves = _usual_range(pressure_a) * recording.area_a_m2 + _usual_range(pressure_b) * recording.area_b_m2
     return {
         "mean_n": motion.balance_n[part][settled].mean(),
@@ -232,7 +232,7 @@ def _means(motion: RecordedMotion, stroke: Stroke, window: Interval) -> NamedNum
         "pressure_b_pa": pressure_b.mean(),
         "velocity_m_s": way / seconds if seconds > 0 else stroke.speed_m_s,
         "parallel_n": sum(f.uncertainty * f.force_n[index].mean() for f in recording.parallel),
-        "late_n": motion.late_s * (gas / seconds) if seconds > 0 else 0.0,
+        "late_n": motion.late_s * ((gas_n[-1] - gas_n[0]) / seconds) if seconds > 0 else 0.0,
         "pressure_moves_n": moves,
     }
 
