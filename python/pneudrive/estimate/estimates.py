@@ -335,7 +335,7 @@ def intervals(values: Array, reach: Array, lower: ArrayLike, upper: ArrayLike = 
     >>> low.round(3), high.round(3)
     (array([ 8.187, -4.   ]), array([12.214,  2.   ]))
     """
-    lower, upper = (np.broadcast_to(np.asarray(x, dtype=float), values.shape) for x in (lower, upper))
+    lower, upper = (np.broadcast_to(bound, values.shape) for bound in (lower, upper))
     low, high = values - reach, values + reach
     for k in np.flatnonzero(np.isfinite(lower)):
         above = values[k] - lower[k]

@@ -250,9 +250,8 @@ class MixedModel:
             return self
         rows = np.arange(0, n, -(-n // MOST_FOR_SEARCH))
         x = self.x[rows]
-        both, every = np.ix_(rows, rows), [component.kernel for component in self.components]
-        kernels = (kernel[rows] if kernel.ndim == 1 else kernel[both] for kernel in every)
-        parts = (replace(c, kernel=kernel) for c, kernel in zip(self.components, kernels, strict=True))
+        both = np.ix_(rows, rows)
+        parts = (replace(c, kernel=c.kernel[rows if c.kernel.ndim == 1 else both]) for c in self.components)
         return MixedModel(self.y[rows], x[:, independent(x)], self.noise[rows], tuple(parts))
 
     def covariance(self, sd: Array) -> Array:
@@ -322,12 +321,13 @@ class Predicted:
         """Half width of the 95 % interval."""
         from scipy.special import stdtrit
 
-        return np.asarray(stdtrit(self.freedom, 0.975), dtype=float) * np.sqrt(self.variance)
+        return stdtrit(self.freedom, 0.975) * np.sqrt(self.variance)
 
     def estimates(self, unit: str = "N") -> list[Estimate]:
         """Return each function as an estimate with its interval and its p-value (hypothesis: zero)."""
-        every = zip(self.mean.tolist(), np.sqrt(self.variance).tolist(), self.freedom.tolist(), strict=True)
-        return [Estimate.of(value, stderr, freedom, unit) for value, stderr, freedom in every]
+        columns = (self.mean, np.sqrt(self.variance), self.freedom)
+        rows = zip(*(column.tolist() for column in columns), strict=True)
+        return [Estimate.of(value, stderr, freedom, unit) for value, stderr, freedom in rows]
 
 
 @dataclass(frozen=True, eq=False)
@@ -542,7 +542,7 @@ def _search(model: MixedModel, sd: Array | None) -> Array:
 
     start = np.log(model.scales) - 1.0 if sd is None else np.log(sd)
     bounds = [(np.log(REACH[0] * s), np.log(REACH[1] * s)) for s in model.scales]
-    return np.asarray(fmin_l_bfgs_b(lambda q: _cost(model, q), start, bounds=bounds)[0], dtype=float)
+    return fmin_l_bfgs_b(lambda q: _cost(model, q), start, bounds=bounds)[0]
 
 
 def _points(model: MixedModel, best: Array) -> tuple[list[Array], Array]:

@@ -238,8 +238,7 @@ def _extreme(one: Reduction, times: Array, x: Array, by: Array) -> ArrayPair:
     middle = 0.5 * (times[k - 1] + times[k])
     at = middle - slopes[0] * 0.5 * (before + after) / (slopes[1] - slopes[0])
     t = times[k - 1 : k + 2]
-    others = [np.delete(t, i) for i in range(3)]
-    weights = np.array([np.prod((at - rest) / (own - rest)) for own, rest in zip(t, others, strict=True)])
+    weights = np.array([np.prod((at - t[t != own]) / (own - t[t != own])) for own in t])
     return np.array([weights @ x[k - 1 : k + 2]]), (weights @ by[k - 1 : k + 2])[None]
 
 
@@ -254,5 +253,5 @@ def _reduced(one: Reduction, times: Array, x: Array, by: Array) -> ArrayPair:
     if one.word == "samples":
         return x, by
     length = times[-1] - times[0] if one.word == "mean" else 1.0
-    both: Array = np.array(np.trapezoid(np.column_stack([x, by]), times, axis=0))
-    return np.array([both[0]]) / length, np.array([both[1:]]) / length
+    both: Array = np.array(np.trapezoid(np.column_stack([x, by]), times, axis=0)) / length
+    return both[:1], both[None, 1:]
