@@ -115,26 +115,22 @@ def unreadable(path: Path, error: OSError | ValueError, kind: ErrorKind) -> Pneu
     return kind(f"the file cannot be read: {reason}", where=str(path))
 
 
-def text_of(data: bytes, where: str, kind: ErrorKind) -> str:
-    """Return the text of a file in UTF-8, without a byte order mark.
+def read_text(path: Path, kind: ErrorKind, most: str = "text_bytes", folder: str | None = None) -> str:
+    """Read a text file in UTF-8, without a byte order mark; see `read_bytes`.
 
     Raises
     ------
     PneudriveError
-        The file is binary, or in another encoding; the message gives the line.
+        As for `read_bytes`; or the file is binary, or in another encoding, and the message gives the line.
     """
+    data = read_bytes(path, kind, most, folder)
     if b"\0" in data:
-        raise kind("the file is binary, not text", where=where, rule="the file must be text in UTF-8")
+        raise kind("the file is binary, not text", where=str(path), rule="the file must be text in UTF-8")
     try:
         return data.decode("utf-8-sig")
     except UnicodeDecodeError as error:
         line = data[: error.start].count(b"\n") + 1
-        raise kind("the file is not text in UTF-8", where=f"{where}:{line}") from None
-
-
-def read_text(path: Path, kind: ErrorKind, most: str = "text_bytes", folder: str | None = None) -> str:
-    """Read a text file in UTF-8; see `read_bytes` and `text_of`."""
-    return text_of(read_bytes(path, kind, most, folder), str(path), kind)
+        raise kind("the file is not text in UTF-8", where=f"{path}:{line}") from None
 
 
 def read_json(path: Path, kind: ErrorKind) -> Any:  # noqa: ANN401 - any content

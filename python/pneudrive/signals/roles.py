@@ -139,8 +139,8 @@ class RoleSearch:
         """Ask for the pressures of chambers without a column, if an unused column may be one of them."""
         sides = [f"pressure_{side}" for side in "ab" if self.guess(f"pressure_{side}") is None]
         used = [guess.source.values for guess in self.guesses if guess.source is not None]
-        spare = [one for one in self.unused if one.may_be_pressure]
-        spare = [one for one in spare if not any(same_signal(values, one.values) for values in used)]
+        free = [one for one in self.unused if one.may_be_pressure]
+        spare = [one for one in free if not any(same_signal(values, one.values) for values in used)]
         if sides and spare and "pressure" not in self.open_roles:
             why = "no column name shows the chamber, and an unused column may be its pressure"
             self._ask(" and ".join(sides), why, [Candidate(one, 0.0, ("not used",)) for one in spare])
@@ -296,8 +296,7 @@ class RoleSearch:
         a, b = a[both], b[both]
         if {first.index, second.index} & set(self.form.dates):  # dates count from the first one
             a, b = a - a[0], b - b[0]
-        steps = np.diff(a), np.diff(b)
-        quantum = max(float(np.min(own[own > 0], initial=np.inf)) for own in steps)
+        quantum = max(float(np.min(steps[steps > 0], initial=np.inf)) for steps in (np.diff(a), np.diff(b)))
         return bool(np.abs(b - a).max() <= 1.01 * quantum)
 
     def _position(self) -> None:

@@ -507,8 +507,7 @@ def _told(fit: list[_Reading], sample: Lines, path: Path) -> _Reading:
         return best
     rows = [split_row(line, best.form.delimiter) for line in sample]
     whole = [row for row in rows if len(row) == best.width]
-    columns = [[row[at] for row in whole if row[at]] for at in range(best.width)]
-    marked = [texts for texts in columns if any("," in text for text in texts)]
+    marked = [[*filter(None, texts)] for texts in zip(*whole, strict=True) if any("," in text for text in texts)]
     # Small whole numbers next to groups of three: a sign of thousands. Decimals are written in every row.
     if any(any(_BARE.match(text) for text in texts) for texts in marked):
         return thousands[0]

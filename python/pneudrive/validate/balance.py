@@ -672,21 +672,20 @@ def run_model(drive: Drive, signals: Signals, restarts: Ints | None = None) -> M
             if settled["failures"][0] is not None:
                 break
             state[0, 6:] = settled["ends"][0, 6:]
-    columns = {name: np.full(signals.time_s.size, np.nan) for name in RUN_COLUMNS}
+    values = np.full((signals.time_s.size, len(RUN_COLUMNS)), np.nan)
     failures: list[str] = []
     ends = [*at[1:].tolist(), signals.time_s.size - 1]
     for measured, begin, end in zip(states, at.tolist(), ends, strict=True):
         state[0, [0, 1, 2, 4]] = measured[1:]
         run = segment(*steps, signals.time_s[begin : end + 1])
-        for name, values in zip(RUN_COLUMNS, run["values"].T, strict=True):
-            columns[name][begin : end + 1] = values
+        values[begin : end + 1] = run["values"]
         if run["failures"][0] is None:
             state = run["ends"].copy()
             continue
         failures.append(run["failures"][0])
         if not drive.is_plain:
             break
-    return ModelRun(columns, at, tuple(failures))
+    return ModelRun(dict(zip(RUN_COLUMNS, np.ascontiguousarray(values.T), strict=True)), at, tuple(failures))
 
 
 def breakaways(drive: Drive, signals: Signals) -> tuple[RecordedBreakaway, ...]:
