@@ -39,7 +39,7 @@ if TYPE_CHECKING:
 
     import xarray as xr
 
-    from pneudrive.arrays import Array, Bools, Ints
+    from pneudrive.arrays import Array, Ints
     from pneudrive.friction.campaign.reading import CampaignData
     from pneudrive.signals.force_calibration import ForceCalibration
 
@@ -63,8 +63,6 @@ class Fits:
         Fit of half the difference of both directions.
     offset : CurveFit
         Fit of half the sum, including the zero runs.
-    drift_share : float
-        Fraction of a steady drift that the design cannot separate from the curves.
     block_kind : str
         block, day, or "" without groups.
     doubtful : tuple of int
@@ -74,7 +72,6 @@ class Fits:
     points: CurvePoints
     friction: smooth.CurveFit
     offset: smooth.CurveFit
-    drift_share: float
     block_kind: str
     doubtful: tuple[int, ...] = ()
 
@@ -83,11 +80,11 @@ class Fits:
         """Bands of all curves, in the order of the conditions."""
         points, found = self.points, []
         for number, index in enumerate(sorted(set(points["curve"][points.use].tolist()))):
-            speed, measured, cycles = points.speeds_of(index)
+            speed, cycles = points.speeds_of(index)
             value, low, high = by_chance(self, self.friction, number, speed, cycles)
             offset = self.offset.at(number, speed)
             shared = systematic(self, value, offset.mean, index)
-            of_speed = (points.conditions[index], speed, measured, cycles)
+            of_speed = (points.conditions[index], speed, cycles)
             found.append(CurveBand(number, index, *of_speed, value, low, high, offset, shared))
         return tuple(found)
 
@@ -98,6 +95,11 @@ class Fits:
         None if the design does not determine their deviations.
         """
         return self.friction.data.blocks
+
+    @property
+    def has_drift(self) -> bool:
+        """Whether the design separates a drift from the curves."""
+        return self.friction.data.drift
 
     @property
     def level_n(self) -> float:
@@ -149,16 +151,15 @@ def _fit_points(points: CurvePoints, tares: CycleTable) -> Fits | None:
     blocks, kind = points.block_shares()
     alike = (points["speed_m_s"][use], curve, points["order"][use], points.count[use])
     friction = smooth.CurveData(points["friction_n"][use], points["friction_stderr_n"][use] ** 2, *alike, blocks=blocks)
-    share = smooth.carried_drift(friction)
-    better = _better(replace(friction, drift=share < smooth.CARRIED))
+    better = _better(replace(friction, drift=smooth.determines_drift(friction)))
     # Zero runs are observations of the zero alone, without a curve.
     zero, ones = (tares["standing_n"], tares["standing_stderr_n"] ** 2), np.ones(len(tares))
     of_tares = (*zero, np.nan * ones, np.full(len(tares), -1), tares["order"], ones)
     of_points = (points["offset_n"][use], points["offset_stderr_n"][use] ** 2, *alike)
     columns: list[Any] = [np.concatenate(both) for both in zip(of_points, of_tares, strict=True)]
     offset = smooth.CurveData(*columns)
-    carries = smooth.carried_drift(offset) < smooth.CARRIED or (offset.curve < 0).sum() > 1
-    return Fits(points, better, smooth.fit_curves(replace(offset, drift=carries)), share, kind)
+    drifts = smooth.determines_drift(offset) or bool((offset.curve < 0).sum() > 1)
+    return Fits(points, better, smooth.fit_curves(replace(offset, drift=drifts)), kind)
 
 
 def fit_response(fits: Fits, y: Array, stderr: Array, *, drift: bool) -> smooth.CurveFit:
@@ -221,7 +222,7 @@ class CurveBand:
     number, index : int
         Index of the curve in the models, and index of its condition in the points.
     condition : Condition
-    speed_m_s, measured, cycles : ndarray
+    speed_m_s, cycles : ndarray
         See `CurvePoints.speeds_of`.
     value_n, low_n, high_n : ndarray
         Curve and its statistical 95 % interval.
@@ -234,7 +235,6 @@ class CurveBand:
     index: int
     condition: Condition
     speed_m_s: Array
-    measured: Bools
     cycles: Ints
     value_n: Array
     low_n: Array
@@ -247,9 +247,10 @@ def curves_of(fits: Fits, *, contains_air: bool) -> tuple[result.Curve, ...]:
     """Return the curves of all conditions: half the difference of both directions, then +x and -x."""
     curves: list[result.Curve] = []
     for band in fits.bands:
-        same = {name: getattr(band, name) for name in ("condition", "speed_m_s", "measured", "cycles")}
-        same |= {"excluded": fits.points.excluded_from(band.index), "contains_air": contains_air}
-        value, shared, complete = band.value_n, band.shared, fits.drift_share < smooth.CARRIED
+        same = {name: getattr(band, name) for name in ("condition", "speed_m_s", "cycles")}
+        same |= {"contains_air": contains_air, "complete": fits.has_drift}
+        same["excluded"] = fits.points.excluded_from(band.index)
+        value, shared = band.value_n, band.shared
         for direction in (BOTH, 1, -1):
             centre, below, above, u = value, value - band.low_n, band.high_n - value, shared.friction_n()
             if direction != BOTH:
@@ -257,7 +258,7 @@ def curves_of(fits: Fits, *, contains_air: bool) -> tuple[result.Curve, ...]:
                 reach, u = band.offset.half_width(), shared.direction_n()
                 below, above = np.hypot(below, reach), np.hypot(above, reach)
             low, high = centre - np.hypot(below, NORMAL_95 * u), centre + np.hypot(above, NORMAL_95 * u)
-            values = {"friction_n": centre, "low_n": low, "high_n": high, "u_systematic_n": u, "complete": complete}
+            values: dict[str, Any] = {"friction_n": centre, "low_n": low, "high_n": high, "u_systematic_n": u}
             curves.append(
                 result.Curve(direction=direction, stderr_n=(below + above) / (2.0 * NORMAL_95), **same, **values)
             )
@@ -421,7 +422,7 @@ def sources(fits: Fits, gain: Gain, known: ForceCalibration | None) -> tuple[res
     """List the sources of uncertainty, each as root mean square over the measured points of all curves, N."""
 
     def size_of(part: Callable[[CurveBand], Array], removed: Sequence[str] = ()) -> float:
-        size = rms(np.concatenate([part(band)[band.measured] for band in fits.bands]))
+        size = rms(np.concatenate([part(band)[band.cycles > 0] for band in fits.bands]))
         explained = sum(named.get(name, 0.0) ** 2 for name in removed)
         return float(np.sqrt(max(size**2 - explained, 0.0))) if removed else size
 
@@ -507,8 +508,8 @@ def asymmetries(fits: Fits) -> tuple[result.Asymmetry, ...]:
     """Return half the difference of friction between the directions at each condition."""
     found = []
     for band in fits.bands:
-        measured, speeds = band.measured, band.speed_m_s[band.measured]
-        value = band.offset.mean[measured]
+        measured = band.cycles > 0
+        speeds, value = band.speed_m_s[measured], band.offset.mean[measured]
         # Without zero runs it includes the zero, and no statement on symmetry is possible.
         u = band.shared.zero_n[measured]
         half = np.hypot(band.offset.half_width()[measured], NORMAL_95 * u)

@@ -360,18 +360,17 @@ class CurvePoints(CycleTable):
                 return shares, kind
         return None, ""
 
-    def speeds_of(self, index: int) -> tuple[Array, Bools, Ints]:
+    def speeds_of(self, index: int) -> tuple[Array, Ints]:
         """Return the speeds for the curve of one condition: measured speeds and intermediate values.
 
         Returns
         -------
         speed_m_s : ndarray, shape (m,)
-        measured : ndarray of bool, shape (m,)
         cycles : ndarray of int, shape (m,)
             0 between the measured speeds.
         """
         members = self.use & (self["curve"] == index)
-        levels = [members & (self["level"] == k) for k in sorted(set(self["level"][members]))]
+        levels = [members & (self["level"] == k) for k in np.unique(self["level"][members])]
         speeds = np.array([self["speed_m_s"][level].mean() for level in levels])
         counts = np.array([self.count[level].sum() for level in levels], dtype=np.int64)
         between = np.geomspace(speeds[0], speeds[-1], BETWEEN + 2)[1:-1]
@@ -379,7 +378,7 @@ class CurvePoints(CycleTable):
         every = np.concatenate([speeds, between[apart]])
         cycles = np.concatenate([counts, np.zeros(every.size - speeds.size, dtype=np.int64)])
         order = np.argsort(every)
-        return every[order], order < speeds.size, cycles[order]
+        return every[order], cycles[order]
 
     def excluded_from(self, index: int) -> pl.DataFrame:
         """Return `Curve.excluded`: the cycles of one condition that are excluded from its curve, slowest first."""

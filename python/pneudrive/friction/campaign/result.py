@@ -292,8 +292,6 @@ class Curve(Shown):
         Statistical standard error (noise, cycle to cycle, block, day) of friction in the mean state of the campaign.
     u_systematic_n : ndarray, shape (m,)
         Standard uncertainty that all points share (gain, hysteresis, position, and the zero for one direction).
-    measured : ndarray of bool, shape (m,)
-        False between the measured speeds.
     cycles : ndarray of int, shape (m,)
         Number of cycles at each speed; 0 between the measured speeds.
     excluded : polars.DataFrame
@@ -313,11 +311,15 @@ class Curve(Shown):
     high_n: Array
     stderr_n: Array
     u_systematic_n: Array
-    measured: Bools
     cycles: Ints
     excluded: pl.DataFrame
     contains_air: bool = False
     complete: bool = True
+
+    @property
+    def measured(self) -> Bools:
+        """Whether each speed was measured, shape (m,); False between the measured speeds."""
+        return self.cycles > 0
 
     @property
     def statistical_low_n(self) -> Array:

@@ -81,7 +81,7 @@ class CurveData:
     blocks : ndarray, shape (n, blocks), or None
         Fraction of each block (or day) in each observation, if the design determines their deviations.
     drift : bool
-        Whether the design determines a drift (see `carried_drift`).
+        Whether the design determines a drift (see `determines_drift`).
     logarithmic : bool
         Whether the response is log friction: curves then share their shape, and blocks and drift are proportional to
         friction.
@@ -210,11 +210,11 @@ class CurveFit:
         return found
 
 
-def carried_drift(data: CurveData) -> float:
-    """Return the fraction of a steady drift that curves could absorb: 1 if the order determines the speed."""
+def determines_drift(data: CurveData) -> bool:
+    """Return whether curves could absorb only a part of a steady drift; False if the order determines the speed."""
     on = data.curve >= 0
     if on.sum() < 3 or np.ptp(data.order[on]) == 0:
-        return 1.0
+        return False
     place, levels = data.place(data.speed_m_s[on]), data.levels(data.curve[on])
     speeds = np.unique(np.round(np.log(data.speed_m_s[on]), 2)).size
     degree = min(CURVE_DEGREE, speeds - 1)
@@ -222,7 +222,7 @@ def carried_drift(data: CurveData) -> float:
     time = data.order[on]
     left = time - projection(time, columns)
     away = time - time.mean()
-    return float(1.0 - left @ left / (away @ away))
+    return bool(1.0 - left @ left / (away @ away) < CARRIED)
 
 
 def fit_curves(data: CurveData) -> CurveFit:

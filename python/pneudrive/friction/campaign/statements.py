@@ -9,7 +9,6 @@ import numpy as np
 from pneudrive.estimate.estimates import CHANCE, NORMAL_95, student
 from pneudrive.friction.campaign.curves import Fits, deviation_n
 from pneudrive.friction.campaign.points import NEGATIVE, OUTLIER, CurvePoints, suspicions
-from pneudrive.friction.campaign.smooth import CARRIED
 from pneudrive.friction.campaign.trends import pure_scatter, together
 from pneudrive.friction.friction_map import BOTH, PA_PER_BAR
 from pneudrive.friction.sentences import NAMED, Statement, named, say
@@ -139,7 +138,7 @@ def _left(fits: Fits) -> Iterator[Statement]:
 def _drift(found: CampaignCharacteristics, fits: Fits) -> Iterator[Statement]:
     drift = found.drift
     assert drift is not None
-    if fits.drift_share >= CARRIED:
+    if not fits.has_drift:
         yield say("drift.not_carried" if np.ptp(fits.points["order"]) > 0.0 else "drift.no_order")
         return
     yield say("drift.moved", moved=np.ptp(drift.drift_n), drift=drift, share=100.0 * drift.spread_n / fits.level_n)

@@ -17,7 +17,7 @@ from pneudrive.estimate.estimates import CHANCE, NORMAL_95, Estimate, mean_estim
 from pneudrive.estimate.mixed import MixedFit, MixedModel, RandomEffect, independent
 from pneudrive.friction.campaign.points import FREEDOM_PER_CYCLE, CurvePoints, shares_of
 from pneudrive.friction.campaign.result import Drift, PositionPattern, PositionWave, PressureEffects, Repeatability
-from pneudrive.friction.campaign.smooth import CARRIED, CYCLE_SCALE
+from pneudrive.friction.campaign.smooth import CYCLE_SCALE
 from pneudrive.friction.friction_map import HOUR_S, PA_PER_BAR, TOLD, Condition, classify_pressures
 from pneudrive.friction.sentences import Statement, say
 
@@ -75,10 +75,9 @@ def together(fits: Fits) -> Iterator[tuple[str, str, float]]:
 def drift_of(fits: Fits) -> Drift:
     """Describe the drift. Undetermined effects have the value None."""
     points, fit, scale = fits.points, fits.friction, fits.scale_n
-    carried = fits.drift_share < CARRIED
     known, effects = causes(fits), dict[str, Estimate | None]()
     for cause, (name, unit) in EFFECTS.items():
-        is_determined = cause in known and (carried or cause == "interrupted")
+        is_determined = cause in known and (fits.has_drift or cause == "interrupted")
         effects[name] = _effect(fits, known[cause], unit) if is_determined else None
     time, sentinel = points["elapsed_s"], points["kind"] == "sentinel"
     repeated = (np.bincount(points.cell[points.use]) > 1).any()
@@ -92,7 +91,7 @@ def drift_of(fits: Fits) -> Drift:
         sentinel_time_s=time[sentinel],
         sentinel_n=points["friction_n"][sentinel],
         **effects,
-        basis=basis if carried else "not determined",
+        basis=basis if fits.has_drift else "not determined",
         spread_n=float(np.std(value)),
     )
 
@@ -403,7 +402,7 @@ def _effects(ambient_pa: float, fits: Fits, members: Bools, title: str) -> Press
     u = float(np.mean(np.hypot(used["u_gain_n"], used["u_hysteresis_n"])))
     # A steady change by 1 N from the first cycle to the last looks like these coefficients of the pressure columns.
     of_order = np.linalg.lstsq(fit.model.x, used["order"] - used["order"].mean(), rcond=None)[0]
-    if fits.drift_share >= CARRIED:  # else the design determines a drift, which is then in the model
+    if not fits.has_drift:  # else the design determines a drift, which is then in the model
         hidden_n = HIDDEN_CHANGE * float(np.abs(fit.model.y).mean())
 
     def slope(row: Array, span: float) -> Estimate:
@@ -482,7 +481,7 @@ def _fit(fits: Fits, design: _Design, x: Array) -> MixedFit | None:
     usual = CYCLE_SCALE * max(np.abs(y).mean(), 1e-9)
     outer, own = np.outer(share, share), relative * level**2 + 1.0 - relative
     components = [RandomEffect("cycle", own / fits.points.count[design.used], usual)]
-    if fits.drift_share < CARRIED:
+    if fits.has_drift:
         components.append(RandomEffect("drift", outer * centred_walk(design.points["order"]), usual))
     if fits.blocks is not None:
         blocks = fits.blocks[design.used[fits.points.use]]

@@ -499,7 +499,7 @@ def find_breakaway(
         time_s=at - float(time_s[0]),
         travel_m=float(travel_m[index]),
         index=index,
-        rate_hz=float(1.0 / np.median(steps)) if steps.size and np.median(steps) > 0 else np.nan,
+        rate_hz=float(1.0 / np.median(steps)) if steps.size else np.nan,
         loading_rate_n_s=(friction_n[high] - friction_n[low]) / span if span > 0 else np.nan,
         flags=tuple(flags),
     )
