@@ -298,16 +298,13 @@ class Circuit(DescribedSystem):
         DescriptionError
             A start value is unknown or does not fit, or the core rejects the circuit.
         """
-        return self._starts().values(self.initial, start_values(initial))[0]
+        return Starts(self).values(self.initial, start_values(initial))[0]
 
     @cached_property
     def start_names(self) -> dict[str, str]:
         """Names of the start values in the core, by the names that users write."""
-        starts = self._starts()
+        starts = Starts(self)
         return starts.keys | {key: key for key in starts.coordinates}
-
-    def _starts(self) -> Starts:
-        return Starts(self.system.compiled(), self.components, self.wiring, self.ambient)
 
     def simulate(
         self,
@@ -352,7 +349,7 @@ class Circuit(DescribedSystem):
     def assumptions(self) -> list[tuple[str, str]]:
         """Assumptions as (text, name), with ``{}`` in the text for the name of the component or joint."""
         out: list[tuple[str, str]] = []
-        starts, settled = self._starts().values(self.initial)
+        starts, settled = Starts(self).values(self.initial)
         highest = max((value for name, value in starts.items() if name.endswith(PRESSURE)), default=0.0)
         stops = self.system.compiled().end_stops(highest)
         for name, one in self.components.items():

@@ -129,8 +129,10 @@ class Drive(DescribedSystem):
 
     @classmethod
     def _from_catalogue(cls, reference: str, changes: Plain) -> Drive:
-        made = cls.model_validate(merge(catalogue.drive_tables(reference), changes))
-        vars(made)["origin_of"] = _untouched(catalogue.all_values(catalogue.entry(reference)), changes)
+        title, values = catalogue.drive_values(reference)
+        tables = {"schema": 1, "name": title} | toml.nested((v.key, v.value) for v in values)
+        made = cls.model_validate(merge(tables, changes))
+        vars(made)["origin_of"] = _untouched(values, changes)
         return made.read_from(reference)
 
     def replace(self, changes: Plain) -> Drive:

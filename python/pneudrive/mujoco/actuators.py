@@ -13,7 +13,7 @@ import numpy as np
 from pneudrive import units
 from pneudrive._core import ControlSensors, close_step
 from pneudrive.control.setup import Setup, SetupOrFile, read_setup
-from pneudrive.describe.system import PISTON, compiled
+from pneudrive.describe.system import DRIVE_NAMES, PISTON, compiled
 from pneudrive.errors import CommandError, SimulationError, nearest, warn
 from pneudrive.simulation.command import Commands, inputs
 from pneudrive.simulation.session import Session
@@ -300,8 +300,7 @@ class _Axis:
 
     def column(self, name: str) -> str:
         """Return the name of the circuit for a name of a drive."""
-        chambers = {f"pressure_{end}_pa": f"{end}.pressure_pa" for end in "ab"}
-        return name if not self.prefix else f"{self.prefix}{chambers.get(name, name)}"
+        return name if not self.prefix else self.prefix + DRIVE_NAMES[name].removeprefix(f"{PISTON}.")
 
 
 def _number(given: str | float, unit: str) -> float:

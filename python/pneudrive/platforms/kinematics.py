@@ -4,14 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from pneudrive import units
 from pneudrive.describe.system import compiled
+from pneudrive.describe.tables import starts
 from pneudrive.describe.tables.geometry import piston_areas
-from pneudrive.describe.tables.starts import CLOSED, angles, coordinate_keys, coordinates, pose_text, singular_values
 from pneudrive.errors import CommandError, nearest
 from pneudrive.lazy_names import upper
 from pneudrive.simulation import trajectory
@@ -22,7 +23,7 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
     from pneudrive._core import Platform as CorePlatform
-    from pneudrive.arrays import Array, ArrayPair, Columns, Pair
+    from pneudrive.arrays import Array, ArrayPair, Bools, Columns, Pair
     from pneudrive.describe import Circuit, Drive
 
     Pose = Mapping[str, str | float] | ArrayLike
@@ -102,6 +103,8 @@ class Platform(Viewed):
     name : str
     coordinates : tuple of str
     legs : tuple of Leg
+    strokes_m : ndarray, shape (n,)
+        Strokes of the legs; NaN if a component has no stroke.
     home : ndarray, shape (n,)
         Pose with every leg at half of its stroke.
     """
@@ -109,15 +112,16 @@ class Platform(Viewed):
     def __init__(self, core: CorePlatform, circuit: Circuit) -> None:
         self.core = core
         self.name = core.name
-        self.coordinates = tuple(coordinate_keys(core))
+        self.coordinates = tuple(starts.coordinate_keys(core))
         self.legs = tuple(Leg.of(circuit, name) for name in core.legs)
         self.ambient_pa = circuit.ambient.pressure_pa
         self.heat_capacity_ratio = circuit.gas.core()["heat_capacity_ratio"]
         parts = circuit.core_parts.values()
         supplies = [one["numbers"]["pressure"] for one in parts if one["kind"].startswith("reservoir")]
         self.supply_pa = max(supplies, default=np.nan)
-        middle = np.nan_to_num([0.5 * leg.stroke_m for leg in self.legs])
-        self.home = angles(core, core.locate(middle[None])[0])[0]
+        self.strokes_m = np.array([leg.stroke_m for leg in self.legs])
+        middle = np.nan_to_num(0.5 * self.strokes_m)
+        self.home = starts.angles(core, core.locate(middle[None])[0])[0]
 
     def view(self) -> View:
         """Return the view of the platform: strokes and loads of legs at half stroke, limits of coordinates, drawing."""
@@ -153,8 +157,7 @@ class Platform(Viewed):
         poses = np.stack(axes, axis=-1).reshape(-1, len(self.legs))
         with np.errstate(invalid="ignore"):
             x = self.evaluate(poses)["positions"]
-        strokes = np.nan_to_num([leg.stroke_m for leg in self.legs], nan=np.inf)
-        poses = poses[np.all((x >= 0.0) & (x <= strokes), axis=1)]
+        poses = poses[np.all((x >= 0.0) & ~(x > self.strokes_m), axis=1)]
         points = self.traced(poses[self.singular_values(poses)[:, -1] >= LEAST_SINGULAR_VALUE])
         z = np.linspace(-1.0, 1.0, REACH_POINTS)
         turn = np.arange(REACH_POINTS) * np.pi * (3.0 - np.sqrt(5.0))
@@ -162,10 +165,15 @@ class Platform(Viewed):
         directions = np.stack([around * np.cos(turn), around * np.sin(turn), z])
         return points[np.unique(np.argmax(points @ directions, axis=0))] if len(points) else points
 
+    @cached_property
+    def is_length(self) -> Bools:
+        """Whether each coordinate is a displacement rather than a tilt."""
+        return np.array(starts.is_length(self.core))
+
     @property
     def units(self) -> tuple[str, ...]:
         """SI unit of each coordinate."""
-        return tuple("m" if name.endswith("_m") else "rad" for name in self.core.coordinates)
+        return tuple("m" if is_long else "rad" for is_long in self.is_length)
 
     def pose(self, pose: Pose) -> Array:
         """Return poses as an array, shape (n,) or (m, n). Coordinates missing in a mapping are as in `home`.
@@ -206,13 +214,13 @@ class Platform(Viewed):
         rows = np.atleast_2d(self.pose(pose))
         u = np.zeros_like(rows) if rates is None else np.atleast_2d(np.asarray(rates, dtype=float))
         slopes = self._slopes(rows)
-        own, across = self.core.evaluate(coordinates(self.core, rows), u * slopes), slopes[:, None, :]
+        own, across = self.core.evaluate(starts.coordinates(self.core, rows), u * slopes), slopes[:, None, :]
         own |= {"jacobian": own["jacobian"] * across, "twist": own["twist"] * across}
         return own | {"forces": own["forces"] * slopes, "mass": own["mass"] * across * slopes[:, :, None]}
 
     def _slopes(self, rows: Array) -> Array:
         """Return the derivatives of the core's coordinates with respect to the coordinates of the pose."""
-        return np.where([unit == "m" for unit in self.units], 1.0, 0.5 * np.cos(0.5 * rows))
+        return np.where(self.is_length, 1.0, 0.5 * np.cos(0.5 * rows))
 
     def inverse(self, pose: Pose) -> Array:
         """Return the positions of the legs, m.
@@ -251,9 +259,9 @@ class Platform(Viewed):
         if rows.shape[-1] != len(self.legs):
             raise CommandError(f"{self.name} has {len(self.legs)} legs", rule="one position for each leg")
         q, residuals = self.core.locate(rows)
-        poses = angles(self.core, q)
-        if not np.all(residuals < CLOSED):
-            row = int(np.argmax(~(residuals < CLOSED)))
+        poses = starts.angles(self.core, q)
+        if not np.all(residuals < starts.CLOSED):
+            row = int(np.argmax(~(residuals < starts.CLOSED)))
             at_rest = np.zeros((1, len(self.legs)))
             found = self.core.evaluate(q[row : row + 1], at_rest)["positions"][0]
             leg = int(np.argmax(np.abs(found - rows[row])))
@@ -305,9 +313,8 @@ class Platform(Viewed):
     def core_motion(self, rows: Array, rates: Array, accelerations: Array) -> tuple[Array, Array, Array]:
         """Return the coordinates of the core and two time derivatives, from those of poses, shape (m, n)."""
         slopes = self._slopes(rows)
-        is_angle = np.array([unit == "rad" for unit in self.units])
-        second = slopes * accelerations - np.where(is_angle, 0.25 * np.sin(0.5 * rows) * rates**2, 0.0)
-        return coordinates(self.core, rows), slopes * rates, second
+        second = slopes * accelerations - np.where(self.is_length, 0.0, 0.25 * np.sin(0.5 * rows) * rates**2)
+        return starts.coordinates(self.core, rows), slopes * rates, second
 
     def singular_values(self, pose: Pose) -> Array:
         """Return the singular values of the pose Jacobian, largest first, without a unit.
@@ -316,7 +323,7 @@ class Platform(Viewed):
         of its joints. A small value means that a motion of the platform hardly moves the legs.
         """
         pose = self.pose(pose)
-        return singular_values(self.core, coordinates(self.core, np.atleast_2d(pose))).reshape(pose.shape)
+        return starts.singular_values(self.core, starts.coordinates(self.core, np.atleast_2d(pose))).reshape(pose.shape)
 
     def stiffness(self, pose: Pose, pressures: ArrayLike) -> Array:
         """Return the stiffness of the platform in its coordinates with shut valves, N/m, N/rad and N m/rad.
@@ -334,8 +341,7 @@ class Platform(Viewed):
         x = self.inverse(pose)
         jacobian = self.jacobian(pose)
         areas, dead = (np.array([getattr(leg, key) for leg in self.legs]) for key in ("areas_m2", "dead_volumes_m3"))
-        strokes = np.array([leg.stroke_m for leg in self.legs])
-        volumes = dead + areas * np.column_stack([x, strokes - x])
+        volumes = dead + areas * np.column_stack([x, self.strokes_m - x])
         p = np.broadcast_to(np.asarray(pressures, dtype=float), (len(self.legs), 2))
         gas = self.heat_capacity_ratio * np.sum(p * areas**2 / volumes, axis=1)
         step = STEP * np.eye(len(x))
@@ -375,7 +381,7 @@ class Platform(Viewed):
 
     def text(self, pose: ArrayLike) -> str:
         """Return a pose in words."""
-        return pose_text(self.core, np.asarray(pose, dtype=float))
+        return starts.pose_text(self.core, np.asarray(pose, dtype=float))
 
 
 @dataclass(frozen=True)
@@ -490,9 +496,8 @@ def pose_columns(platform: Platform) -> list[list[str]]:
     """Return the columns of a run with the coordinates, their rates and their accelerations."""
     out = []
     for lengths, tilts in (("m", "rad"), ("rate_m_s", "rate_rad_s"), ("acceleration_m_s2", "acceleration_rad_s2")):
-        ends = [lengths if unit == "m" else tilts for unit in platform.units]
-        names = [f"{platform.name}.{key}_{end}" for key, end in zip(platform.coordinates, ends, strict=True)]
-        out.append(names)
+        ends = np.where(platform.is_length, lengths, tilts)
+        out.append([f"{platform.name}.{key}_{end}" for key, end in zip(platform.coordinates, ends, strict=True)])
     return out
 
 

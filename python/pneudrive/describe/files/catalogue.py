@@ -178,14 +178,19 @@ def all_values(found: Entry) -> list[Value]:
     return list(out.values())
 
 
-def drive_tables(reference: str) -> dict[str, Any]:
-    """Return the tables of a drive file for ``catalogue:NAME``."""
+def drive_values(reference: str) -> tuple[str, list[Value]]:
+    """Return the title of a drive, and its values by keys of the drive file, for ``catalogue:NAME``."""
+    found = _referred("drive", reference, "drive")
+    return found.title, all_values(found)
+
+
+def _referred(key: str, reference: str, what: str) -> Entry:
+    """Return the drive or part that a key of a file names."""
     name = reference.removeprefix(PREFIX)
-    drives = [known for known, e in entries().items() if e.is_drive]
-    if name not in drives:
-        raise wrong("drive", f"the catalogue has no drive '{name}'", remedy=nearest(name, drives))
-    found = entry(name)
-    return {"schema": 1, "name": found.title} | toml.nested((v.key, v.value) for v in all_values(found))
+    known = {one: found for one, found in entries().items() if found.is_drive == (what == DRIVE)}
+    if name not in known:
+        raise wrong(key, f"the catalogue has no {what} '{name}'", remedy=nearest(name, known))
+    return known[name]
 
 
 def part_table(reference: object) -> dict[str, Any]:
@@ -198,13 +203,10 @@ def part_table(reference: object) -> dict[str, Any]:
     """
     if not isinstance(reference, str) or not reference.startswith(PREFIX):
         raise wrong("use", f"use = {reference!r} is not a part of the catalogue", remedy=f'Write use = "{PREFIX}NAME".')
-    name = reference.removeprefix(PREFIX)
-    parts = {known: e for known, e in entries().items() if not e.is_drive}
-    if name not in parts:
-        raise wrong("use", f"the catalogue has no part '{name}'", remedy=nearest(name, parts))
-    check(parts[name])
-    given = [(v.key, {"value": v.value} | v.origin) for v in parts[name].values if v.key != "kind"]
-    return {"kind": parts[name].kind} | toml.nested(given)
+    part = _referred("use", reference, "part")
+    check(part)
+    given = [(v.key, {"value": v.value} | v.origin) for v in part.values if v.key != "kind"]
+    return {"kind": part.kind} | toml.nested(given)
 
 
 def check(part: Entry) -> None:

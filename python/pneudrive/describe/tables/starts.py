@@ -110,22 +110,16 @@ class Starts:
 
     Parameters
     ----------
-    core : Circuit
-        Circuit of the core, with the names of start values: ``left.position_m``, ``left.a.pressure_pa``.
-    components : mapping
-    wiring : Wiring
-    ambient : Ambient
+    circuit : Circuit
+        The core has the names of its start values: ``left.position_m``, ``left.a.pressure_pa``.
     """
 
-    def __init__(
-        self,
-        core: CoreCircuit,
-        components: Mapping[str, Component],
-        wiring: Wiring,
-        ambient: Ambient,
-    ) -> None:
+    def __init__(self, circuit: Any) -> None:  # noqa: ANN401 - the module of circuits imports this one
+        core: CoreCircuit = circuit.system.compiled()
         self.names, self.platforms = core.start_names, core.platforms
-        self.components, self.wiring, self.ambient = components, wiring, ambient
+        self.components: Mapping[str, Component] = circuit.components
+        self.wiring: Wiring = circuit.wiring
+        self.ambient: Ambient = circuit.ambient
         #: Coordinate of a platform as users write it -> the platform, and the number of the coordinate.
         self.coordinates = {
             f"{platform.name}.{key}": (platform, k)
