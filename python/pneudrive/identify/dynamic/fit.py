@@ -54,25 +54,23 @@ def transforms_of(
     The breakaway force is the Coulomb force plus a positive excess. If one of these forces is held, it limits the
     other.
     """
-    names, numbers = [p.name for p in parameters], numbers_of(drive)
-    every = [*parameters, *sensors]
-    keys = ("coulomb", "breakaway")
-    upper = np.array([p.upper for p in every])
-    of = next((name.rpartition(".")[0] for name in names if name.endswith(FORCES)), "friction")
-    place = {key: names.index(f"{of}.{key}") for key in keys if f"{of}.{key}" in names}
-    held = {key: numbers[f"{of}.{key}"].value for key in keys if f"{of}.{key}" in numbers}
-    if "coulomb" in place and "breakaway" not in place and "breakaway" in held:
-        upper[place["coulomb"]] = held["breakaway"]
-    for k, name in enumerate(names):
+    every, numbers = [*parameters, *sensors], numbers_of(drive)
+    places, upper = {p.name: k for k, p in enumerate(parameters)}, np.array([p.upper for p in every])
+    of = next((name.rpartition(".")[0] for name in places if name.endswith(FORCES)), "friction")
+    coulomb, breakaway = (f"{of}.{key}" for key in ("coulomb", "breakaway"))
+    if coulomb in places and breakaway not in places and breakaway in numbers:
+        upper[places[coulomb]] = numbers[breakaway].value
+    for name, k in places.items():
         part, _, key = name.rpartition(".")
         if key == "critical_pressure_ratio":
             upper[k] = numbers[f"{part}.linear_above"].value
+    held = numbers[coulomb].value if coulomb in numbers else 0.0
     return Transforms(
         [p.lower for p in every],
         upper,
         [p.size if np.isinf(p.lower) else 1.0 for p in every],
-        excess=place.get("breakaway") if "coulomb" in held else None,
-        over=place.get("coulomb", held.get("coulomb", 0.0)),
+        excess=places.get(breakaway) if coulomb in numbers else None,
+        over=places.get(coulomb, held),
         least_excess=_LEAST_EXCESS,
     )
 
@@ -318,7 +316,7 @@ def solve(problem: FitProblem, point: Iterate, options: search.SearchOptions, wa
     believed = [s.copy() for s in point.states]
     try:
         if options.segment_s is not None:
-            for length_s in (*options.ladder, options.segment_s):
+            for length_s in (*options.lengths_s[1:], options.segment_s):
                 point = _regrouped(problem, search.predict_segments(problem, point, watcher), length_s)
                 watcher.point = point
         problem.believed = believed
@@ -472,7 +470,7 @@ def identify_presliding(
         values=values,
         units={STIFFNESS: "N/m", DAMPING: "N s/m"},
         free=tuple(each),
-        covariance=np.cov(np.array(list(each.values()))) / count if count > 1 else np.zeros((2, 2)),
+        covariance=np.cov([*each.values()]) / count if count > 1 else np.zeros((2, 2)),
         intervals=ends,
         undetermined=_lost(step, level, values, ends),
         notes=(SIMULATED,) if any(getattr(loop, "synthetic", False) for loop in every) else (),

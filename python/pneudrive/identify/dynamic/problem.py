@@ -301,11 +301,6 @@ class FitProblem:
         return [experiment.recording for experiment in self.experiments]
 
     @property
-    def offsets(self) -> Bools:
-        """Mask of coordinates that are offsets of sensors."""
-        return np.array([False] * self.drive_size + [s.kind == "offset" for s in self.sensors])
-
-    @property
     def names(self) -> list[str]:
         """Names of the global coordinates."""
         return [p.name for p in (*self.parameters, *self.sensors)]

@@ -16,7 +16,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Any
@@ -24,7 +24,7 @@ from typing import Any
 import numpy as np
 
 from pneudrive import __version__, _core
-from pneudrive.arrays import Array, Columns, Interval, Keyed, NamedNumbers, Pair, Plain, by_name
+from pneudrive.arrays import Array, Columns, Interval, NamedNumbers, Pair, Plain, by_name
 from pneudrive.describe import Circuit, Drive
 from pneudrive.errors import FitError, PneudriveError, warn
 from pneudrive.estimate.estimates import intervals as intervals_at
@@ -191,12 +191,6 @@ class DriveFit(Fit, kind="drive"):
         return lines
 
 
-def fit_hash(provenance: Keyed, values: Mapping[str, float]) -> str:
-    """Return a hash of the recordings, options and values of a fit."""
-    text = json.dumps({"provenance": dict(provenance), "values": dict(values)}, sort_keys=True, default=str)
-    return hashlib.sha256(text.encode()).hexdigest()[:HASH_DIGITS]
-
-
 def warn_of_mixture(notes: Sequence[str], kept: Collection[str], *, same_start: bool) -> None:
     """Warn of start values combined with fitted values; include the error of this combination if known.
 
@@ -281,13 +275,12 @@ def model_errors(drive: Drive | Circuit, solved: Solved) -> NamedNumbers:
     found = zip(solved.problem.parameters, solved.values.tolist(), strict=False)
     free = [replace(p, value=value) for p, value in found]
     own = solved.problem.experiments[0].family  # held: numbers of the drive that are not derived from free ones
-    known = {*own.paths, *(one.path for one in own.settled), *(p.core for p in free)}
+    known = {*own.paths, *(one.path for one in own.settled)}
     held = [replace(p, value=own.get(p.core)) for p in numbers_of(drive).values() if p.core not in known]
     held = [p for p in held if p.value != 0.0 and not p.name.startswith(("gas.", "valve.linear_above"))]
     family = family_of(drive, [*free, *held])
     values = np.array([p.value for p in (*free, *held)])
-    sizes = (max(abs(p.value), p.size if np.isinf(p.lower) else 0.0) for p in (*free, *held))
-    steps = np.array([MODEL_SHARE * size for size in sizes])
+    steps = MODEL_SHARE * np.array([max(abs(p.value), p.size if np.isinf(p.lower) else 0.0) for p in (*free, *held)])
     try:
         every = [_balances(solved, index, family, values) for index in range(len(solved.problem.experiments))]
         scale = np.sqrt([sum(np.sum(terms[b] ** 2) for _, _, terms in every) for b in range(3)])
@@ -301,8 +294,7 @@ def model_errors(drive: Drive | Circuit, solved: Solved) -> NamedNumbers:
     shown = size > 0.0
     inverse = np.linalg.pinv(own[:, shown] / size[shown], rcond=SINGULAR_SHARE) / size[shown][:, None]
     floor = np.linalg.norm(inverse @ off, axis=1) * steps[: len(free)][shown]
-    names = [p.name for p, one in zip(free, shown, strict=True) if one]
-    return by_name(names, floor)
+    return by_name(np.array([p.name for p in free])[shown].tolist(), floor)
 
 
 def _balances(solved: Solved, index: int, family: DriveFamily, values: Array) -> Along:
@@ -429,7 +421,7 @@ CORRELATED, SOLVER_SHARE = 10.0, 0.1
 def assembled(drive: Drive | Circuit, solved: Solved, options: SearchOptions, steps: int) -> DriveFit:
     """Return the fit of the best search, after a number of steps."""
     problem, parameters, records = solved.problem, solved.problem.parameters, solved.problem.records
-    values, names = solved.values, problem.names
+    values, names, size = solved.values, problem.names, problem.drive_size
     covariance, reach = solved.covariance, student(solved.freedom)
     every = [*parameters, *problem.sensors]
     spread = np.sqrt(np.maximum(np.diag(covariance), 0.0))
@@ -446,13 +438,13 @@ def assembled(drive: Drive | Circuit, solved: Solved, options: SearchOptions, st
             sizes[k] = p.value
     intervals = by_name(names, zip(low.tolist(), high.tolist(), strict=True))
     fit = DriveFit(
-        values=by_name(names[: problem.drive_size], values[: problem.drive_size]),
+        values=by_name(names[:size], values[:size]),
         units={p.name: p.unit for p in every},
-        sensors=by_name(names[problem.drive_size :], values[problem.drive_size :]),
+        sensors=by_name(names[size:], values[size:]),
         free=tuple(names),
         covariance=covariance,
         intervals=intervals,
-        details={n: {"sources": [r.name for r in records]} for n in names[: problem.drive_size]},
+        details={n: {"sources": [r.name for r in records]} for n in names[:size]},
         undetermined=(),
         notes=tuple(_notes(drive, options, solved)),
         statistics=_statistics(solved, steps),
@@ -474,7 +466,8 @@ def assembled(drive: Drive | Circuit, solved: Solved, options: SearchOptions, st
         profiler=partial(profile, solved),
     )
     lost = [] if options.interrupted else _lost(fit, intervals, sizes, solved.weak)
-    fit.provenance["fit_hash"] = fit_hash(fit.provenance, fit.values)
+    text = json.dumps({"provenance": fit.provenance, "values": fit.values}, sort_keys=True, default=str)
+    fit.provenance["fit_hash"] = hashlib.sha256(text.encode()).hexdigest()[:HASH_DIGITS]
     fit.provenance[INPUTS] = inputs_of(drive, records)
     notes = (*fit.notes, *applied_note(solved, {u.parameter for u in lost}))
     return replace(fit, undetermined=(*options.lost, *lost), notes=notes)

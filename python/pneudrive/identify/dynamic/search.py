@@ -90,8 +90,7 @@ class Watcher:
 
 def reduced(blocks: list[ArrayPair], size: int) -> ArrayPair:
     """Return information and gradient of the global coordinates, with starts eliminated."""
-    information: Array = np.zeros((size, size))
-    gradient: Array = np.zeros(size)
+    information, gradient = np.zeros((size, size)), np.zeros(size)
     for n, b in blocks:
         gain = start_solution(n, np.c_[n[size:, :size], b[size:]])
         information += n[:size, :size] - n[:size, size:] @ gain[:, :-1]
@@ -258,7 +257,8 @@ def predict_segments(problem: FitProblem, point: Iterate, watcher: Watcher) -> I
     The noise is set to the present error of the model, at least the noise of the sensors. Offsets are held: because
     segments start from the measurements, offsets act only through volumes and flows.
     """
-    problem.held, problem.is_separate = problem.offsets, True
+    problem.is_separate = True
+    problem.held = np.array([False] * problem.drive_size + [s.kind == "offset" for s in problem.sensors])
     least = [e.noise.copy() for e in problem.experiments]
     problem.believed = [s.copy() for s in point.states]
     shots = problem.run(point, "start")
@@ -535,6 +535,7 @@ class SearchOptions:
     notes: list[str] = field(default_factory=list)
     lost: list[Undetermined] = field(default_factory=list)
     interrupted: bool = False
+    #: Lengths of the segments of the first phase, s, before `segment_s`.
     lengths_s: tuple[float, ...] = LADDER_S
     #: Delay of the valve after the recorded command, s; None: free.
     delay_s: float | None = 0.0
@@ -546,11 +547,6 @@ class SearchOptions:
     def is_last(self) -> bool:
         """Whether the segments are those of the last attempt."""
         return self.lengths_s == SECOND_LADDER_S
-
-    @property
-    def ladder(self) -> tuple[float, ...]:
-        """Increasing lengths of the segments of the first phase, s."""
-        return tuple(length for length in self.lengths_s[1:] if self.segment_s is not None and length < self.segment_s)
 
     def first_segment_s(self, record: DriveRecording) -> float | None:
         """Length of the first segments; None without a first phase."""

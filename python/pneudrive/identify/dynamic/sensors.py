@@ -140,16 +140,14 @@ def channel(name: str, sensor: Sensor | Keyed) -> Channel:
     """
     unit, known = meaning(CHANNELS[name])[1], [field.name for field in fields(Sensor)]
     properties = vars(sensor) if isinstance(sensor, Sensor) else sensor
-    for key in properties:
+    free = frozenset(key for key, given in properties.items() if given == "free" and key in START)
+    values = {key: START[key] for key in free}
+    for key, given in properties.items():
         if key not in known:
             raise FitError(f"sensor {name}: {key} is not known", remedy=nearest(str(key), known))
-    stated = {key: given for key, given in properties.items() if given is not None}
-    values = {key: START[key] for key, given in stated.items() if given == "free" and key in START}
-    free = frozenset(values)
-    for key in (key for key in stated if key not in free):
-        own = {"gain": "", "lag": "s"}.get(key, unit)
-        least = -np.inf if key in ("offset", "gain") else 0.0
-        values[key] = _si(stated[key], own, f"{name}.{key}", least)
+        if given is not None and key not in free:
+            least = -np.inf if key in ("offset", "gain") else 0.0
+            values[key] = _si(given, {"gain": "", "lag": "s"}.get(key, unit), f"{name}.{key}", least)
     return Channel(name, CHANNELS[name], unit, **values, free=free)
 
 

@@ -102,14 +102,18 @@ def _open_doubts(driven: DrivenCircuit, record: DrivenRecording) -> list[str]:
     return found
 
 
-def other_readings(solution: FollowSolution) -> list[str]:
-    """Return a warning if the recordings fit better with the other reading of pressures (gauge or absolute)."""
+def misfit_notes(solution: FollowSolution) -> list[str]:
+    """Return the likely causes of residuals that are too large for this model.
+
+    One cause is the other reading of pressures (gauge or absolute), if the recordings fit better with it.
+    """
     problem, point = solution.problem, solution.point
-    ambient = float(problem.driven.form["ambient"]["pressure_pa"])
-    base, found = rms(solution.every_rms), []
+    ambient = problem.driven.form["ambient"]["pressure_pa"]
+    base, worst = rms(solution.every_rms), np.max(solution.every_rms)
+    found = [] if worst < POOR else [sentence("notes", "poor", percent=100 * worst)]
     for shift, words in ((ambient, "absolute, but seem to be gauge"), (-ambient, "gauge, but seem to be absolute")):
         records = [replace(r, pressures_pa=r.pressures_pa + shift) for r in problem.records]
-        if min(float(r.pressures_pa.min()) for r in records) < LEAST_LEVEL * ambient:
+        if min(r.pressures_pa.min() for r in records) < LEAST_LEVEL * ambient:
             continue
         try:
             size = rms(solve_follow(replace(problem, records=records), point, passes=1).every_rms)
@@ -119,12 +123,6 @@ def other_readings(solution: FollowSolution) -> list[str]:
         if size < min(BETTER * base, POOR):
             found.append(sentence("notes", "other_reading", words=words, bar=shift / 1e5, percent=100 * size / base))
     return found
-
-
-def poor_fit(solution: FollowSolution) -> list[str]:
-    """Return the likely causes of residuals that are too large for this model."""
-    worst = float(np.max(solution.every_rms))
-    return [] if worst < POOR else [sentence("notes", "poor", percent=100 * worst)]
 
 
 FIRST = ("volumes", "heat")  # groups that are fitted alone at first
@@ -325,7 +323,7 @@ def identify_motion(
         raise FitError(value=", ".join(record.name for record in idle), **stated("readings", "open"))
     problem = FollowProblem(driven, used, driven.numbers_of(free), watch=watch)
     solution = solve_follow(problem, _first_point(described, used, free, problem))
-    notes += [*poor_fit(solution), *other_readings(solution)]
+    notes += misfit_notes(solution)
     others, parts = (_rivals(described, solution, list(free)), _parts(solution)) if rivals else ((), {})
     return _result(described, solution, notes, others, parts)
 
