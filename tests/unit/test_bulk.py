@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-import threading
 from pathlib import Path
 
 import pytest
@@ -19,10 +18,6 @@ def test_results_come_in_turn_and_little_is_done_that_nobody_takes():
     assert taken == [n * n for n in range(10)]
     found.close()
     assert 10 <= len(started) <= 10 + 5
-
-
-def test_one_item_needs_no_thread():
-    assert list(in_advance(lambda n: threading.current_thread(), [1], 4)) == [threading.current_thread()]
 
 
 def test_what_is_raised_reaches_who_takes_it():
@@ -114,18 +109,6 @@ def test_the_laws_name_their_sources():
     """The search itself finds what is known to be there, so that an empty list cannot pass for success."""
     found = {key for key, _ in used()}
     assert {"canudas1995", "armstrong1994", "iso6358-2013", "steinebach2023", "bracha", "gum2008"} <= found
-
-
-@pytest.mark.parametrize(
-    ("text", "keys"),
-    [
-        ("/// F = m a. Source: [newton1687].\n", {"newton1687"}),
-        ("/// Source: [a1]; passivity:\n/// [b-2].\nfn f(x: [f64]) {}\n", {"a1", "b-2"}),
-        ('    source: "hairer1996",\n', {"hairer1996"}),
-    ],
-)
-def test_keys_are_read_from_rust(text, keys):
-    assert rust_uses(text) == keys
 
 
 def test_keys_are_unique():
