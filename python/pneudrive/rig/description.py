@@ -285,17 +285,16 @@ def _plain(name: str, given: Any, sources: dict[str, Source], problems: Problems
         raise wrong(name, f"{name} = {given!r} has no source", rule=RULE)
     said = {key: given[key] for key in ("source", "reason") if key in given}
     inner = {key: value for key, value in given.items() if key not in said}
-    if "value" in given and (set(inner) != {"value"} or "source" not in said):
-        unknown = next((key for key in inner if key != "value"), None)
-        what = f"{name}: {unknown!r} is unknown" if unknown else f"{name} has no source"
-        raise wrong(name, what, rule=RULE)
-    if isinstance(given.get("value"), list):
-        each = [(one if isinstance(one, dict) else {"value": one}) | said for one in given["value"]]
-        return [_plain(f"{name}.{number}", one, sources, problems) for number, one in enumerate(each)]
     if "value" in given:
-        text = str(given["value"])
-        sources[name] = Source(text, str(said["source"]), str(said.get("reason", "")))
-        return bare(text)
+        value = inner.pop("value")
+        if inner or "source" not in said:
+            what = f"{name}: {next(iter(inner))!r} is unknown" if inner else f"{name} has no source"
+            raise wrong(name, what, rule=RULE)
+        if isinstance(value, list):
+            each = [(one if isinstance(one, dict) else {"value": one}) | said for one in value]
+            return _plain(name, each, sources, problems)
+        sources[name] = Source(str(value), str(said["source"]), str(said.get("reason", "")))
+        return bare(str(value))
     return {
         key: problems.take(_plain, f"{name}.{key}", {"value": value} | said if said else value, sources, problems)
         for key, value in inner.items()

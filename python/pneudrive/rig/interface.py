@@ -8,7 +8,10 @@ from __future__ import annotations
 
 import json
 import math
+import queue
+import threading
 from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import Future
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field, fields
 from functools import cache
@@ -500,3 +503,42 @@ def identity_of(data: Any, where: str, kind: ErrorKind = RigError) -> tuple[Iden
 def envelope_of(data: Any, where: str, kind: ErrorKind = RigError) -> Envelope:  # noqa: ANN401 - JSON
     """Return the envelope of a rig from plain data; errors as for `read_table`."""
     return read_table(data, Envelope, where, kind)[0]
+
+
+# --- Calls of a rig.
+
+
+class JobThread:
+    """Thread that runs one job after the other. A job that never returns does not prevent the process from ending.
+
+    Parameters
+    ----------
+    name : str
+        Name of the thread.
+    """
+
+    def __init__(self, name: str) -> None:
+        self._jobs: queue.SimpleQueue[tuple[Future[Any], Callable[[], Any]] | None] = queue.SimpleQueue()
+        self._thread = threading.Thread(target=self._work, name=name, daemon=True)
+        self._thread.start()
+
+    def _work(self) -> None:
+        while (given := self._jobs.get()) is not None:
+            future, job = given
+            if not future.set_running_or_notify_cancel():
+                continue
+            try:
+                future.set_result(job())
+            except BaseException as error:  # any exception of a lab's code goes to the caller
+                future.set_exception(error)
+
+    def start(self, job: Callable[[], T]) -> Future[T]:
+        """Run a job after the previous one."""
+        future: Future[T] = Future()
+        self._jobs.put((future, job))
+        return future
+
+    def close(self, wait_s: float = 0.0) -> None:
+        """End the thread after its last job, and wait for the end up to a given time."""
+        self._jobs.put(None)
+        self._thread.join(wait_s)

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from pneudrive.arrays import attributes_of
 from pneudrive.errors import CommandError, RigError, nearest
 from pneudrive.repr_tables import Shown
 from pneudrive.rig.description import DEFAULT, RIGID, AnalogSensor, RigDescription, read_description
@@ -171,7 +172,7 @@ class SimulatedRig:
         gauges = [1e-5 * (p - d.ambient_pressure_pa) for p in (trace.pressure_a_pa, trace.pressure_b_pa)]
         shown = f"{gauges[0]:.3g} bar" if gauges[0] == gauges[1] else f"{gauges[0]:.3g} and {gauges[1]:.3g} bar"
         speed = f"{1e3 * trace.speed_m_s:.4g} mm/s"
-        shared: Plain = {name: getattr(identity, name) for name in SHARED}
+        shared = attributes_of(identity, *SHARED)
         shared |= {"limits": {"force_n": identity.limits["force_n"]}, "calibration": {}}
         # Of all channels but time and temperature.
         shared["accuracy"] = {channel: identity.accuracy[channel] for channel in CHANNELS[1:-1]}

@@ -20,8 +20,8 @@ from pneudrive.campaign.cycle import WORDS, Cycle, Head
 from pneudrive.campaign.storage.control import now
 from pneudrive.constants import ZERO_CELSIUS_K
 from pneudrive.errors import PneudriveError, RigError
-from pneudrive.rig.interface import CHANNELS, Changeable, Move, Reproducible, Samples, as_json, closed_after, has_verbs
-from pneudrive.rig.job_thread import JobThread
+from pneudrive.rig import interface
+from pneudrive.rig.interface import CHANNELS, JobThread, Move, Samples, as_json, closed_after, has_verbs
 from pneudrive.signals.recording import clipped, equal_runs, stuck_position, stuck_runs
 
 if TYPE_CHECKING:
@@ -140,7 +140,7 @@ class Attempts:
         if not self.homed:
             rig.home()
             self.homed = True
-        if has_verbs(rig, Reproducible):
+        if has_verbs(rig, interface.Reproducible):
             self._memory = self._memory or as_plain(rig.memory())
             rig.restore(as_plain(self._memory))
             self._pressures = self._pressures_after
@@ -157,10 +157,10 @@ class Attempts:
             samples = self._acquire(rig, cycle)
         else:
             factor = cycle.key.rpartition("/")[2]  # b2/operator/seal: other factors stay unchanged
-            if has_verbs(rig, Changeable) and factor in cycle.levels:
+            if has_verbs(rig, interface.Changeable) and factor in cycle.levels:
                 rig.change({factor: cycle.levels[factor]})
             began_s, samples = rig.state().time_s, Samples.join([])
-        memory = as_plain(rig.memory()) if has_verbs(rig, Reproducible) else {}
+        memory = as_plain(rig.memory()) if has_verbs(rig, interface.Reproducible) else {}
         self._whole = True
         return Head(0, cycle, began_s, started, memory=memory, attempts=number), samples
 
@@ -269,8 +269,11 @@ class MeasuringBounds:
             return f"the force is {state.force_n:.4g} N, near the limit of {self.force_n:.4g} N"
         return ""
 
-    def broken_by_samples(self, samples: Samples) -> str:
-        """Return the condition that the samples of a running cycle violate; NaN is not checked."""
+    def during(self, samples: Samples, rig: Rig) -> str:
+        """Return the condition that a running cycle violates, by state and latest samples; their NaN is not checked."""
+        state = rig.state()
+        if state.fault or (self.supply_pressure_pa > 0.0 and state.supply_pressure_pa < self.supply_pressure_pa):
+            return self.broken_by(state)
         with np.errstate(invalid="ignore"):
             force = np.abs(samples.force_n)
             high = force >= self.force_n
@@ -282,15 +285,6 @@ class MeasuringBounds:
                 low, top = (_celsius(limit) for limit in self.temperature_k)
                 return f"the temperature reached {_celsius(float(temperature[outside][0]))}, not {low} to {top}"
         return ""
-
-    def during(self, samples: Samples, rig: Rig) -> str:
-        """Check a running cycle by its latest samples and by the rig's state."""
-        state = rig.state()
-        if state.fault:
-            return f"{FAULT}: {state.fault}"
-        if self.supply_pressure_pa > 0.0 and state.supply_pressure_pa < self.supply_pressure_pa:
-            return self.broken_by(state)
-        return self.broken_by_samples(samples)
 
     def look(self, rig: Rig) -> str:
         """Query the state of the rig. Return the reason why measuring cannot continue, empty if it can."""

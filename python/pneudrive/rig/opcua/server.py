@@ -23,8 +23,7 @@ from pneudrive.arrays import Plain
 from pneudrive.batching import many_objects
 from pneudrive.errors import PneudriveError, RigError
 from pneudrive.files.content import parse_json
-from pneudrive.rig.interface import Hold, Move, Rig, Samples, Sampling, Step, closed_after
-from pneudrive.rig.job_thread import JobThread
+from pneudrive.rig.interface import Hold, JobThread, Move, Rig, Samples, Sampling, Step, closed_after
 from pneudrive.rig.opcua.access import Protection, ua
 from pneudrive.rig.opcua.link import COUNTER, LoopThread, quieten
 from pneudrive.rig.opcua.nodes import HOLD, IN_RING, RELEASED, SAMPLES, SAMPLING, SHUT, STATE, STEPS, NodeMap, Verb
@@ -256,15 +255,14 @@ class RigServer:
 
     async def write(self, node_id: Any, value: Any) -> Any:  # noqa: ANN401 - asyncua's types
         """Store a value that the client writes; return the status."""
-        name = self._writable.get(node_id)
+        name, variant = self._writable.get(node_id), value.Value
         if name is None:
             return ua.StatusCode(ua.StatusCodes.BadUserAccessDenied)
-        node, variant = self.nodes.nodes[name], value.Value
-        if variant is None:
+        node = self.nodes.nodes[name]
+        if variant is None or variant.Value is None or variant.VariantType is not ua.VariantType[node.type]:
             return ua.StatusCode(ua.StatusCodes.BadTypeMismatch)
         raw, is_text = variant.Value, isinstance(variant.Value, str)
-        right_type = variant.VariantType is ua.VariantType[node.type] and isinstance(raw, list) == node.kind.array
-        if raw is None or not right_type:
+        if isinstance(raw, list) != node.kind.array:
             return ua.StatusCode(ua.StatusCodes.BadTypeMismatch)
         too_long = np.size(raw) > self.nodes.handshake.steps or (is_text and len(raw) > LONGEST_TEXT)
         if too_long or not (is_text or np.isfinite(raw).all()):
