@@ -1,4 +1,4 @@
-"""Type aliases for arrays, intervals, rows and plain data, and two helpers for names and indices."""
+"""Type aliases for arrays, intervals, rows and plain data, and helpers for names and indices."""
 
 from __future__ import annotations
 
@@ -42,6 +42,11 @@ def by_name(names: Iterable[Name], values: Iterable[Value]) -> dict[Name, Value]
     {'a': 1.0, 'b': 2.0}
     """
     return dict(zip(names, values.tolist() if isinstance(values, np.ndarray) else values, strict=True))
+
+
+def attributes_of(record: object, *names: str) -> Plain:
+    """Return some attributes of a record by their names."""
+    return {name: getattr(record, name) for name in names}
 
 
 def rows_of(columns: Mapping[str, Array], rows: Bools | Ints | slice) -> Columns:

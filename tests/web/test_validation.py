@@ -72,8 +72,6 @@ def test_page_command_and_python_find_the_same(served: Served, bench: Path, monk
 
     shown = get(served, "/api/validation", path=WRITTEN)
     assert (shown["drive"], shown["editable"]) == ("axis.toml", True)
-    assert [one["text"] for one in shown["verdict"]] == [one.text for one in found.verdicts]
-    assert shown["verdict"][0]["met"] is False
     (cause,) = shown["diagnosis"]["culprit"]
     assert cause["text"] == found.diagnosis().culprits[0].text
     assert cause["amount"] < -0.15  # the valve passes less than the model

@@ -591,9 +591,7 @@ export interface ErrorUnit {
 }
 
 export interface Tracks {
-  reference: string;
   laws: string[];
-  seeds: number[];
   error: ErrorUnit;
 }
 
@@ -639,7 +637,6 @@ export interface Sizing {
   candidates: Candidate[];
   view: SentView | null;
   sheet: SentView | null;
-  short: number;
   done: boolean;
   searched: boolean;
   asked: Record<string, number> | null;
@@ -738,7 +735,6 @@ export interface QuickGroup {
 
 export interface Campaign {
   name: string;
-  rig: string;
   synthetic: boolean;
   done: number;
   extra: number;

@@ -324,7 +324,7 @@ class SizingResult(Viewed):
         try:
             task = SizingTask.model_validate(stored["task"])
             found: SizingResult = _reader(cls).validate_python(stored | {"task": task, "simulated": ()})
-            simulated, _ = read_choices(folder / LINES)
+            simulated = read_choices(folder / LINES)
             asked = {name: count for name, count in found.asked.items() if name != "least"}  # of earlier versions
             return replace(found, simulated=tuple(simulated) or found.ranked, asked=asked)
         except (KeyError, TypeError, ValueError) as error:
@@ -597,15 +597,13 @@ def read_stages(path: Path) -> dict[tuple[str, int], tuple[str, Any]]:
     return stages
 
 
-def read_choices(path: Path) -> tuple[list[SizedDrive], int]:
-    """Return the simulated drives, each with its largest number of samples, and the number of failed choices."""
+def read_choices(path: Path) -> list[SizedDrive]:
+    """Return the simulated drives, each with its largest number of samples."""
     drives: dict[str, SizedDrive] = {}
-    stages = read_stages(path)
-    for (name, draws), (_, drive) in stages.items():
+    for (name, draws), (_, drive) in read_stages(path).items():
         if draws and (name not in drives or draws >= drives[name].draws):
             drives[name] = drive
-    nominal = (stage.nominal for (_, draws), (_, stage) in stages.items() if not draws)
-    return list(drives.values()), sum(margin < 0.0 for margin in nominal)
+    return list(drives.values())
 
 
 def _catalogue() -> str:

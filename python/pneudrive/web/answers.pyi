@@ -351,9 +351,7 @@ class ErrorUnit(TypedDict):
     size: float
 
 class Tracks(TypedDict):
-    reference: str
     laws: list[str]
-    seeds: list[int]
     error: ErrorUnit
 
 # --- Sizings.
@@ -401,7 +399,6 @@ class Sizing(TypedDict):
     candidates: list[Candidate]
     view: SentView | None
     sheet: SentView | None
-    short: int
     done: bool
     searched: bool
     asked: dict[str, int] | None
@@ -490,7 +487,6 @@ class QuickGroup(TypedDict):
 
 class Campaign(TypedDict):
     name: str
-    rig: str
     synthetic: bool
     done: int
     extra: int

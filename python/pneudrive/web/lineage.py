@@ -15,7 +15,7 @@ from typing import Any
 
 from pydantic import TypeAdapter
 
-from pneudrive.arrays import Plain
+from pneudrive.arrays import Plain, attributes_of
 from pneudrive.campaign.storage.folder import ABOUT as CAMPAIGN
 from pneudrive.control.benchmarks import ABOUT as COMPARISON
 from pneudrive.describe.drive import Drive
@@ -159,7 +159,7 @@ class Lineage:
         """Return the inputs of a file, and recursively their inputs, as plain tables."""
         return [
             {
-                **{key: getattr(edge, key) for key in ("kind", "name", "path", "state")},
+                **attributes_of(edge, "kind", "name", "path", "state"),
                 "digest": edge.sha256[:12],
                 "inputs": [] if edge.path in ("", *seen) else self.tree(edge.path, (*seen, path)),
             }

@@ -124,9 +124,8 @@ def frame_of(run: Run, panels: Sequence[Plain], pixels: int, head: Plain, beside
     told["events"] = events_of(run, impacts)
     # Air needs the gas of the description, which the run does not have.
     told["leading"] = [SentValue.of(one) for one in run_view(run.columns, about).leading if one.key != "air"]
-    told |= {"steps": about["statistics"]["steps"], "samples": len(columns["time_s"]), "synthetic": True}
     ends = {name: values[-1] for name, values in columns.items()}
-    head |= {**told, "panels": panels, "ends": ends, "hash": about["description_hash"]}
+    head |= {**told, "panels": panels, "ends": ends, "samples": len(columns["time_s"])}
     return pack(head, {**drawn_columns(columns, pixels), **beside})
 
 

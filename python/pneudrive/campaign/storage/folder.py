@@ -22,6 +22,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from pneudrive.arrays import attributes_of
 from pneudrive.batching import many_objects
 from pneudrive.campaign.cycle import SCHEMA, Head, check_schema, read_head
 from pneudrive.campaign.storage.control import FOLDER, PART, clear_errors, make_folder, write_whole
@@ -244,7 +245,7 @@ def recording_of(file: CycleFile, identity: Identity, samples: Samples) -> tuple
     channels = {channel: getattr(samples, channel)[good] for channel in CHANNELS[:-1]}
     if stands and np.isfinite(position := channels["position_m"]).any():
         channels["position_m"] = np.full(position.size, float(np.nanmedian(position)))
-    shared = {field: getattr(identity, field) for field in SHARED}
+    shared = attributes_of(identity, *SHARED)
     if (known := identity.force_calibration) is not None:
         channels["force_n"] = known.force_n(channels["force_n"])
         if "force_n" in identity.limits:

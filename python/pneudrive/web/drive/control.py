@@ -12,7 +12,7 @@ from typing import Annotated, Any
 
 from pydantic import AfterValidator, BeforeValidator, Field, StrictInt, StrictStr, ValidationInfo
 
-from pneudrive.arrays import Keyed, Plain
+from pneudrive.arrays import Keyed, Plain, attributes_of
 from pneudrive.control.benchmarks import ControlComparison, assumptions, read_comparison, standard
 from pneudrive.control.loop import Prepared, prepare, run_prepared
 from pneudrive.control.mismatch import read_mismatch, ready_mismatches
@@ -387,10 +387,7 @@ def shown_card(workspace: Workspace, path: str, measure: str = "") -> Plain:
         ],
         "cells": [_cell(card, law, track, measure) for law in told for track in card.references],
         "each": [
-            {
-                **{key: getattr(run, key) for key in ("law", "reference", "seed")},
-                "value": getattr(run.score, measure, None),
-            }
+            attributes_of(run, "law", "reference", "seed") | {"value": getattr(run.score, measure, None)}
             for run in card.runs[:MOST_EACH]
         ],
         "failed": list(failed)[:MOST_FAILED],
@@ -432,10 +429,8 @@ def shown_tracks(
     card = read_comparison(workspace.folder(path))
     if reference not in card.references:
         raise CommandError(f"{reference[:80]!r} is not a reference of {path}", rule=", ".join(card.references))
-    seeds, errors, arrays = dict[str, int](), [], Plain()
-    for run, track in tracks_of(card, reference):
-        seeds[run.law] = run.seed
-        errors.append(track["error_m"])
-        arrays |= {f"{run.law}/{key}": values for key, values in drawn_columns(track, pixels).items()}
-    head = {"reference": reference, "laws": list(seeds), "seeds": list(seeds.values()), "error": _error_unit(errors)}
-    return pack(head, arrays)
+    tracks, arrays = {run.law: track for run, track in tracks_of(card, reference)}, Plain()
+    for law, track in tracks.items():
+        arrays |= {f"{law}/{key}": values for key, values in drawn_columns(track, pixels).items()}
+    errors = [track["error_m"] for track in tracks.values()]
+    return pack({"laws": list(tracks), "error": _error_unit(errors)}, arrays)

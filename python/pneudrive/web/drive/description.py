@@ -91,7 +91,6 @@ def fields_of(described: Described) -> Plain:
         "values": values,
         "notes": described.notes,
         "sliders": list(dict.fromkeys(slides))[:MOST_SLIDERS],
-        "hash": described.description_hash,
     }
 
 

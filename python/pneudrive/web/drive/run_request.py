@@ -11,8 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from pydantic import AfterValidator, Field, StrictStr, field_validator
 
-from pneudrive.describe.circuit import Circuit
-from pneudrive.describe.drive import Drive
+from pneudrive.describe import Circuit, Drive
 from pneudrive.describe.files.load import described_in
 from pneudrive.describe.formulas.written import FILE_PREFIX
 from pneudrive.errors import CommandError

@@ -7,7 +7,7 @@ from functools import lru_cache
 from pathlib import Path
 
 from pneudrive import numbers
-from pneudrive.arrays import Interval, Plain, by_name
+from pneudrive.arrays import Interval, Plain, attributes_of, by_name
 from pneudrive.constants import ANR_LITRES_PER_KG
 from pneudrive.errors import CommandError, PneudriveError
 from pneudrive.files.content import read_json, read_text
@@ -63,7 +63,7 @@ def shown_sizing(workspace: Workspace, path: str) -> Plain:
         raise CommandError(f"{sized.ABOUT} in {path} is damaged", remedy="Size the task again.")
     draws, table = about["draws"][0], about["task"]
     done = sized.SizingResult.load(folder) if (folder / sized.SUMMARY).is_file() else None
-    simulated, short = sized.read_choices(folder / sized.LINES)
+    simulated = sized.read_choices(folder / sized.LINES)
     places = {} if done is None else {drive.name: place for place, drive in enumerate(done.ranked)}
     task = SizingTask.model_validate(table)
     ranked = sorted(
@@ -77,7 +77,6 @@ def shown_sizing(workspace: Workspace, path: str) -> Plain:
         "candidates": [_candidate(drive, places.get(drive.name), path) for drive in ranked],
         "view": done and done.view().data(),
         "sheet": done and done.best and upper("sizing_sheet")(done).data(),
-        "short": short,
         "done": done is not None and not done.interrupted,
         "searched": is_held(folder / sized.LOCK),
         "provisional": read_text(early, CommandError).strip() if early.is_file() and done is None else "",
@@ -112,7 +111,7 @@ def _candidate(drive: SizedDrive, place: int | None, folder: str) -> Plain:
         own = {"value": 100.0 * ratio[1], "unit": "%", "interval": _scaled(ratio, 100.0)}
         limits.append({"name": "load ratio", **own, "limit": 100.0, "margin": 1.0 - ratio[1]})
     return {
-        **{name: getattr(drive, name) for name in SENT},
+        **attributes_of(drive, *SENT),
         "title": sized.maker_type(drive.parts["cylinder"]),
         "cylinder": drive.parts["cylinder"],
         "parts": drive.part_names,

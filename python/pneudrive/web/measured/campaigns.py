@@ -9,7 +9,7 @@ from contextlib import suppress
 from functools import cache
 from pathlib import Path
 
-from pneudrive.arrays import Pair, Plain, by_name
+from pneudrive.arrays import Pair, Plain, attributes_of, by_name
 from pneudrive.campaign.cycle import Head
 from pneudrive.campaign.running.live import read_live
 from pneudrive.campaign.status import Status, preliminary_frictions, status_of
@@ -74,9 +74,8 @@ class WatchedCampaign:
             points = list(self._points.values())
         running = holder(self.folder)
         return {
-            **{key: getattr(status, key) for key in ("extra", "planned", "remaining_s", "flags")},
+            **attributes_of(status, "extra", "planned", "remaining_s", "flags"),
             "name": status.campaign.about.get("name") or self.folder.name,
-            "rig": status.campaign.identity.name,
             "synthetic": status.campaign.synthetic,
             "done": len(status.files) - status.extra,
             "state": None if running is None else running.state,

@@ -8,8 +8,9 @@ from posixpath import basename, dirname, join
 from typing import TYPE_CHECKING, Annotated, Literal
 
 import numpy as np
+import polars as pl
 
-from pneudrive.arrays import Array, Columns, Ints, Plain, by_name
+from pneudrive.arrays import Array, Columns, Ints, Plain
 from pneudrive.campaign.planning.next_points import limits_of
 from pneudrive.errors import CommandError, PneudriveError
 from pneudrive.figures import Axis, Figure, Line, Markers, Panel
@@ -211,11 +212,10 @@ def _band(fit: FrictionFit, *at: Array | float) -> Plain:
 
 def _points(table: xr.Dataset, rows: Ints) -> list[Plain]:
     part = {str(name): column.to_numpy() for name, column in table.isel(row=rows).items()}
-    spread = 2.0 * np.hypot(part["stderr_n"], part["u_systematic_n"])  # U, k = 2
-    columns = {name: part[name] for name in ("recording", "direction")}
+    columns = {name: part[name] for name in ("recording", "direction", "flags")}
     columns |= {"speed": np.abs(part["velocity_m_s"]), "friction": part["friction_n"]}
-    columns |= {"spread": np.where(np.isnan(spread), np.array(None), spread), "flags": part["flags"]}
-    return [by_name(columns, row) for row in zip(*(own.tolist() for own in columns.values()), strict=True)]
+    columns["spread"] = 2.0 * np.hypot(part["stderr_n"], part["u_systematic_n"])  # U, k = 2
+    return pl.DataFrame(columns).with_columns(pl.col("spread").fill_nan(None)).to_dicts()
 
 
 def behind_fit(workspace: Workspace, path: str) -> Plain:

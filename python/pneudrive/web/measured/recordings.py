@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from pydantic import Field, FiniteFloat, StrictStr
 
-from pneudrive.arrays import Array, Columns, Interval, Keyed, Plain, by_name
+from pneudrive.arrays import Array, Columns, Interval, Keyed, Plain, attributes_of, by_name
 from pneudrive.errors import CommandError, PneudriveError, RecordingError
 from pneudrive.files.content import unreadable
 from pneudrive.progress import Watch
@@ -125,20 +125,6 @@ class Reading(Future[OpenRecording]):
         except BaseException as error:  # also an unexpected one; without an end the page would wait forever
             self.set_exception(page_error(error))
 
-    def need(self, name: str) -> OpenRecording:
-        """Return the recording, once it has been read.
-
-        Raises
-        ------
-        CommandError
-            The recording is still being read.
-        PneudriveError
-            The recording cannot be read.
-        """
-        if not self.done():
-            raise CommandError(f"{name} is being read: {100 * self.share:.0f} %")
-        return self.result()
-
 
 class Recordings:
     """Open recordings of a workspace. Each recording is read once, in the background.
@@ -173,18 +159,26 @@ class Recordings:
     def _forget_older(self, path: Path, key: str) -> None:
         """Delete the stored data of an earlier version of a file. Otherwise a growing file would fill the disk."""
         keys = self._versions.setdefault(path, [])
-        if key in keys:
-            keys.remove(key)
-        keys.append(key)
+        keys[:] = [*(known for known in keys if known != key), key]
         while len(keys) > MOST_VERSIONS:
             older = keys.pop(0)
-            for one in [one for one in self._open if one.startswith(older)]:
-                del self._open[one]
+            self._open = {known: reading for known, reading in self._open.items() if not known.startswith(older)}
             shutil.rmtree(cache_folder() / older, ignore_errors=True)
 
     def need(self, name: str) -> OpenRecording:
-        """Return a recording that has been read. See `Reading.need`."""
-        return self.opened(name).need(name)
+        """Return a recording, once it has been read.
+
+        Raises
+        ------
+        CommandError
+            The recording is still being read.
+        PneudriveError
+            The recording cannot be read.
+        """
+        reading = self.opened(name)
+        if not reading.done():
+            raise CommandError(f"{name} is being read: {100 * reading.share:.0f} %")
+        return reading.result()
 
     def version(self, name: str, key: str) -> OpenRecording | None:
         """Return the recording with this key, or None if this version is no longer readable."""
@@ -245,12 +239,12 @@ def shown_recording(workspace: Workspace, path: str) -> Plain:
         reading = workspace.state(Recordings).opened(path)
         if not reading.done():
             return {"share": reading.share}
-        found, layout = reading.need(path), layout_in(workspace, file)
+        found, layout = reading.result(), layout_in(workspace, file)
     except PneudriveError as error:
         return {"problems": problems_of(error)}
     return {
         "key": found.key,
-        "channels": [{"column": one.column, "label": one.label, "unit": one.unit} for one in found.file.channels],
+        "channels": [attributes_of(one, "column", "label", "unit") for one in found.file.channels],
         "span": found.span,
         "samples": found.pyramid.count,
         "time": found.file.time is not None,
@@ -325,7 +319,7 @@ def shown_strokes(workspace: Workspace, path: str) -> Plain:
     reading = workspace.state(Recordings).opened(path)
     if not reading.done():  # the file was replaced, and the new one is not shown yet
         return nothing
-    opened, layout = reading.need(path), layout_in(workspace, file)
+    opened, layout = reading.result(), layout_in(workspace, file)
     if layout is None and not (file.suffix in SUFFIXES and is_trajectory(file)):
         return nothing
     if note := _hindrance(path, opened, layout):
@@ -519,7 +513,7 @@ def proposed(workspace: Workspace, path: str) -> Plain:
 
     found = propose_layout(workspace.path(path, TABLES))
     return {
-        **{key: getattr(found, key) for key in ("text", "problem", "kind")},
+        **attributes_of(found, "text", "problem", "kind"),
         "strokes": len(found.strokes),
         "guesses": [
             {"role": one.role, "column": str(one.column), "unit": one.unit, "why": one.reason} for one in found.guesses

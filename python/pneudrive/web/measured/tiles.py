@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pneudrive.arrays import Array, Columns, Interval, Ints, Plain, by_name
+from pneudrive.arrays import Array, Columns, Interval, Ints, Plain, attributes_of, by_name
 from pneudrive.signals.channels import first_fall
 
 if TYPE_CHECKING:
@@ -108,7 +108,7 @@ class Pyramid:
         for name in _FILES:
             np.save(folder / f"{name}.npy", getattr(self, name))
         about = folder / "pyramid.json.part"
-        about.write_text(json.dumps({"names": self.names, "count": self.count, "fall": self.fall}), encoding="utf-8")
+        about.write_text(json.dumps(attributes_of(self, "names", "count", "fall")), encoding="utf-8")
         about.replace(folder / "pyramid.json")
 
     @classmethod

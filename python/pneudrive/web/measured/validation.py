@@ -14,9 +14,8 @@ import numpy as np
 from pydantic import Field, StrictInt, StrictStr
 
 from pneudrive.arrays import Interval, Keyed, Plain
+from pneudrive.describe import Circuit, Drive
 from pneudrive.describe.all_values import DescribedValue, values_of
-from pneudrive.describe.circuit import Circuit
-from pneudrive.describe.drive import Drive
 from pneudrive.describe.files import toml
 from pneudrive.errors import CommandError
 from pneudrive.figures import Look, Markers
@@ -62,10 +61,8 @@ def shown_validation(workspace: Workspace, path: str) -> Plain:
         record["file"] = files.get(record["sha256"], "")
         record["span"] = [0.0, record["duration_s"]]
     return {
-        **{key: content[key] for key in ("window_s", "synthetic", "notes", "verdict", "record", "condition")},
-        "diagnosis": content["diagnosis"],
+        **{key: content[key] for key in ("window_s", "synthetic", "notes", "record", "condition", "diagnosis")},
         "name": provenance["drive"],
-        "version": provenance["version"],
         "drive": place,
         "editable": drive is not None and (is_in_catalogue(place) or lineage.files[place].kind != "fit"),
         "suspects": _suspects(drive, content["diagnosis"]),
