@@ -42,11 +42,6 @@ TINTS = ("band", "shade", "shade two")
 #: Lightest and darkest colour of ordered curves. The order stays visible in grey.
 RAMP = ((0.67, 0.79, 0.89), (0.03, 0.13, 0.30))
 
-_INKED = {
-    "black": ("text.color", "axes.labelcolor", "axes.edgecolor", "xtick.color", "ytick.color"),
-    "paper": ("figure.facecolor", "axes.facecolor"),
-    "grid": ("grid.color",),
-}
 #: Settings of matplotlib for windows. They do not change a picture, and reading the first one is slow.
 _OF_WINDOWS = ("backend", "backend_fallback", "interactive", "toolbar")
 
@@ -82,7 +77,7 @@ def applied(*, dark: bool = False) -> Iterator[None]:
     mpl = load_matplotlib()
     usual = {key: value for key, value in mpl.rcParamsDefault.items() if key not in _OF_WINDOWS}
     changed = {key: value for key, value in usual.items() if mpl.rcParams[key] != value}
-    inked = {key: INKS[name][dark] for name, keys in _INKED.items() for key in keys}
+    inked = {key: INKS[name][dark] for key, name in _STYLE["inked"].items()}
     with mpl.rc_context({**changed, **_SETTINGS, **inked}):
         yield
 

@@ -10,7 +10,7 @@ import math
 from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import lru_cache
-from itertools import chain, pairwise
+from itertools import chain, islice, pairwise
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from pneudrive.describe.connections import Joint, Port, Wiring, is_platform
@@ -251,7 +251,7 @@ def _side(place: Place, box: Box) -> str:
 
 
 def _label(name: str, one: Component, box: Box, taken: set[str]) -> Label:
-    lines = (name, *_values(one))
+    lines = (name, *islice(_values(one), MOST_VALUES))
     wide = box[2] - box[0] >= WIDE
     free = [side for side in (("up", "right", "left") if wide else ("right", "left", "up")) if side not in taken]
     middle = 0.5 * (box[1] + box[3]) + 0.5 * LINE * len(lines)
@@ -265,14 +265,12 @@ def _label(name: str, one: Component, box: Box, taken: set[str]) -> Label:
 
 
 def _values(one: Component) -> Iterator[str]:
-    """Return the first of the values that the component's kind requires."""
+    """Yield the values that the component's kind requires."""
     given = one.plain()
-    shown = 0
     for parameter in one.entry["parameters"]:
         keys = [parameter["key"], *one.same_size(parameter["key"])]
         key = next((key for key in keys if key in given), None)
-        if is_needed(parameter, given) and key is not None and shown < MOST_VALUES:
-            shown += 1
+        if is_needed(parameter, given) and key is not None:
             yield f"{_word(key)} {_typeset(given[key])}"
 
 
