@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 
     from pneudrive.friction.campaign.result import CampaignCharacteristics
     from pneudrive.friction.campaign.stops.dwell_law import DwellSeries
-    from pneudrive.report.page import Block, Section
+    from pneudrive.report.page import Blocks, Section
 
 MOST_CURVES = 8  # that a reader can distinguish in one picture
 MOST_PANELS = MOST_LOOPS = 6
@@ -65,19 +65,14 @@ def write_campaign_report(found: CampaignCharacteristics, folder: str | Path) ->
     """
     view = found.view()
     title = f"{'Synthetic friction' if found.synthetic else 'Friction'} campaign: {found.name}"
-    further = (run(found), *_figured(found), flags(found), budget(found), sources(found))
+    parts = {"run": run, **FIGURED, "flags": flags, "budget": budget, "provenance": sources}
+    further = page.sections_of("campaign", parts, found)
     report = page.view_report(replace(view, title=title, curves=(), figures=()), *further, synthetic=found.synthetic)
     report.verdict = [view.title, *report.verdict]
     return report.write(folder)
 
 
 # --- view ------------------------------------------------------------------------------------------------------------
-
-
-def _figured(found: CampaignCharacteristics) -> list[Section]:
-    """Return the sections with figures; those without data are left out."""
-    parts = (curves, air, pressure, position, stops, drift, loops, stick_slip)
-    return [section for part in parts if (section := part(found)) is not None]
 
 
 def campaign_view(found: CampaignCharacteristics) -> View:
@@ -91,7 +86,7 @@ def campaign_view(found: CampaignCharacteristics) -> View:
         state=worst(findings),
         leading=tuple(_leading(found, values)),
         findings=findings,
-        figures=shown_figures(_figured(found)),
+        figures=shown_figures(page.sections_of("campaign", FIGURED, found)),
     )
 
 
@@ -156,34 +151,33 @@ def _leading(found: CampaignCharacteristics, values: Sequence[ShownValue]) -> It
         yield from (replace(row, quantity=f"{row.label}:") for row in chosen[part])
 
 
-def summary(found: CampaignCharacteristics) -> Section:
-    """Return the section with statements on the curves of recordings, and effects."""
-    return page.view_section("statements", replace(found.view(), title="Curves over speed", curves=(), figures=()))
+def statements(topic: Topic, found: CampaignCharacteristics) -> Blocks:
+    """Show statements on the curves of recordings, and effects."""
+    yield from page.view_section(topic.key, replace(found.view(), curves=(), figures=())).blocks
 
 
 # --- curves, air and pressures ---------------------------------------------------------------------------------------
 
 
-def curves(found: CampaignCharacteristics) -> Section | None:
-    """Return the section on friction over speed at every condition."""
+def curves(topic: Topic, found: CampaignCharacteristics) -> Blocks:
+    """Show friction over speed at every condition."""
     both = [c for c in found.curves if c.direction == BOTH]
     if not both:
-        return None
-    ambient = found.identity.ambient_pressure_pa
-    topic, shown = Topic("campaign", "curves"), spread_evenly(both, MOST_CURVES)
-    text = topic.say()
+        return
+    ambient, shown, text = found.identity.ambient_pressure_pa, spread_evenly(both, MOST_CURVES), topic.say()
     if len(shown) < len(both):
         text += topic.say("fewer", shown=len(shown), all=len(both))
     if any(c.contains_air for c in both):
         text += topic.say("with_air")
-    picture = topic.figure("campaign-curves", curve_figure([c.shown(ambient) for c in shown]))
+    yield Paragraph(text)
+    yield topic.figure("campaign-curves", curve_figure([c.shown(ambient) for c in shown]))
     named, rows = condition_names(found), []
     for c in both[:MOST_CURVES]:
         for i in spread_evenly(np.flatnonzero(c.measured).tolist(), SHOWN_SPEEDS):
             friction = with_u(float(c.friction_n[i]), float(c.high_n[i] - c.low_n[i]) / 2.0, "")
             uncertainties = c.stderr_n[i], c.u_systematic_n[i]
-            rows.append((named(c.condition), MM * c.speed_m_s[i], friction, *uncertainties, int(c.cycles[i])))
-    return topic.section(Paragraph(text), picture, topic.table(rows))
+            rows.append((named(c.condition), MM * c.speed_m_s[i], friction, *uncertainties, c.cycles[i]))
+    yield topic.table(rows)
 
 
 def curve_figure(shown: Sequence[ShownCurve]) -> Figure:
@@ -204,12 +198,11 @@ def curve_figure(shown: Sequence[ShownCurve]) -> Figure:
     return Figure([Panel(marks)], x, f"{shown[0].quantity} / {unit}", row_in=3.8, rest_in=0.0, entries=3)
 
 
-def air(found: CampaignCharacteristics) -> Section | None:
-    """Return the section on the force of the air in rising curves."""
+def air(topic: Topic, found: CampaignCharacteristics) -> Blocks:
+    """Show the force of the air in rising curves."""
     if not found.air:
-        return None
-    topic, named = Topic("campaign", "air"), condition_names(found)
-    separated = [a for a in found.air if a.separated]
+        return
+    named, separated = condition_names(found), [a for a in found.air if a.separated]
     shown = spread_evenly(separated or found.air, MOST_PANELS)
     text, panels = "separated" if separated else "together", []
     for a in shown:
@@ -220,62 +213,54 @@ def air(found: CampaignCharacteristics) -> Section | None:
         if not a.separated:
             marks.append(Line(a.speed_m_s, a.air_bound_n, "air, at most", Look("orange", ":")))
         panels.append(Panel(marks, named(a.condition)))
-    return topic.section(
-        topic.text(text),
-        topic.figure("campaign-air", figure_of("air", panels), parts=topic.say(f"parts_{text}")),
-    )
+    yield topic.text(text)
+    yield topic.figure("campaign-air", figure_of("air", panels), parts=topic.say(f"parts_{text}"))
 
 
-def pressure(found: CampaignCharacteristics) -> Section | None:
-    """Return the section on effects of the chamber pressures, and their interaction."""
-    if not found.pressure:
-        return None
-    topic = Topic("campaign", "pressure")
-    texts, panels = [], []
+def pressure(topic: Topic, found: CampaignCharacteristics) -> Blocks:
+    """Show effects of the chamber pressures, and their interaction."""
+    panels = []
     for effects in found.pressure:
         pairs = ", ".join(f"{a / PA_PER_BAR:.3g}/{b / PA_PER_BAR:.3g}" for a, b in effects.gauge_pa)
         name = f"{effects.levels}: " if effects.levels else ""
-        texts.append(topic.text(name=name, statement=effects.statement, pairs=pairs))
+        yield topic.text(name=name, statement=effects.statement, pairs=pairs)
         marks: list[Any] = [Rule(y=0.0, look=Look("black"))]
         for index, (chamber, slopes) in enumerate(effects.slopes.items()):
             speed = effects.speed_m_s * (1.0 + 0.03 * (index - 1))  # side by side
             value, low, high = ends(slopes)
             marks.append(Markers(speed, value, CHAMBERS[chamber], look(index), low, high, 3.5, joined=True))
         panels += [Panel(marks, effects.levels)] if effects.slopes else []
-    return topic.section(*texts, topic.figure("campaign-pressure", figure_of("slopes", panels)) if panels else None)
+    if panels:
+        yield topic.figure("campaign-pressure", figure_of("slopes", panels))
 
 
 # --- course along the stroke and over time ---------------------------------------------------------------------------
 
 
-def position(found: CampaignCharacteristics) -> Section | None:
-    """Return the section on friction along the stroke."""
-    shown = [p for p in found.position if np.isfinite(p.relative).sum() > 3][:MOST_PANELS]
-    if not shown:
-        return None
-    topic, named, panels = Topic("campaign", "position"), condition_names(found), []
-    for p in shown:
+def position(topic: Topic, found: CampaignCharacteristics) -> Blocks:
+    """Show friction along the stroke."""
+    named, panels = condition_names(found), []
+    for p in [p for p in found.position if np.isfinite(p.relative).sum() > 3][:MOST_PANELS]:
         where = named(p.condition) if p.condition is not None else p.levels or "all cycles"
         known = np.isfinite(p.relative)
         x, middle, low, high = (v[known] for v in (p.position_m, p.relative, p.low, p.high))
         curve = Line(x, middle - 1.0, look=Look("blue"), width=1.0)
         marks = [Band(x, low - 1.0, high - 1.0), Rule(y=0.0), curve]
         panels.append(Panel(marks, f"{where}\n({plural(p.cycles, 'cycle')})"))
-    return topic.section(topic.text(), topic.figure("campaign-position", figure_of("position", panels)))
+    if panels:
+        yield topic.text()
+        yield topic.figure("campaign-position", figure_of("position", panels))
 
 
-def drift(found: CampaignCharacteristics) -> Section | None:
-    """Return the section on changes over the campaign: control runs, run-in, temperature, zero of the sensor."""
+def drift(topic: Topic, found: CampaignCharacteristics) -> Blocks:
+    """Show changes over the campaign: control runs, run-in, temperature, zero of the sensor."""
     d = found.drift
     if d is None:
-        return None
-    topic = Topic("campaign", "drift")
+        return
     basis = topic.texts["told"].get(d.basis)
-    is_drawn = basis and d.time_s.size > 2 and np.isfinite(d.drift_n).any()
-    return topic.section(
-        Paragraph(topic.say(told=basis or topic.say("untold")) + (topic.say("model") if basis else "")),
-        topic.figure("campaign-drift", drift_figure(found)) if is_drawn else None,
-    )
+    yield Paragraph(topic.say(told=basis or topic.say("untold")) + (topic.say("model") if basis else ""))
+    if basis and d.time_s.size > 2 and np.isfinite(d.drift_n).any():
+        yield topic.figure("campaign-drift", drift_figure(found))
 
 
 def drift_figure(found: CampaignCharacteristics) -> Figure:
@@ -297,11 +282,11 @@ def drift_figure(found: CampaignCharacteristics) -> Figure:
     return stack(panels, height, heights, Axis("time / h", below=0.02, above=0.02))
 
 
-def loops(found: CampaignCharacteristics) -> Section | None:
-    """Return the section on hysteresis around reversals."""
+def loops(topic: Topic, found: CampaignCharacteristics) -> Blocks:
+    """Show hysteresis around reversals."""
     if not found.loops:
-        return None
-    topic, named = Topic("campaign", "loops"), condition_names(found)
+        return
+    named = condition_names(found)
     shown = spread_evenly(sorted(found.loops, key=lambda loop: loop.speed_m_s), MOST_LOOPS)
     panels = [
         Panel(
@@ -310,29 +295,26 @@ def loops(found: CampaignCharacteristics) -> Section | None:
         )
         for loop in shown
     ]
-    rows = (SimpleNamespace(condition=named(loop.condition), loop=loop) for loop in shown)
-    return topic.section(topic.text(), topic.figure("campaign-loops", figure_of("loops", panels)), topic.table(rows))
+    yield topic.text()
+    yield topic.figure("campaign-loops", figure_of("loops", panels))
+    yield topic.table({"condition": named(loop.condition), "loop": loop} for loop in shown)
 
 
-def stick_slip(found: CampaignCharacteristics) -> Section | None:
-    """Return the section on stick-slip."""
+def stick_slip(topic: Topic, found: CampaignCharacteristics) -> Blocks:
+    """Show stick-slip."""
     if not found.stick_slip:
-        return None
-    topic = Topic("campaign", "stick-slip")
-    named = condition_names(found)
-    marks = []
+        return
+    named, marks = condition_names(found), []
     conditions = spread_evenly(dict.fromkeys(p.condition for p in found.stick_slip), MOST_CONDITIONS)
     for index, condition in enumerate(conditions):
         points = sorted((p for p in found.stick_slip if p.condition == condition), key=lambda p: p.speed_m_s)
         speed, ripple, slips = (np.array([getattr(p, n) for p in points]) for n in ("speed_m_s", "ripple", "share"))
         marks.append(Markers(speed, ripple, named(condition), look(index), joined=True))
         marks.append(Markers(speed[slips > 0], ripple[slips > 0], look=look(index), filled=True))
-    rows = [SimpleNamespace(condition=named(p.condition), point=p) for p in found.stick_slip if p.share > 0]
-    return topic.section(
-        topic.text(thresholds=" ".join(t.text for t in found.stick_slip_thresholds)),
-        topic.figure("campaign-stick-slip", figure_of("ripple", [Panel(marks)])),
-        topic.table(rows) if rows else None,
-    )
+    yield topic.text(thresholds=" ".join(t.text for t in found.stick_slip_thresholds))
+    yield topic.figure("campaign-stick-slip", figure_of("ripple", [Panel(marks)]))
+    if rows := [{"condition": named(p.condition), "point": p} for p in found.stick_slip if p.share > 0]:
+        yield topic.table(rows)
 
 
 # --- stops -----------------------------------------------------------------------------------------------------------
@@ -346,21 +328,19 @@ APPROACH = 0.7  # share of the approach that is drawn at most
 SHAPES = {"t0": "t0", "tau": "τ", "gamma": "γ", "m": "m"}
 
 
-def stops(found: CampaignCharacteristics) -> Section | None:
-    """Return the section on stops; None without stops."""
+def stops(topic: Topic, found: CampaignCharacteristics) -> Blocks:
+    """Show stops: traces, breakaway over duration, relaxation and recovery."""
     if not len(found.stops):
-        return None
-    topic = Topic("campaign", "stops")
+        return
+    yield topic.text(stops=plural(len(found.stops), "stop"))
+    yield topic.figure("campaign-stop-traces", traces(found))
     series = [s for s in found.dwell if s.curve is not None][:MOST_SERIES]
-    blocks: list[Block] = [topic.text(stops=plural(len(found.stops), "stop"))]
-    blocks.append(topic.figure("campaign-stop-traces", traces(found)))
     if series:
-        blocks.append(topic.figure("campaign-dwell", figure_of("dwell", [_increments(found, s) for s in series])))
-    blocks += [topic.table(_laws(s), "laws", series=s.name, reference_s=s.reference_s) for s in series if s.laws]
+        yield topic.figure("campaign-dwell", figure_of("dwell", [_increments(found, s) for s in series]))
+    yield from (topic.table(_laws(s), "laws", series=s.name, reference_s=s.reference_s) for s in series if s.laws)
     if any(len(_known(found.stops, name)) for name in ("relaxation_n", "recovery_m")):
-        blocks.append(topic.figure("campaign-stop-relaxation", relaxation(found)))
-        blocks.append(topic.table(_medians(found.stops), "medians"))
-    return topic.section(*blocks)
+        yield topic.figure("campaign-stop-relaxation", relaxation(found))
+        yield topic.table(_medians(found.stops), "medians")
 
 
 # --- traces ----------------------------------------------------------------------------------------------------------
@@ -500,14 +480,16 @@ def _medians(stops: pl.DataFrame) -> Iterator[tuple[object, ...]]:
 # --- the run ---------------------------------------------------------------------------------------------------------
 
 
-def run(found: CampaignCharacteristics) -> Section:
-    """Return the section on protocol, rig, operator and numbers of cycles."""
-    topic, about, rig = Topic("campaign", "run"), found.about, found.identity
+def run(topic: Topic, found: CampaignCharacteristics) -> Blocks:
+    """Show protocol, rig, operator and numbers of cycles."""
+    about, rig = found.about, found.identity
     kinds = Counter(found.cycles["kind"]) + Counter({"stop": len(found.stops)})
     counts = ", ".join(f"{plural(n, kind)} ({KINDS.get(kind, kind)})" for kind, n in kinds.items())
-    envelope = None
+    yield topic.text("simulated", "note") if found.synthetic else topic.text("measured")
+    yield topic.text("counts", counts=counts or "none")
     with suppress(RigError):
         envelope = envelope_of(about.get("envelope"), "")
+        yield topic.figure("campaign-rig", rig_diagram(rig, envelope))
     labels = {**rig.labels, **about.get("labels", {})}
     values = {
         "created": about.get("created", "not stated"),
@@ -529,54 +511,48 @@ def run(found: CampaignCharacteristics) -> Section:
         )
         for channel in dict.fromkeys([*rig.accuracy, *rig.limits, *rig.resolution, *rig.calibration])
     ]
-    return topic.section(
-        topic.text("simulated", "note") if found.synthetic else topic.text("measured"),
-        topic.text("counts", counts=counts or "none"),
-        topic.figure("campaign-rig", rig_diagram(rig, envelope)) if envelope is not None else None,
-        topic.table(rows, "facts"),
-        topic.table(sensors or [("all", "not stated", unstated, "not stated")], "sensors"),
-    )
+    yield topic.table(rows, "facts")
+    yield topic.table(sensors or [("all", "not stated", unstated, "not stated")], "sensors")
 
 
-def flags(found: CampaignCharacteristics) -> Section:
-    """Return the section on flags of cycles and stops, and on skipped cycles."""
-    topic = Topic("campaign", "flags")
+def flags(topic: Topic, found: CampaignCharacteristics) -> Blocks:
+    """Show flags of cycles and stops, and skipped cycles."""
     raised = found.stops["flags"].to_list() if len(found.stops) else []
     counts = Counter(found.flags) + Counter(flag for flags in raised for flag in flags)
-    texts = {flag: flag_table().get(flag, {"means": "", "do": ""}) for flag in counts}
-    common = ((flag, texts[flag], number) for flag, number in counts.most_common())
-    rows = ((flag.replace("_", " "), text["means"], text["do"], number) for flag, text, number in common)
+    about = ((flag, count, flag_table().get(flag, {"means": "", "do": ""})) for flag, count in counts.most_common())
+    rows = ({"flag": flag.replace("_", " "), "cycles": count, **texts} for flag, count, texts in about)
     skipped = ((s.key or None, s.file, s.reason) for s in found.skipped[:MOST_SKIPPED])
     left_out = len(found.skipped) - MOST_SKIPPED
     more = f"; {left_out} more are not listed" if left_out > 0 else ""
-    return topic.section(
-        topic.table(rows, "raised") if counts else topic.text("none_raised"),
-        topic.table(skipped, "skipped", more=more) if found.skipped else topic.text("none_skipped"),
-    )
+    yield topic.table(rows, "raised") if counts else topic.text("none_raised")
+    yield topic.table(skipped, "skipped", more=more) if found.skipped else topic.text("none_skipped")
 
 
-def budget(found: CampaignCharacteristics) -> Section | None:
-    """Return the section on the sources of uncertainty of the curves."""
-    if not found.sources:
-        return None
-    topic = Topic("campaign", "budget")
-    rows = ((s.name, s.kind, s.basis, s.note, s.standard_uncertainty_n) for s in found.sources)
-    return topic.section(topic.text(), topic.table(rows))
+def budget(topic: Topic, found: CampaignCharacteristics) -> Blocks:
+    """Show the sources of uncertainty of the curves."""
+    if found.sources:
+        yield topic.text()
+        yield topic.table(found.sources)
 
 
-def sources(found: CampaignCharacteristics) -> Section:
-    """Return the section on software, protocol as run, and sources of methods."""
+def sources(topic: Topic, found: CampaignCharacteristics) -> Blocks:
+    """Show software, protocol as run, and sources of methods."""
     rows = [
         ("pneudrive, this report", __version__),
         ("pneudrive, the campaign", str(found.about.get("version", "not stated"))),
         *page.software(),
         ("raw data", f"{found.folder.name}/cycles, one Parquet file per cycle"),
     ]
-    topic = Topic("campaign", "provenance")
+    yield topic.table(rows, "software")
     protocol = found.folder / "campaign.toml"
-    blocks: list[Block] = [topic.table(rows, "software")]
     if protocol.is_file():
         lines = protocol.read_text(encoding="utf-8", errors="replace").strip().splitlines()
         more = [topic.say("more", count=len(lines) - MOST_LINES)] if len(lines) > MOST_LINES else []
-        blocks += [topic.text("protocol"), Paragraph("\n".join([*lines[:MOST_LINES], *more]), "code")]
-    return topic.section(*blocks, *topic.listed(page.references(topic.texts["cites"]), "sources"))
+        yield topic.text("protocol")
+        yield Paragraph("\n".join([*lines[:MOST_LINES], *more]), "code")
+    yield from topic.listed(page.references(topic.texts["cites"]), "sources")
+
+
+_FIGURED = (curves, air, pressure, position, stops, drift, loops, stick_slip)
+#: Parts with figures by the key of their section.
+FIGURED: dict[str, page.Part] = {part.__name__.replace("_", "-"): part for part in _FIGURED}

@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pneudrive.figures import Figure, Look, Markers, Panel, Rule, banded, ends, look
+from pneudrive.figures import MEASURED, Figure, Look, Markers, Panel, Rule, banded, ends, look
 from pneudrive.friction.friction_map import LEVELS, Condition
 from pneudrive.numbers import with_interval
 from pneudrive.report.campaign import findings_of, shown_figures
-from pneudrive.report.page import Section, Topic, chance, figure_of, plural, sentence, spread_evenly, view_report
+from pneudrive.report.page import Topic, chance, figure_of, plural, sections_of, sentence, spread_evenly, view_report
 from pneudrive.views import MOST_LEADING, ShownValue, View, worst
 
 if TYPE_CHECKING:
@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from pneudrive.friction.campaign.compare import Comparison, CurveComparison, Test
     from pneudrive.friction.campaign.result import CampaignCharacteristics
     from pneudrive.friction.campaign.stops.dwell_law import DwellSeries
+    from pneudrive.report.page import Blocks
 
 MOST_PANELS = 4
 MOST_ROWS = 60
@@ -52,16 +53,10 @@ def write_comparison_report(comparison: Comparison, folder: str | Path) -> Path:
     unlike = [check.what for check in c.checks if not check.comparable]
     last = topic.say("unlike", what=", ".join(unlike)) if unlike else topic.say("alike")
     title, notes = f"{c.first.name} against {c.second.name}", (topic.say("questions"), *view.notes)
-    report = view_report(
-        replace(view, title=title, notes=notes, figures=()), _comparable(c), *_figured(c), synthetic=synthetic
-    )
+    parts = sections_of("comparison", {"comparable": _comparable, **FIGURED}, c)
+    report = view_report(replace(view, title=title, notes=notes, figures=()), *parts, synthetic=synthetic)
     report.verdict = [f"{view.title}{topic.say('synthetic') if synthetic else ''}", *report.verdict, last]
     return report.write(folder)
-
-
-def _figured(c: Comparison) -> list[Section]:
-    over_speed = [] if c.curves is None else [_curves(c, c.curves)]
-    return [*over_speed, *([_dwell(c)] if c.dwell else [])]
 
 
 def comparison_view(c: Comparison) -> View:
@@ -78,7 +73,7 @@ def comparison_view(c: Comparison) -> View:
         leading=tuple(replace(v, quantity=f"{v.label}:") for v in sizes[:MOST_LEADING]),
         findings=findings,
         notes=[sentence(f"{test.what}: {test.note}") for test in c.tests],
-        figures=shown_figures(_figured(c)),
+        figures=shown_figures(sections_of("comparison", FIGURED, c)),
     )
 
 
@@ -94,13 +89,10 @@ def _values(test: Test, *, repeated: bool) -> list[ShownValue]:
     return [*size, *(ShownValue(f"{name}, {quantity}", name, quantity, text) for quantity, text in texts.items())]
 
 
-def _comparable(c: Comparison) -> Section:
-    topic = Topic("comparison", "comparable")
+def _comparable(topic: Topic, c: Comparison) -> Blocks:
     rows = ((k.what, k.first, k.second, k.comparable, "" if k.comparable else k.consequence) for k in c.checks)
-    return topic.section(
-        topic.text(first=_labels(c.first), second=_labels(c.second)),
-        topic.table(rows, first=c.first.name, second=c.second.name),
-    )
+    yield topic.text(first=_labels(c.first), second=_labels(c.second))
+    yield topic.table(rows, first=c.first.name, second=c.second.name)
 
 
 def _labels(found: CampaignCharacteristics) -> str:
@@ -110,26 +102,19 @@ def _labels(found: CampaignCharacteristics) -> str:
     return ", ".join(f"{k} {v}" for k, v in labels.items()) or "none"
 
 
-def _curves(c: Comparison, curves: CurveComparison) -> Section:
-    topic = Topic("comparison", "curves")
+def _curves(topic: Topic, c: Comparison) -> Blocks:
+    curves = c.curves
+    if curves is None:
+        return
     first, second = (int(curves.cycles.filter(campaign=k)["count"].sum()) for k in (0, 1))
-    rows = (
-        (
-            Condition(point["gauge_a_pa"], point["gauge_b_pa"], point["title"]).label(0.0),
-            1e3 * point["speed_m_s"],
-            point["first_n"],
-            point["second_n"],
-            with_interval(curves.difference[i], _mean(curves, i), "N"),
-            point["corrected_p"],
-        )
-        for i, point in enumerate(curves.points.head(MOST_ROWS).iter_rows(named=True))
-    )
+    rows = curves.points.head(MOST_ROWS).to_dicts()
+    for i, row in enumerate(rows):
+        row["pressures"] = Condition(row["gauge_a_pa"], row["gauge_b_pa"], row["title"]).label(0.0)
+        row["difference"] = with_interval(curves.difference[i], _mean(curves, i), "N")
     points = plural(curves.points.height, "point")
-    return topic.section(
-        topic.text(points=points, first=plural(first, "cycle"), second=second),
-        topic.figure("compare-curves", curve_figure(c, curves), first=c.first.name, second=c.second.name),
-        topic.table(rows),
-    )
+    yield topic.text(points=points, first=plural(first, "cycle"), second=second)
+    yield topic.figure("compare-curves", curve_figure(c, curves), first=c.first.name, second=c.second.name)
+    yield topic.table(rows)
 
 
 def _mean(curves: CurveComparison, point: int) -> float:
@@ -167,7 +152,7 @@ def _both(c: Comparison, curves: CurveComparison, chosen: list[int]) -> list[Any
 
 def _differences(curves: CurveComparison, chosen: list[int]) -> list[Any]:
     """Draw differences with their intervals. Markers of significant differences are filled."""
-    marks: list[Any] = [Rule(y=0.0, look=Look("black"))]
+    marks: list[Any] = [Rule(y=0.0, look=MEASURED)]
     for i in chosen:
         differs = curves.points["corrected_p"][i] < CHANCE
         own = Look("orange" if differs else "grey", "-", "D")
@@ -176,8 +161,8 @@ def _differences(curves: CurveComparison, chosen: list[int]) -> list[Any]:
     return marks
 
 
-def _dwell(c: Comparison) -> Section:
-    topic, names = Topic("comparison", "dwell"), (c.first.name, c.second.name)
+def _dwell(topic: Topic, c: Comparison) -> Blocks:
+    names = c.first.name, c.second.name
     rows = (
         (s.name, name, len(s.stops), s.reference_s, s.increment, s.slope, s.laws[0].form.title if s.laws else None)
         for pair in c.dwell
@@ -187,8 +172,13 @@ def _dwell(c: Comparison) -> Section:
         Panel([m for k, s in enumerate(pair) for m in _series(s, k, f"{names[k]} ({NAMES[k]})")], pair[0].name)
         for pair in list(c.dwell)[:MOST_PANELS]
     ]
-    picture = topic.figure("compare-dwell", figure_of("both-dwell", panels), first=names[0], second=names[1])
-    return topic.section(picture, topic.table(rows))
+    if panels:
+        yield topic.figure("compare-dwell", figure_of("both-dwell", panels), first=names[0], second=names[1])
+        yield topic.table(rows)
+
+
+#: Parts with figures by the key of their section.
+FIGURED = {"curves": _curves, "dwell": _dwell}
 
 
 def _series(series: DwellSeries, k: int, label: str) -> list[Any]:

@@ -146,7 +146,7 @@ def _over_time(panels: Sequence[Panel]) -> Figure:
 
 def error_unit(errors_m: Sequence[Any]) -> str:
     """Return the unit in which errors are drawn."""
-    largest = max((float(np.abs(error).max()) for error in errors_m if len(error)), default=0.0)
+    largest = max((np.abs(error).max() for error in errors_m if len(error)), default=0.0)
     return "um" if largest < SMALL_M else "mm"
 
 

@@ -194,8 +194,7 @@ def write_datasheet(found: Datasheet, path: str | Path) -> Path:
         _definitions(found),
     ]
     if found.measured is not None and compared:
-        beside = View(Topic("datasheet", "measured").say("title"), figures=compared)
-        sections.insert(2, view_section("measured", beside, synthetic=found.measured.synthetic))
+        sections.insert(2, Topic("datasheet", "measured").section(*compared, synthetic=found.measured.synthetic))
     report = Report(view.title, [*view.findings, *view.notes], sections, synthetic=True)
     if target.suffix.lower() == ".pdf":
         report.draw()

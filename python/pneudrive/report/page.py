@@ -6,11 +6,11 @@ import math
 import platform
 import re
 import tempfile
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import partial
 from importlib.metadata import version
 from io import StringIO
-from operator import attrgetter, itemgetter
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol, TypeAlias
 from unicodedata import normalize
@@ -30,7 +30,7 @@ from pneudrive.units import readable
 from pneudrive.views import Finding, ShownFigure, ShownTable, View
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+    from collections.abc import Callable, Iterable, Iterator, Sequence
 
     from pneudrive.friction.campaign.result import CampaignCharacteristics
     from pneudrive.friction.characterisation import Characterisation
@@ -75,6 +75,8 @@ def drawn(shown: ShownFigure, synthetic: bool) -> DrawnFigure:
 
 
 Block: TypeAlias = Paragraph | ShownTable | ShownFigure
+Blocks: TypeAlias = "Iterator[Block]"
+Part: TypeAlias = "Callable[[Topic, Any], Blocks]"  # of a result: yields the blocks of a section
 
 
 @dataclass(frozen=True)
@@ -307,16 +309,25 @@ _FORMS: Mapping[str, Callable[[Any], str]] = {
 
 
 def cell(value: Any, form: str) -> str:  # noqa: ANN401 - whatever results hold
-    """Return a value as text: estimates with their interval, a missing value as a dash."""
+    """Return a value as text: estimates with their interval, a missing value as a dash. ``%.1f`` gives percent."""
     if isinstance(value, str):
         return value
     if value is None or (isinstance(value, float) and not math.isfinite(value)):
         return NOTHING
     if form in _FORMS:
         return _FORMS[form](value)
+    if form.startswith("%"):
+        return format(100 * value, form[1:])
     if isinstance(value, bool):
         return "yes" if value else "no"
     return with_interval(value) if hasattr(value, "stderr") else format(value, form)
+
+
+def field_of(record: Any, field: str) -> Any:  # noqa: ANN401 - whatever results hold
+    """Return a field of an object or a mapping, or of an object in it: ``stop.speed_m_s``."""
+    for name in field.split("."):
+        record = record[name] if isinstance(record, Mapping) else getattr(record, name)
+    return record
 
 
 def quantity(field: str) -> tuple[float, str]:
@@ -373,7 +384,7 @@ class Topic:
         return ShownFigure(name, self.texts["pictures"][name].format(**values), figure)
 
     def table(self, records: Iterable[Any], name: str = "table", /, **values: object) -> ShownTable:
-        """Return a table with a row for each record. A record is a result, or a tuple with one value per column.
+        """Return a table with a row for each record: an object, a mapping, or a tuple with one value per column.
 
         A column is ``head | field | form``. The unit in its heading follows from the suffix of the field, such as
         ``stop.speed_m_s``. Without a field, values come from tuples. The form is that of ``format``, or a named form. A
@@ -384,10 +395,10 @@ class Topic:
         for index, column in enumerate(texts["columns"]):
             head, field, form = (*map(str.strip, column.split("|")), "", "")[:3]
             size, unit = quantity(field)
-            read = attrgetter(field) if field else itemgetter(index)
-            cells = [cell(value if size == 1.0 else value / size, form) for value in map(read, rows)]
+            column_values = (field_of(row, field) if field else row[index] for row in rows)
+            cells = [cell(value if size == 1.0 else value / size, form) for value in column_values]
             if form != SPARE or not {"", NOTHING}.issuperset(cells):
-                heads.append(f"{head}, {unit}".removesuffix(", ").format(**values))
+                heads.append(f"{head}, {unit}".strip(", ").format(**values))
                 columns.append(cells)
         caption = texts.get("caption", "").format(**values)
         return ShownTable(caption, heads, list(zip(*columns, strict=True)))
@@ -396,6 +407,17 @@ class Topic:
         """Return a section of the blocks that are not None."""
         there = tuple(block for block in blocks if block is not None)
         return Section(self.key, self.say("title", **values), there, synthetic)
+
+
+def sections_of(
+    page: str | Path,
+    parts: Mapping[str, Part],
+    found: Any,  # noqa: ANN401 - any result
+    synthetic: bool | None = None,
+) -> list[Section]:
+    """Return the sections of a result. A part yields the blocks of its section; without blocks there is no section."""
+    filled = ((topic := Topic(page, key), tuple(part(topic, found))) for key, part in parts.items())
+    return [topic.section(*blocks, synthetic=synthetic) for topic, blocks in filled if blocks]
 
 
 # --- A report as a PDF, set by typst (extra ``pdf``).
@@ -552,7 +574,7 @@ def provenance_section(found: Characterisation | None, study: Addition) -> Secti
     return topic.section(lines, *blocks, *topic.listed(references(keys), "sources"), synthetic=False)
 
 
-def _notes(topic: Topic, found: Characterisation) -> Iterator[Block]:
+def _notes(topic: Topic, found: Characterisation) -> Blocks:
     """Yield the files SOURCE.md next to the recordings or one folder above."""
     sources = (Path(recording.source) for recording in found.recordings if recording.source is not None)
     for folder in dict.fromkeys(folder for source in sources for folder in source.parents[:2]):

@@ -388,8 +388,8 @@ def platform_view(platform: Platform) -> View:
         for pose, limit in zip(poses, both, strict=True):
             pose[k] = limit.value
             ends += [platform.text(pose).split(", ")[k].partition(" = ")[2], limit.reason]
-        least = float(platform.singular_values(poses)[:, -1].min())
-        table.append((key, *ends, least, float(abs(platform.load(poses)).max())))
+        least = platform.singular_values(poses)[:, -1].min()
+        table.append((key, *ends, least, abs(platform.load(poses)).max()))
     values = ", ".join(f"{value:.4g}" for value in platform.singular_values(home))
     scene = platform_scene(platform, np.atleast_2d(home))
     picture = ShownFigure(platform.name, f"{platform.name}, every leg at half of its stroke.", _paper(scene, -1))

@@ -35,17 +35,11 @@ if TYPE_CHECKING:
     from pneudrive.friction.campaign.result import CampaignCharacteristics
     from pneudrive.friction.characterisation import Characterisation
     from pneudrive.friction.level import Level
-    from pneudrive.report.page import Fits, Study
+    from pneudrive.report.page import Blocks, Fits, Study
 
-#: Functions for sections common to recordings and campaigns. A section without data is None.
-CURVES = (
-    campaign.curves,
-    campaign.pressure,
-    campaign.position,
-    campaign.stick_slip,
-    campaign.summary,
-    campaign.budget,
-)
+#: Parts common to recordings and campaigns.
+CURVES = {key: campaign.FIGURED[key] for key in ("curves", "pressure", "position", "stick-slip")}
+CURVES |= {"statements": campaign.statements, "budget": campaign.budget}
 PRESSURE = Axis("gauge pressure / bar")
 
 
@@ -106,7 +100,7 @@ def characterisation_view(found: Characterisation, fits: Fits | None = None) -> 
         texts = {"further": BAND[spread is not None], "known": known, "band": band}
         figures.append(topic.figure("friction-pressure", over_pressure(found), **texts))
     if spread is not None:
-        cells = ((seal, p / 1e5, *n, 100 * share) for seal, p, *n, share in spread.cells)
+        cells = ((seal, p / 1e5, *rest) for seal, p, *rest in spread.cells)
         tables.append(topic.table(cells, "cells"))
     if found.closures:
         shown = spread_evenly(found.closures, MOST_GROUPS)
@@ -311,16 +305,18 @@ def recordings_report(
     The parameters are those of `write_report`; `study` is its `reproduction`.
     """
     addition = page.Addition() if study is None else study.addition(found)
-    parts: list[page.Section | None] = []
+    parts: list[page.Section] = []
     if found is not None:
-        sections = (measured, record, strokes.drift, strokes.peaks, budget)
-        parts += [*(part(found) for part in sections), strokes.recovered_section(found), strokes.stick_slip(found)]
+        first = {"measured": measured, "record": record, "drift": strokes.drift, "reversals": strokes.peaks}
+        parts += page.sections_of("recordings", {**first, "budget": budget}, found)
+        parts += page.sections_of("recordings", {"recovered": strokes.recovered_part}, found, synthetic=True)
+        parts += page.sections_of("recordings", {"stick-slip-of-strokes": strokes.stick_slip}, found)
     parts += addition.sections
-    over_speed = () if curves is None else filter(None, (part(curves) for part in CURVES))
+    over_speed = [] if curves is None else page.sections_of("campaign", CURVES, curves)
     parts += [replace(part, key=f"{part.key}-over-speed") for part in over_speed]
     parts.append(page.provenance_section(found, addition))
     if found is None:
-        return Report(addition.title, addition.verdict, [*filter(None, parts)])
+        return Report(addition.title, addition.verdict, parts)
     title = "Friction of simulated recordings" if found.synthetic else "Friction of a pneumatic piston from recordings"
     title += ", with a simulated rig" if study is not None and not found.synthetic else ""
     view = replace(characterisation_view(found, fits), title=title)
@@ -364,20 +360,17 @@ def write_report(
     return recordings_report(found, fits, reproduction, curves).write(folder)
 
 
-def measured(found: Characterisation) -> page.Section:
-    """Return the section on rig, sensors and files."""
-    topic, first = Topic("recordings", "measured"), found.recordings[0]
-    uses = found.stroke_uses.values()
+def measured(topic: Topic, found: Characterisation) -> Blocks:
+    """Show rig, sensors and files."""
+    first, uses = found.recordings[0], found.stroke_uses.values()
     used = {"used": sum(use.used for use in uses), "strokes": sum(use.recorded for use in uses)}
     counts = {"recordings": plural(len(found.results), "recording"), "seals": plural(len(by_seal(found)), "seal")}
     areas = {"area_a": first.area_a_m2 * 1e4, "area_b": first.area_b_m2 * 1e4}
-    return topic.section(
-        topic.text(**counts, **used),
-        topic.figure("rig", recorded_rig(first), **areas),
-        Topic("recordings", "recording").table(_sensors(found.recordings), "sensors"),
-        topic.table(_files(found), "files"),
-        *topic.listed(topic.say("left_out", name=name, why=why) for name, why in found.skipped),
-    )
+    yield topic.text(**counts, **used)
+    yield topic.figure("rig", recorded_rig(first), **areas)
+    yield Topic("recordings", "recording").table(_sensors(found.recordings), "sensors")
+    yield topic.table(_files(found), "files")
+    yield from topic.listed(topic.say("left_out", name=name, why=why) for name, why in found.skipped)
 
 
 def _sensors(recordings: tuple[Recording, ...]) -> Iterator[tuple]:
@@ -414,37 +407,35 @@ def _files(found: Characterisation) -> Iterator[tuple]:
 MOST_RECORDS = 9
 
 
-def record(found: Characterisation) -> page.Section:
-    """Return the section that shows all channels of one recording of each seal over time."""
-    topic, pictures = Topic("recordings", "record"), []
+def record(topic: Topic, found: Characterisation) -> Blocks:
+    """Show all channels of one recording of each seal over time."""
+    yield topic.text()
     for index, group in enumerate(list(by_seal(found).values())[:MOST_RECORDS], 1):
         shown = group[len(group) // 2]
         caption = topic.say("caption", name=shown.recording.name, bar=gauge_bar(shown.levels[0]))
-        pictures.append(ShownFigure(f"record-{index}", caption, record_figure(shown.recording, shown.strokes)))
-    return topic.section(topic.text(), *pictures)
+        yield ShownFigure(f"record-{index}", caption, record_figure(shown.recording, shown.strokes))
 
 
 STATISTICAL = "spread between strokes"
 
 
-def budget(found: Characterisation) -> page.Section:
-    """Return the section on the uncertainty budget, for the levels with smallest and largest uncertainty."""
-    topic, levels = Topic("recordings", "budget"), sorted(found.levels, key=lambda level: level.expanded_n)
+def budget(topic: Topic, found: Characterisation) -> Blocks:
+    """Show the uncertainty budget of the levels with smallest and largest uncertainty."""
+    levels = sorted(found.levels, key=lambda level: level.expanded_n)
     shown = levels if len(levels) == 1 else [levels[0], levels[-1]]
     assumed = ", ".join(sorted({e.source for level in levels for e in level.budget if e.basis == "assumed"}))
-    return topic.section(
-        topic.text(),
-        *(topic.table(_sources(level), recording=level.recording) for level in shown),
-        topic.text("assumed", "note", sources=assumed) if assumed else None,
-    )
+    yield topic.text()
+    yield from (topic.table(_sources(level), recording=level.recording) for level in shown)
+    if assumed:
+        yield topic.text("assumed", "note", sources=assumed)
 
 
 def _sources(level: Level) -> Iterator[tuple]:
-    chance = float(np.nan_to_num(level.stderr_n))
+    chance = np.nan_to_num(level.stderr_n)
     yield STATISTICAL, "data", "A", "", chance, None
     for e in sorted(level.budget, key=lambda e: -e.friction_n):
         factor, unit = readable(e.unit)
         size = f"{plain(e.standard_uncertainty / factor)} {unit}".strip()
         yield e.source, e.basis, e.kind, f"{size}{'; ' if e.note else ''}{e.note}", e.friction_n, e.offset_n
-    yield "combined, u", "", "", "", float(np.hypot(chance, level.u_systematic_n)), level.u_offset_n
+    yield "combined, u", "", "", "", np.hypot(chance, level.u_systematic_n), level.u_offset_n
     yield "expanded, U (k = 2)", "", "", "", level.expanded_n, 2 * level.u_offset_n

@@ -13,11 +13,11 @@ from pneudrive import __version__
 from pneudrive.constants import ANR_LITRES_PER_KG
 from pneudrive.describe.all_values import values_of
 from pneudrive.describe.files import toml
-from pneudrive.figures import Figure, Line, Look, Markers, Panel, Rule
+from pneudrive.figures import THIN, Figure, Line, Look, Markers, Panel, Rule
 from pneudrive.files.writing import make_subfolder
 from pneudrive.report.circuit.svg import circuit_figure
 from pneudrive.report.layout_figure import sketch
-from pneudrive.report.page import Paragraph, Report, Section, Topic, figure_of, references, view_section
+from pneudrive.report.page import Paragraph, Report, Topic, figure_of, references, sections_of, view_section
 from pneudrive.report.render import DrawnFigure, draw_figure
 from pneudrive.sizing.checks import READ, SizedDrive, read
 from pneudrive.sizing.result import WRITTEN, SizingResult, in_words, maker_type, yearly
@@ -29,6 +29,8 @@ from pneudrive.views import Finding, ShownTable, ShownValue, View
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
+
+    from pneudrive.report.page import Blocks
 
 #: Quantities without a limit in the table of ranges: label, name of the value, factor from SI, unit.
 FREE = (
@@ -157,7 +159,7 @@ def _points(result: SizingResult, way: str) -> Iterator[Markers | Line]:
     rest = [drive for drive in result.simulated if drive.name not in names]
     for chosen, own, label in (
         ([drive for drive in rest if not drive.is_feasible], Look("grey", "-", "x"), "misses a limit"),
-        ([drive for drive in rest if drive.is_feasible], Look("grey", "-", "."), "not simulated to the end"),
+        ([drive for drive in rest if drive.is_feasible], THIN, "not simulated to the end"),
         (result.ranked, Look("blue"), "meets the task"),
     ):
         shown = [(drive.air_litres_anr, t) for drive in chosen if (t := getattr(drive, f"time_{way}")) < math.inf]
@@ -186,7 +188,8 @@ def write_sizing_report(found: SizingResult, folder: str | Path) -> Path:
     candidates = view_section(
         "candidates", replace(view, title=topic.say("title"), leading=(), findings=(), notes=notes)
     )
-    parts = [candidates, *_best(found), _task(found), _method(found)]
+    about = {"best": _best, "values": _values, "task": _task, "again": _method}
+    parts = [candidates, *sections_of("sizing", about, found, synthetic=False)]
     verdict = [Finding(view.title, view.state), *view.findings, *map(Finding, view.notes)]
     lines = [replace(line, text=f"{line.text[:1].upper()}{line.text[1:]}") for line in verdict]
     if found.best is not None:
@@ -253,10 +256,18 @@ def sketch_figure(found: SizingResult) -> Figure:
     )
 
 
-def _best(found: SizingResult) -> list[Section]:
+def _best(topic: Topic, found: SizingResult) -> Blocks:
     best = found.best
-    if best is None:
-        return []
+    if best is not None:
+        parts = [f"{slot.replace('_', ' ')}: {name}" for slot, name in best.parts.items()]
+        yield Paragraph((*parts, best.needles))
+        yield topic.figure("circuit", circuit_figure(found.circuit()), parts=best.part_names)
+
+
+def _values(topic: Topic, found: SizingResult) -> Blocks:
+    """Show the values of the best choice with their sources."""
+    if found.best is None:
+        return
     circuit = found.circuit()
     values = [
         (one.key.removeprefix("components."), str(one.value), _origin(one.kind, one.origin))
@@ -265,13 +276,8 @@ def _best(found: SizingResult) -> list[Section]:
     ]
     named = {f"{key} = " for key, *_ in values}
     rest = tuple(line for line in circuit.assumed() if not line.startswith(tuple(named)))
-    parts = [f"{slot.replace('_', ' ')}: {name}" for slot, name in best.parts.items()]
-    topic, sourced = Topic("sizing", "best"), Topic("sizing", "values")
-    drawing = topic.figure("circuit", circuit_figure(circuit), parts=best.part_names)
-    return [
-        topic.section(Paragraph((*parts, best.needles)), drawing, synthetic=False),
-        sourced.section(sourced.table(values), Paragraph(rest), synthetic=False),
-    ]
+    yield topic.table(values)
+    yield Paragraph(rest)
 
 
 def _origin(kind: str, said: str) -> str:
@@ -280,28 +286,25 @@ def _origin(kind: str, said: str) -> str:
     return said if kind == "source" or said.startswith("assumed") else f"{kind}: {said}"
 
 
-def _task(found: SizingResult) -> Section:
-    topic, guide = Topic("sizing", "task"), found.task.guide
-    rows = ((one.key, one.value, one.kind, one.origin) for one in task_values(found.task))
+def _task(topic: Topic, found: SizingResult) -> Blocks:
+    guide = found.task.guide
     follows = [f"{what}: {value:.4g} {unit}" for what, value, unit in follows_from(found.task)]
     follows += [topic.say("guide", name=guide, friction=GUIDES[guide])] if GUIDES[guide] else []
-    return topic.section(topic.table(rows), Paragraph(follows), synthetic=False)
+    yield topic.table(task_values(found.task))
+    yield Paragraph(follows)
 
 
-def _method(found: SizingResult) -> Section:
-    topic, asked = Topic("sizing", "again"), found.asked
+def _method(topic: Topic, found: SizingResult) -> Blocks:
+    asked = found.asked
     options = ", ".join(f"{name}={count}" for name, count in asked.items())
     lines = [f'import pneudrive as pn\n\nfound = pn.size("task.toml", {options})\nfound.report("out")']
     if is_of_command(asked):
         options = f"--samples {asked['draws']}"
         options += f" --max-candidates {asked['most']}" if asked["most"] != MOST else ""
         lines.insert(0, f"pneudrive size task.toml {options} --out out")
-    return topic.section(
-        Paragraph((found.extent, topic.say("moments"), topic.say("stroke"))),
-        topic.text(version=__version__, python=platform.python_version()),
-        *(Paragraph(line, "code") for line in (*lines, toml.write(found.task.to_dict()).strip())),
-        synthetic=False,
-    )
+    yield Paragraph((found.extent, topic.say("moments"), topic.say("stroke")))
+    yield topic.text(version=__version__, python=platform.python_version())
+    yield from (Paragraph(line, "code") for line in (*lines, toml.write(found.task.to_dict()).strip()))
 
 
 def _cited(found: SizingResult) -> tuple[str, ...]:

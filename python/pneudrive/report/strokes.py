@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 import numpy as np
 import polars as pl
 
-from pneudrive.figures import MODEL, THIN, Axis, Band, Figure, Line, Look, Markers, Panel, Rule, ramp
+from pneudrive.figures import MEASURED, MODEL, THIN, Axis, Band, Figure, Line, Look, Markers, Panel, Rule, ramp
 from pneudrive.friction.friction_map import ALL_RECORDINGS, PA_PER_BAR, MapGroup, bar, groups_of
 from pneudrive.friction.sentences import flag_findings
 from pneudrive.friction.stick_slip import NEEDED_RISE_SAMPLES, StickSlip
 from pneudrive.numbers import fixed
-from pneudrive.report.page import Fits, Paragraph, Section, Topic, by_seal, figure_of, gauge_bar, plural, spread_evenly
+from pneudrive.report.page import Fits, Paragraph, Topic, by_seal, figure_of, gauge_bar, plural, spread_evenly
 from pneudrive.signals.motion import local_slope
 from pneudrive.views import Finding, ShownCurve, ShownTable, ShownValue, View, worst
 
@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from pneudrive.friction.characterisation import Characterisation
     from pneudrive.friction.level import Level, RecordingResult
     from pneudrive.identify.static.result import FrictionFit
+    from pneudrive.report.page import Blocks
 
 
 # --- Friction over speed: views of friction maps and of characterised recordings, and recovered truth.
@@ -59,7 +60,7 @@ def map_view(table: xr.Dataset, fits: Fits | None = None) -> View:
     findings, tables = flag_findings(raised, len(set(names))), ()
     topic = Topic("recordings", "speed")
     labels = topic.say("with_labels") if len({group.assembly for group, _ in groups}) > 1 else ""
-    law = topic.say("with_law") if any(map(_is_curve, (fits or {}).values())) else ""
+    law = topic.say("with_law") if any(map(_speed_law, (fits or {}).values())) else ""
     if fits is not None:
         about, tables = _fitted(fits)
         findings += about or [Finding(topic.say("no_law"), "open")] * (not tables)
@@ -91,9 +92,10 @@ def richest(by_law: Mapping[str, FrictionFit]) -> FrictionFit:
     return by_law.get(STRIBECK) or next(iter(by_law.values()))
 
 
-def _is_curve(by_law: Mapping[str, FrictionFit] | None) -> bool:
-    """Return whether the data determine the dependence of friction on speed."""
-    return STRIBECK in (by_law or {}) and "stribeck_velocity" in by_law[STRIBECK].determined  # type: ignore[index]
+def _speed_law(by_law: Mapping[str, FrictionFit]) -> FrictionFit | None:
+    """Return the fit of friction over speed; None if the data do not determine the dependence on speed."""
+    fit = by_law.get(STRIBECK)
+    return fit if fit is not None and "stribeck_velocity" in fit.determined else None
 
 
 def _fitted(fits: Fits) -> tuple[list[Finding], list[ShownTable]]:
@@ -125,6 +127,7 @@ def speed_figure(groups: list[tuple[MapGroup, list[ShownCurve]]], fits: Fits) ->
     count = sum(curve.x.size for _, curves in groups for curve in curves)
     drawn = []
     for assembly, members in spread_evenly(panels.items(), MOST_PANELS):
+        fit = _speed_law(fits.get(assembly) or fits.get(ALL_RECORDINGS) or {})
         by_pressure = sorted(members, key=lambda member: tuple(member[0].gauges))
         shown, marks = spread_evenly(by_pressure, MOST_CURVES), []
         for index, (group, curve) in enumerate(by_pressure):
@@ -138,24 +141,13 @@ def speed_figure(groups: list[tuple[MapGroup, list[ShownCurve]]], fits: Fits) ->
             size = 2.2 if count > MANY else 4.0
             look = {"size": size, "filled": not index % 2, "names": names}
             marks.append(Markers(curve.x, curve.y, label, own, *ends, **look))
-            marks += _law(group, curve, fits.get(assembly) or fits.get(ALL_RECORDINGS), own)
+            if fit is not None:
+                grid = np.geomspace(curve.x.min(), curve.x.max(), 200)
+                law = fit.predict(grid, *map(float, group.gauges))
+                marks += [Band(grid, law.lower_n, law.upper_n), Line(grid, law.friction_n, look=own, width=0.9)]
         drawn.append(Panel(marks, "" if is_single else assembly))
     y = Axis("friction / N", low=0.0) if all((c.y >= 0.0).all() for _, own in groups for c in own) else "friction / N"
     return figure_of("curves-of-one" if is_single else "curves", drawn, y=y)
-
-
-def _law(
-    group: MapGroup,
-    curve: ShownCurve,
-    by_law: Mapping[str, FrictionFit] | None,
-    own: Look,
-) -> list[Band | Line]:
-    """Draw the fitted law at the pressures of a group, if the data determine its dependence on speed."""
-    if by_law is None or not _is_curve(by_law):
-        return []
-    grid = np.geomspace(curve.x.min(), curve.x.max(), 200)
-    law = by_law[STRIBECK].predict(grid, *map(float, group.gauges))
-    return [Band(grid, law.lower_n, law.upper_n), Line(grid, law.friction_n, look=own, width=0.9)]
 
 
 # --- Recovered truth of simulated recordings.
@@ -184,21 +176,17 @@ def recovered(found: Characterisation) -> pl.DataFrame | None:
     return pl.DataFrame(rows) if rows else None
 
 
-def recovered_section(found: Characterisation) -> Section | None:
-    """Return the section on recovered friction; None without simulated recordings."""
+def recovered_part(topic: Topic, found: Characterisation) -> Blocks:
+    """Show the recovered friction of simulated recordings."""
     pairs = recovered(found)
     if pairs is None:
-        return None
-    topic = Topic("recordings", "recovered")
+        return
     errors_n, expanded = np.abs(pairs["error_n"].to_numpy()), pairs["expanded_n"]
     ends = dict.fromkeys(f"{value:.2f}" for value in (expanded.min(), expanded.max()))
     within = int(np.sum(errors_n <= 2 * np.nan_to_num(pairs["stderr_n"].to_numpy())))
     counts = {"all": pairs.height, "inside": pairs["is_inside"].sum(), "within": within}
-    return topic.section(
-        topic.text(**counts, reach=" to ".join(ends), worst=1e3 * float(errors_n.max())),
-        topic.figure("recovered", errors(pairs)),
-        synthetic=True,
-    )
+    yield topic.text(**counts, reach=" to ".join(ends), worst=1e3 * errors_n.max())
+    yield topic.figure("recovered", errors(pairs))
 
 
 def errors(pairs: pl.DataFrame) -> Figure:
@@ -217,7 +205,7 @@ def errors(pairs: pl.DataFrame) -> Figure:
         left.append(Markers(speed, friction, f"{gauge / PA_PER_BAR:.2g} bar gauge", own, size=3.2))
         right.append(Markers(speed, error, look=own, size=3.2))
     ends = Axis("error / standard error", low=-SHOWN_ERRORS, high=SHOWN_ERRORS)
-    right.append(Rule(y=0.0, look=Look("black"), width=0.8))
+    right.append(Rule(y=0.0, look=MEASURED, width=0.8))
     return figure_of("errors", [Panel(left, y="friction / N"), Panel(right, y=ends)])
 
 
@@ -228,19 +216,17 @@ SHOWN_S = 10.0
 MOST_SLIPS, MOST_COLUMNS = 24, 3
 
 
-def drift(found: Characterisation) -> Section | None:
-    """Return the section on friction stroke by stroke; None if no level has three strokes in a direction."""
+def drift(topic: Topic, found: Characterisation) -> Blocks:
+    """Show friction stroke by stroke, if a level has three strokes in a direction."""
     long = [level for level in found.levels if max(v.size for v in level.stroke_friction_n.values()) >= 3]
     if not long:
-        return None
-    topic = Topic("recordings", "drift")
+        return
     drifting = [v for v in long if any(s.has_trend for s in v.spreads.values())]
     strongest = sorted(drifting, key=lambda level: -_drift_share(level))[:MOST_ROWS]
-    return topic.section(
-        topic.text(drifting=len(drifting), levels=plural(len(long), "speed level")),
-        topic.figure("drift", courses(found)),
-        topic.table(map(_drift_row, strongest), count=len(strongest)) if strongest else None,
-    )
+    yield topic.text(drifting=len(drifting), levels=plural(len(long), "speed level"))
+    yield topic.figure("drift", courses(found))
+    if strongest:
+        yield topic.table(map(_drift_row, strongest), count=len(strongest))
 
 
 def _drift_share(level: Level) -> float:
@@ -255,7 +241,7 @@ def _drift_row(level: Level) -> tuple[object, ...]:
         s = level.spreads[direction]
         cells += [direction * s.slope_n, s.trend_p] if s.strokes > 1 else [None, None]
     both = level.spreads.values()
-    return level.recording, *cells, sum(s.strokes for s in both), float(sum(s.effective for s in both))
+    return level.recording, *cells, sum(s.strokes for s in both), sum(s.effective for s in both)
 
 
 def courses(found: Characterisation) -> Figure:
@@ -290,12 +276,11 @@ def _course(level: Level) -> np.ndarray:
 # --- peaks after reversals -------------------------------------------------------------------------------------------
 
 
-def peaks(found: Characterisation) -> Section | None:
-    """Return the section on friction peaks after reversals, and doubts about them; None without reversals."""
+def peaks(topic: Topic, found: Characterisation) -> Blocks:
+    """Show friction peaks after reversals, and doubts about them."""
     every = [peak for level in found.levels for peak in level.peaks]
     if not every:
-        return None
-    topic = Topic("recordings", "reversals")
+        return
     good = [peak for peak in every if not peak.flags]
     real = [peak for peak in good if peak.significant]
     counts = {flag: sum(flag in peak.flags for peak in every) for flag in topic.texts["spoils"]}
@@ -305,42 +290,39 @@ def peaks(found: Characterisation) -> Section | None:
         if counts[flag]
     )
     numbers = {"reversals": plural(len(every), "reversal"), "good": plural(len(good), "peak"), "real": len(real)}
-    return topic.section(
-        topic.text("spoilt" if spoilt else "text", **numbers, spoilt=spoilt),
-        topic.text("few", "note") if len(good) < len(every) / 2 else None,
-        *topic.listed(topic.say("peak", p=p) for p in real[:MOST_NAMED]),
-    )
+    yield topic.text("spoilt" if spoilt else "text", **numbers, spoilt=spoilt)
+    if len(good) < len(every) / 2:
+        yield topic.text("few", "note")
+    yield from topic.listed(topic.say("peak", p=p) for p in real[:MOST_NAMED])
 
 
 # --- stick-slip ------------------------------------------------------------------------------------------------------
 
 
-def stick_slip(found: Characterisation) -> Section | None:
-    """Return the section on stick-slip, with pictures; None if there is nothing to report."""
+def stick_slip(topic: Topic, found: Characterisation) -> Blocks:
+    """Show stick-slip, with pictures."""
     every = [(r, level, s) for r in found.results for level in r.levels for s in level.stick_slip]
     slipping = [item for item in every if item[2].found and "stick_slip" in item[1].flags]
     if not every or (found.synthetic and not slipping):
-        return None
-    topic, strokes = Topic("recordings", "stick-slip-of-strokes"), plural(len(every), "stroke")
+        return
+    strokes = plural(len(every), "stroke")
     if not slipping:  # the text names the shortest visible period
         jumps = [s for *_, s in every if s.found]
-        text = topic.say("nothing", strokes=strokes, finest=float(np.median([s.resolution_s for *_, s in every])))
+        text = topic.say("nothing", strokes=strokes, finest=np.median([s.resolution_s for *_, s in every]))
         if jumps:
             percent = 100 * max(s.stuck_share for s in jumps)
             text += topic.say("jumps", strokes=plural(len(jumps), "stroke"), percent=percent)
-        return topic.section(Paragraph(text))
+        yield Paragraph(text)
+        return
     over_time, phases = motion_figures([_of_stroke(*item) for item in slipping[:MOST_COLUMNS]])
-    rows = []
-    for _, level, s in slipping[:MOST_SLIPS]:
-        ratio = s.peak_speed_m_s / s.mean_speed_m_s if s.mean_speed_m_s > 0 else None
-        times = 1e3 * s.mean_speed_m_s, s.periods, s.period_s
-        rows.append((level.recording, s.direction, *times, 1e3 * s.step_m, ratio, 100 * s.stuck_share))
-    return topic.section(
-        topic.text(some=len(slipping), strokes=strokes),
-        topic.table(rows),
-        topic.figure("stick-slip-recordings", over_time),
-        topic.figure("stick-slip-recordings-phase", phases),
-    )
+    rows = [
+        {"level": level, "stroke": s, "ratio": s.peak_speed_m_s / s.mean_speed_m_s if s.mean_speed_m_s > 0 else None}
+        for _, level, s in slipping[:MOST_SLIPS]
+    ]
+    yield topic.text(some=len(slipping), strokes=strokes)
+    yield topic.table(rows)
+    yield topic.figure("stick-slip-recordings", over_time)
+    yield topic.figure("stick-slip-recordings-phase", phases)
 
 
 def _of_stroke(result: RecordingResult, level: Level, s: StickSlip) -> MotionPanels:

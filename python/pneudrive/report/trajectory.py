@@ -215,7 +215,7 @@ def motion_page(found: MotionValidation, folder: str | Path) -> Path:
 def _force_row(c: Closure) -> tuple[object, ...]:
     gains = "; ".join(f"{name} {g.value:.3f} [{g.low:.3f}, {g.high:.3f}]" for name, g in c.gains.items())
     viscous = f"{c.viscous.value:.0f} [{c.viscous.low:.0f}, {c.viscous.high:.0f}]"
-    return c.name, c.rms_n, 100 * c.share, c.offset_n, gains or None, viscous, c.correlation
+    return c.name, c.rms_n, c.share, c.offset_n, gains or None, viscous, c.correlation
 
 
 def chambers(solution: FollowSolution | None) -> list[Section]:
@@ -227,7 +227,7 @@ def chambers(solution: FollowSolution | None) -> list[Section]:
         topic = Topic("motion", "chambers")
         local, walls = solution.point.local[at], solution.problem.driven.wall_k
         rows = [
-            (side, 100 * share, walls[side] + float(local[2 + index]), float(local[4]))
+            (side, share, walls[side] + local[2 + index], local[4])
             for index, (side, share) in enumerate(zip("ab", solution.rms(at), strict=True))
         ]
         loops = ShownFigure(f"volume-{at + 1}", topic.say("volume", name=record.name), volume_figure(solution, at))

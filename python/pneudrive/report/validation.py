@@ -11,6 +11,7 @@ from pneudrive import figures as drawing
 from pneudrive.describe.files.provenance import values
 from pneudrive.describe.marks import Quantity
 from pneudrive.figures import MODEL, Axis, Band, Bars, Figure, Line, Look, Markers, Panel, Rule, look, stack, thin
+from pneudrive.report import page
 from pneudrive.report.page import MOST_SHOWN, Paragraph, Topic, figure_of, plural, quantity, spread_evenly, view_report
 from pneudrive.validate.balance import BALANCES, Scene, Signals, moving_mass
 from pneudrive.validate.motion import STATIC_FIT_PERCENT, FrictionCurve, FrictionValidation
@@ -23,7 +24,7 @@ if TYPE_CHECKING:
 
     from pneudrive.arrays import Keyed
     from pneudrive.describe.drive import Drive
-    from pneudrive.report.page import Section
+    from pneudrive.report.page import Blocks, Section
 
 MOST_RECORDS, MOST_STOPS = 6, 60
 SHOWN_ALONE = 12
@@ -95,7 +96,7 @@ def _tables(content: Keyed) -> Iterator[ShownTable]:
     diagnosis, records = content["diagnosis"], content["record"]
     why = Topic("validation", "why")
     yield why.table(
-        ((c["what"], 100 * c["share"], c["amount"], *c["interval"], c["unit"], ", ".join(c["rivals"]) or None)
+        ((c["what"], c["share"], c["amount"], *c["interval"], c["unit"], ", ".join(c["rivals"]) or None)
          for c in diagnosis.get("culprit", ())), "causes",
     )  # fmt: skip
     yield why.table(((k.replace("_", " "), v) for k, v in diagnosis["residual_over_noise"].items()), "sizes")
@@ -105,10 +106,7 @@ def _tables(content: Keyed) -> Iterator[ShownTable]:
         for b in r.get("breakaway", ())
     ]
     yield Topic("validation", "breakaway").table(stops[:MOST_STOPS])
-    yield Topic("validation", "conditions").table(
-        (c["label"], c["value"], c["recordings"], c["position_fit_percent"], c["restarted_fit_percent"],
-         100 * c["pressure_nrmse"]) for c in content.get("condition", ())
-    )  # fmt: skip
+    yield Topic("validation", "conditions").table(content.get("condition", ()))
 
 
 def channel_figure(columns: Keyed) -> Figure:
@@ -144,32 +142,33 @@ def write_validation_report(found: Validation, folder: str | Path) -> Path:
     """
     about = (Topic("validation", key) for key in ("metrics", "breakaway"))
     words = (topic.text(window_s=found.window_s) for topic in about)
-    parts = [_why(found), _noise(found), Topic("validation", "about").section(*words), _provenance(found)]
+    parts = page.sections_of("validation", {"why": _why, "whiteness": _noise}, found)
+    parts += [Topic("validation", "about").section(*words), _provenance(found)]
     return view_report(found.view(), *parts, synthetic=found.synthetic).write(folder)
 
 
-def _why(found: Validation) -> Section:
-    topic, diagnosis = Topic("validation", "why"), found.diagnosis()
-    alone = ((key, amount, 100 * share) for key, amount, share in diagnosis.alone[:SHOWN_ALONE])
-    pictures = []
+def _why(topic: Topic, found: Validation) -> Blocks:
+    diagnosis = found.diagnosis()
+    yield topic.text()
+    if diagnosis.alone:
+        yield topic.table(diagnosis.alone[:SHOWN_ALONE], "alone")
     for number, r in spread_evenly(enumerate(found.records), MOST_RECORDS)[:2]:
         figure = balance_figure(found.drive, r.signals, diagnosis.scenes[number])
-        pictures.append(ShownFigure(f"balance-{number + 1}", topic.say("caption", name=r.recording.name), figure))
-    return topic.section(topic.text(), topic.table(alone, "alone") if diagnosis.alone else None, *pictures)
+        yield ShownFigure(f"balance-{number + 1}", topic.say("caption", name=r.recording.name), figure)
 
 
-def _noise(found: Validation) -> Section:
-    topic, rows = Topic("validation", "whiteness"), []
+def _noise(topic: Topic, found: Validation) -> Blocks:
+    rows = []
     for record in found.records:
         for column, channel in record.channels.items():
             white = channel.whiteness
             strongest = ", ".join(f"{signal} {value:+.2f}" for signal, value in list(channel.cross.items())[:3])
-            rows.append((record.recording.name, CHANNELS[column], 100 * white.outside, white.p, strongest))
-    pictures = (
-        ShownFigure(f"residual-{n}", topic.say("residual", name=r.recording.name), residual_figure(r, found.window_s))
-        for n, r in spread_evenly(enumerate(found.records, 1), MOST_RECORDS)
-    )
-    return topic.section(topic.text(), topic.table(rows), *pictures)
+            rows.append((record.recording.name, CHANNELS[column], white.outside, white.p, strongest))
+    yield topic.text()
+    yield topic.table(rows)
+    for n, r in spread_evenly(enumerate(found.records, 1), MOST_RECORDS):
+        caption = topic.say("residual", name=r.recording.name)
+        yield ShownFigure(f"residual-{n}", caption, residual_figure(r, found.window_s))
 
 
 def balance_figure(drive: Drive, signals: Signals, scene: Scene) -> Figure:
@@ -269,10 +268,8 @@ def write_friction_report(found: FrictionValidation, folder: str | Path) -> Path
 
 
 def _of_curve(c: FrictionCurve) -> tuple[object, ...]:
-    mean = float(np.mean(c.model_n - c.friction_n))
-    largest = float(c.metrics.largest)
-    shares = (100 * c.metrics.nrmse, 100 * c.inside)
-    return c.condition, DIRECTIONS[c.direction], c.speed_m_s.size, mean, largest, *shares
+    mean = np.mean(c.model_n - c.friction_n)
+    return c.condition, DIRECTIONS[c.direction], c.speed_m_s.size, mean, c.metrics.largest, c.metrics.nrmse, c.inside
 
 
 def friction_figure(curves: list[FrictionCurve]) -> Figure:

@@ -19,8 +19,8 @@ from pneudrive.describe.tables.friction import friction_laws
 from pneudrive.errors import PneudriveWarning
 from pneudrive.figures import MEASURED, MODEL, THIN, Axis, Band, Figure, Line, Look, Markers, Panel, Rule, ramp, thin
 from pneudrive.report.layout_figure import rig_diagram
-from pneudrive.report.page import Addition, Paragraph, Topic, figure_of, plural, sentence
-from pneudrive.report.strokes import motion_figures, motion_panels, recovered, recovered_section
+from pneudrive.report.page import Addition, Paragraph, Topic, figure_of, plural, sections_of, sentence
+from pneudrive.report.strokes import motion_figures, motion_panels, recovered, recovered_part
 from pneudrive.rig import SimulatedRig, shipped_rigs, sweep
 from pneudrive.studies.bracha import stick_slip as slips
 from pneudrive.studies.bracha.figure import (
@@ -38,11 +38,11 @@ from pneudrive.studies.bracha.friction_curves import figure_5, figure_6, figure_
 from pneudrive.views import ShownFigure
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Sequence
+    from collections.abc import Iterator, Sequence
 
     import xarray as xr
 
-    from pneudrive.report.page import Block, Section
+    from pneudrive.report.page import Blocks
     from pneudrive.rig.description import RigDescription
 
 
@@ -247,7 +247,6 @@ def paper_figures(runs: Mapping[str, Campaign]) -> dict[int, PaperFigure]:
 
 #: Travel after a stop shown in figure 9, m.
 SHOWN_M = 3e-3
-DOTS, DASHED = Look("grey", "-", "."), Look("orange", "--")
 
 
 def rig(data: PaperFigure) -> Figure:
@@ -260,9 +259,9 @@ def cycle(data: PaperFigure) -> Figure:
     """Draw figure 5: friction after a turn, over the whole stroke and over its start."""
     c = data.columns
     marks = [
-        Markers(c["time_s"], c["friction_n"], "every sample", DOTS, size=1.2),
+        Markers(c["time_s"], c["friction_n"], "every sample", THIN, size=1.2),
         Line(c["time_s"], c["friction_smoothed_n"], "moving average of 5", width=0.8),
-        Line(c["time_s"], c["friction_mean_n"], "mean of the rest of the stroke", DASHED),
+        Line(c["time_s"], c["friction_mean_n"], "mean of the rest of the stroke", MODEL),
     ]
     low = float(np.quantile(c["friction_n"][c["friction_n"].size // 10 :], 0.001))
     force = Axis("friction / N", low=low - 0.5, high=1.05 * data.quantities["peak_n"] + 0.6)
@@ -327,10 +326,10 @@ def stop(data: PaperFigure) -> Figure:
 
     def through(x: np.ndarray, part: slice, size: float) -> list[Any]:
         friction, running = c["friction_n"][part], c["running_n"][part]
-        return [Markers(x, friction, "", dots, size=size, joined=True), Line(x, running, "uninterrupted", DASHED)]
+        return [Markers(x, friction, "", dots, size=size, joined=True), Line(x, running, "uninterrupted", MODEL)]
 
     increment, width = c["increment_n"], c["increment_width_n"]
-    peaks = Markers(c["speed_m_s"], increment, "", Look(), increment - width, increment + width, filled=True)
+    peaks = Markers(c["speed_m_s"], increment, "", MEASURED, increment - width, increment + width, filled=True)
     near = Axis("travel from the stop / mm", low=-0.02 * SHOWN_M, high=SHOWN_M)
     panels = [
         Panel(
@@ -393,19 +392,15 @@ class Reproduction:
     def addition(self, found: Characterisation | None) -> Addition:
         """Return the study's addition to the report of `found`; None: a complete report of the study."""
         own = found is not None and found.synthetic  # such recordings have their own comparison with the ground truth
-        parts = (
-            None if own else recovered_section(self.found),
-            paper(self.figures, self.claims),
-            stick_slip([self.figures[n] for n in STICK_SLIP]),
-            chambers(self.chambers),
-        )
+        parts = [] if own else sections_of("recordings", {"recovered": recovered_part}, self.found, synthetic=True)
+        parts += sections_of(PAGE, PARTS, self, synthetic=True)
         lines = verdict(self, alone=found is None)
         solver = str(self.chambers.runs[ENERGY_BALANCE].attrs["solver"])
         cited = (key for run in self.chambers.runs.values() for key in run.attrs["citations"])
         return Addition(
             title="The source paper's figures from a simulated rig",
             verdict=tuple(lines),
-            sections=tuple(part for part in parts if part is not None),
+            sections=tuple(parts),
             validity=Topic(PAGE, "provenance").say("validity"),
             settings=(("solver of the simulations", solver), ("seed of the simulated sensors", str(SEED))),
             sources=tuple(values(self.rigs)),
@@ -485,50 +480,41 @@ def count_verdicts(claims: Sequence[Claim]) -> str:
     return Topic(PAGE, "verdict").say("count", whole=whole, sentences=sentences, part=part, none=none, **words)
 
 
-def paper(figures: Mapping[int, PaperFigure], claims: Sequence[Claim]) -> Section:
-    """Return the section with all verdicts and figures 4 to 9. The section on stick-slip has figures 1 to 3."""
-    topic, unchecked = Topic(PAGE, "paper"), Topic(TEXTS, "unchecked").texts
+def paper(topic: Topic, made: Reproduction) -> Blocks:
+    """Show all verdicts and figures 4 to 9. The section on stick-slip has figures 1 to 3."""
+    unchecked, claims, figures = Topic(TEXTS, "unchecked").texts, made.claims, made.figures
     failed = any(c.verdict == "does not hold" for c in claims)
-    return topic.section(
-        topic.text(),
-        Paragraph(sentence(count_verdicts(claims)), "fails" if failed else "holds"),
-        topic.table((c.place, f"“{c.said}”", sentence(c.found), c.verdict) for c in claims),
-        *topic.listed((f"“{said}”: {why}." for said, why in unchecked.items()), "unchecked"),
-        *topic.listed((f"Figure {f.number}: {f.assumed}." for f in figures.values() if f.assumed), "assumed"),
-        topic.text("campaigns"),
-        topic.text("holds", "note"),
-        *(_picture(topic, figures[number], *drawn) for number, drawn in DRAWINGS.items()),
-        synthetic=True,
-    )
+    yield topic.text()
+    yield Paragraph(sentence(count_verdicts(claims)), "fails" if failed else "holds")
+    yield topic.table((c.place, f"“{c.said}”", sentence(c.found), c.verdict) for c in claims)
+    yield from topic.listed((f"“{said}”: {why}." for said, why in unchecked.items()), "unchecked")
+    yield from topic.listed((f"Figure {f.number}: {f.assumed}." for f in figures.values() if f.assumed), "assumed")
+    yield topic.text("campaigns")
+    yield topic.text("holds", "note")
+    for number, (name, drawing) in DRAWINGS.items():
+        f = figures[number]
+        caption = topic.say("caption", number=number, title=f.title, measured=sentence(f.measured))
+        yield ShownFigure(f"paper-{number}-{name}", caption, drawing(f))
 
 
-def _picture(topic: Topic, figure: PaperFigure, name: str, drawing: Callable[[PaperFigure], Figure]) -> ShownFigure:
-    caption = topic.say("caption", number=figure.number, title=figure.title, measured=sentence(figure.measured))
-    return ShownFigure(f"paper-{figure.number}-{name}", caption, drawing(figure))
-
-
-def stick_slip(figures: Sequence[PaperFigure]) -> Section:
-    """Return the section on figures 1 to 3: numbers, over time, in the phase plane."""
-    topic, rows, shown = Topic(PAGE, "stick-slip"), [], []
-    for f in figures:
-        c, q, law = f.columns, readable(f.quantities), topic.say(str(f.number))
-        numbers = (q["mean_speed_mm_s"], q["periods"], q["period_s"], q["step_mm"], q["peak_ratio"], q["stuck_percent"])
-        rows.append((str(f.number), law, *numbers))
+def stick_slip(topic: Topic, made: Reproduction) -> Blocks:
+    """Show figures 1 to 3: numbers, over time, in the phase plane."""
+    rows, shown = [], []
+    for f in (made.figures[number] for number in STICK_SLIP):
+        c, law = f.columns, topic.say(str(f.number))
+        rows.append({"figure": str(f.number), "friction": law, **f.quantities})
         motion = c["time_s"], c["position_m"], c["velocity_m_s"]
-        shown.append(motion_panels(f"figure {f.number}: {law}", *motion, q["mean_speed_m_s"]))
+        shown.append(motion_panels(f"figure {f.number}: {law}", *motion, f.quantities["mean_speed_m_s"]))
     over_time, phases = motion_figures(shown)
-    return topic.section(
-        topic.text(),
-        topic.table(rows),
-        topic.figure("stick-slip-time", over_time),
-        topic.figure("stick-slip-phase", phases),
-        synthetic=True,
-    )
+    yield topic.text()
+    yield topic.table(rows)
+    yield topic.figure("stick-slip-time", over_time)
+    yield topic.figure("stick-slip-phase", phases)
 
 
-def chambers(compared: ChamberComparison) -> Section:
-    """Return the section on the errors of equations (2) and (3) of the paper, with numbers and curves over time."""
-    topic, laws = Topic(PAGE, "chambers"), (ENERGY_BALANCE, AS_PRINTED)
+def chambers(topic: Topic, made: Reproduction) -> Blocks:
+    """Show the errors of equations (2) and (3) of the paper, with numbers and curves over time."""
+    compared, laws = made.chambers, (ENERGY_BALANCE, AS_PRINTED)
     gas = {side: [compared.runs[law][f"temperature_{side}"] for law in laws] for side in "ab"}
     rows = (
         ("time of the stroke out, s", *(f"{compared.stroke_time_s[law]:.4f}" for law in laws)),
@@ -542,13 +528,14 @@ def chambers(compared: ChamberComparison) -> Section:
         ("largest difference of temperature b, K", None, f"{compared.largest_difference('temperature_b'):.0f}"),
     )
     residual = compared.energy_residual_j[AS_PRINTED]
-    return topic.section(
-        topic.text(),
-        topic.table(rows),
-        topic.figure("chamber-laws", draw_chambers(compared)),
-        topic.text("energy", "note", residual_j=residual, work_j=compared.stroke_work_j),
-        synthetic=True,
-    )
+    yield topic.text()
+    yield topic.table(rows)
+    yield topic.figure("chamber-laws", draw_chambers(compared))
+    yield topic.text("energy", "note", residual_j=residual, work_j=compared.stroke_work_j)
+
+
+#: Parts of the study's report by the key of their section.
+PARTS = {"paper": paper, "stick-slip": stick_slip, "chambers": chambers}
 
 
 def draw_chambers(compared: ChamberComparison) -> Figure:
@@ -569,7 +556,7 @@ def draw_chambers(compared: ChamberComparison) -> Figure:
     return figure_of("paper-chambers", panels)
 
 
-def values(rigs: Sequence[RigDescription]) -> Iterator[Block]:
+def values(rigs: Sequence[RigDescription]) -> Blocks:
     """Yield the values of the default rig, the values that differ in other rigs, and the values of the drives."""
     topic, base = Topic(PAGE, "provenance"), rigs[0].sources
     for name, sources in {rig.name: rig.sources for rig in rigs}.items():
