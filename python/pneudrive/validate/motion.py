@@ -549,7 +549,7 @@ def validate_motion(
     if used:
         solution = solve_follow(FollowProblem(driven, used, [], watch=watch))
         found = tuple(motions.follow_record(solution, at) for at in range(len(used)))
-        doubts += [*motions.poor_fit(solution), *motions.other_readings(solution), *_late(found)]
+        doubts += [*motions.misfit_notes(solution), *_late(found)]
     forces = [record.recording for record in records if np.ptp(record.recording.force_n) > 0.0]
     closures = tuple(close_balance(force) for force in forces)
     badges = {r.name: badge_of(r.name, r.recording.sha256 or "", fitted) for r in records}
