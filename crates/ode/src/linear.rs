@@ -26,8 +26,6 @@ pub(crate) struct Linear<R: Lane> {
     /// A Jacobian with the shape of an arrow, in place of `jacobian`.
     pub dense: Dense<R>,
     pub is_arrow: bool,
-    /// Whether the Jacobian was computed without derivatives.
-    pub is_plain: bool,
 }
 
 struct Invert<'l, R: Lane>(&'l mut Linear<R>, R::Plain);
@@ -49,7 +47,6 @@ impl<R: Lane> Linear<R> {
             inverse: [[R::Plain::zero(); SMALL]; SMALL],
             dense: [[R::zero(); SMALL]; SMALL],
             is_arrow: false,
-            is_plain: false,
         }
     }
 

@@ -37,8 +37,6 @@ impl<R: Lane> Linear<R> {
                     *row = sum.with_value(values[BLOCK * k + l]);
                 }
             }
-        } else if self.is_plain {
-            self.eliminate(structure, x);
         } else {
             let mut values: Vec<R::Plain> = x.iter().map(R::plain).collect();
             self.eliminate(structure, &mut values);
@@ -62,9 +60,6 @@ impl<R: Lane> Linear<R> {
 
     /// Adds dJ values to the derivatives of x.
     fn add_change_of_matrix(&self, structure: &Structure, x: &mut [R], values: &[R::Plain]) {
-        if self.is_plain {
-            return;
-        }
         let diagonal = (0..structure.n_coupled as u16).map(|k| StructureEntry { row: k, column: k });
         let entries = structure.lower.iter().chain(&structure.upper).copied().chain(diagonal);
         for (entry, change) in entries.zip(&self.jacobian) {
