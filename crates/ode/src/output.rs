@@ -7,9 +7,11 @@ use math::Lane;
 /// Receives samples while the integration runs.
 pub trait Output<R: Lane, Sys> {
     /// Returns the time of the next sample of this lane. Infinity if no further sample is wanted.
-    fn due(&self, lane: usize) -> f64;
+    fn due(&self, _lane: usize) -> f64 {
+        f64::INFINITY
+    }
     /// The state of this lane at the due time.
-    fn sample(&mut self, lane: usize, t: f64, y: &[R], system: &Sys);
+    fn sample(&mut self, _lane: usize, _t: f64, _y: &[R], _system: &Sys) {}
     /// Announces a change of the system of this lane. The samples so far belong to the system before the
     /// change.
     #[inline(always)]
@@ -59,9 +61,4 @@ impl<R: Lane> Accepted<'_, R> {
 /// Output without samples.
 pub struct NoOutput;
 
-impl<R: Lane, Sys> Output<R, Sys> for NoOutput {
-    fn due(&self, _lane: usize) -> f64 {
-        f64::INFINITY
-    }
-    fn sample(&mut self, _lane: usize, _t: f64, _y: &[R], _system: &Sys) {}
-}
+impl<R: Lane, Sys> Output<R, Sys> for NoOutput {}

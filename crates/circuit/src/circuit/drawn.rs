@@ -31,12 +31,6 @@ impl Drawn<f64> {
 }
 
 impl Output<f64, Circuit<f64>> for Option<Box<Drawn<f64>>> {
-    fn due(&self, _lane: usize) -> f64 {
-        f64::INFINITY
-    }
-
-    fn sample(&mut self, _lane: usize, _t: f64, _y: &[f64], _circuit: &Circuit<f64>) {}
-
     fn step(
         &mut self,
         _lane: usize,
