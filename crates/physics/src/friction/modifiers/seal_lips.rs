@@ -23,21 +23,6 @@ crate::parameters! {
     }
 }
 
-impl<P: Real> SealLips<P> {
-    #[inline(always)]
-    pub(in crate::friction) fn apply<S: Over<P>>(&self, base: &Levels<S>, at: &At<S>) -> Levels<S> {
-        let affine = |level: S, a: P, b: P| {
-            let sum = S::from(a).fma(at.gauge_a, S::from(b).fma(at.gauge_b, level));
-            sum.max(S::c(FLOOR) * level)
-        };
-        Levels {
-            coulomb: affine(base.coulomb, self.coulomb_a, self.coulomb_b),
-            breakaway: affine(base.breakaway, self.breakaway_a, self.breakaway_b),
-            ..*base
-        }
-    }
-}
-
 impl<S: Real> Levels<S> {
     /// Returns the levels under the seal lips of a contact, if it has any.
     #[inline(always)]
@@ -45,9 +30,15 @@ impl<S: Real> Levels<S> {
     where
         S: Over<P>,
     {
-        match lips {
-            Some(lips) => lips.apply(&self, at),
-            None => self,
+        let Some(lips) = lips else { return self };
+        let affine = |level: S, a: P, b: P| {
+            let sum = S::from(a).fma(at.gauge_a, S::from(b).fma(at.gauge_b, level));
+            sum.max(S::c(FLOOR) * level)
+        };
+        Levels {
+            coulomb: affine(self.coulomb, lips.coulomb_a, lips.coulomb_b),
+            breakaway: affine(self.breakaway, lips.breakaway_a, lips.breakaway_b),
+            ..self
         }
     }
 }
