@@ -4,7 +4,6 @@ mod advance;
 mod build;
 mod drawn;
 mod fused;
-mod handles;
 mod impacts;
 mod ledger;
 mod masses;
@@ -16,7 +15,6 @@ pub(crate) use advance::settled;
 pub use advance::{Look, advance, budget, failure_of};
 pub(crate) use drawn::Drawn;
 pub(crate) use fused::glance::{Glance, place};
-pub use handles::CarriageId;
 pub use impacts::Impact;
 pub(crate) use impacts::Impacts;
 pub use ledger::{Balance, balance};
@@ -29,7 +27,6 @@ use crate::part::{Called, EventId, InputId, PartId, PartKind, Parts, Restriction
 use fused::{Fused, Whole};
 use math::{Gather, Lane};
 use ode::Structure;
-use physics::Gas;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
@@ -78,16 +75,11 @@ impl<R: Lane> Circuit<R> {
     /// Returns one circuit of lanes. Lane `i` is `each[i]`. All must have the same parts.
     pub fn gather(each: &[&Circuit<f64>]) -> Self {
         assert_eq!(each.len(), R::L, "one circuit for each lane");
-        let number = |f: &dyn Fn(&Common<f64>) -> f64| R::from_lanes(|lane| f(&each[lane].common));
         Circuit {
             topology: each[0].topology.clone(),
             parts: Parts::gather(&math::field(each, |circuit| &circuit.parts)),
-            common: Common {
-                gas: Gas::gather(&math::field(each, |circuit| &circuit.common.gas)),
-                ambient_pressure: number(&|c| c.ambient_pressure),
-                ambient_temperature: number(&|c| c.ambient_temperature),
-            },
-            scale: (0..each[0].scale.len()).map(|i| R::from_lanes(|lane| each[lane].scale[i])).collect(),
+            common: Common::gather(&math::field(each, |circuit| &circuit.common)),
+            scale: Gather::gather(&math::field(each, |circuit| &circuit.scale)),
             open: {
                 let restrictions = 0..each[0].parts.restrictions.len();
                 restrictions.filter(|i| each.iter().any(|circuit| circuit.open.contains(i))).collect()

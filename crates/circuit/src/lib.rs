@@ -21,7 +21,7 @@ pub use assembly::{
     Prescribed, Record, Run, Sampling, Session, Settable, Shooting, Shot, Target, Variables, close,
     friction_law, own_law, sample_times, steady_sensitivity, valve_openings,
 };
-pub use circuit::{Balance, CarriageId, Circuit, Impact, Look, Path, advance, balance, budget, failure_of};
+pub use circuit::{Balance, Circuit, Impact, Look, Path, advance, balance, budget, failure_of};
 pub use component::{
     Brings, Choice, FrictionTable, Holds, Instance, KINDS, Kind as ComponentKind, Points, Port, PortKind,
     Quantity, Row, Starting, formula_kind,

@@ -79,8 +79,6 @@ pub const MOST_INNER: usize = 16;
 pub struct Choices {
     /// Shape of the Stribeck curve, unless the exponent gives it.
     pub shape: Option<Shape>,
-    /// Elements of a law of elements, stiffness in N/m. Empty for the default of the law.
-    pub elements: Vec<Element<f64>>,
     /// Evolution law of the state of a rate-and-state contact.
     pub evolution: Evolution,
 }

@@ -6,31 +6,17 @@ pub use ideal::IdealGas;
 pub use virial::Virial;
 
 use crate::heat::Transport;
-use math::Real;
 use std::ops::Deref;
 
 /// The gas of a circuit: ideal, or with a second virial coefficient.
 #[derive(Clone, Copy, Debug)]
 pub struct Gas<P> {
-    ideal: IdealGas<P>,
+    /// Ratio of heat capacities, gas constant and what follows from both.
+    pub ideal: IdealGas<P>,
     /// Numbers of the virial coefficient. `None` for an ideal gas.
     pub virial: Option<Virial<P>>,
     /// Viscosity and conductivity, the same in all lanes.
     pub transport: Transport,
-}
-
-impl<P: Real> Gas<P> {
-    /// Creates the gas with the numbers of a virial coefficient.
-    #[must_use]
-    pub fn with(self, virial: Option<Virial<P>>) -> Self {
-        Gas { virial, ..self }
-    }
-
-    /// Creates the gas with a viscosity and a conductivity.
-    #[must_use]
-    pub fn conducting(self, transport: Transport) -> Self {
-        Gas { transport, ..self }
-    }
 }
 
 math::gather!(Gas { ideal, virial } same { transport });

@@ -1,9 +1,9 @@
 //! The friction of a description: a law and its modifiers, with every value checked.
 
 use super::own_law::{check_levels, own_law};
-use crate::ground::{DIRECTIONS, Error, Lifted, refuse, seeds};
+use crate::ground::{DIRECTIONS, Error, Lifted, Sensitive, refuse, seeds};
 use crate::specification::{self, Friction, Numbers, StribeckShape};
-use math::{Dual, Lane};
+use math::Lane;
 use physics::friction::formula::{Formula, OwnLaw};
 use physics::friction::{
     AnyLaw, At, Choices, Composition, Contact, Direction, Dwell, ELEMENTS, Element, Evolution, Harmonic,
@@ -46,10 +46,10 @@ pub fn steady_sensitivity(
     seeds.value.parameters = parameters.clone();
     let mut derivatives = vec![0.0; places.len() * names.len()];
     for first in (0..names.len()).step_by(DIRECTIONS) {
-        let friction = contact::<Dual<f64, DIRECTIONS>>(&Lifted::new(&seeds, first))?;
+        let friction = contact::<Sensitive>(&Lifted::new(&seeds, first))?;
         let last = names.len().min(first + DIRECTIONS);
         for (row, at) in derivatives.chunks_exact_mut(names.len()).zip(places) {
-            let force = friction.steady(&at.map(Dual::from));
+            let force = friction.steady(&at.map(Sensitive::from));
             row[first..last].copy_from_slice(&force.eps[..last - first]);
         }
     }
@@ -122,18 +122,16 @@ fn law<P: Lane>(lifted: &Lifted<Friction>) -> Result<AnyLaw<P>, Error> {
     let spec = lifted.value;
     let (meta, own) = meta(spec)?;
     check_law(lifted, meta)?;
+    check_elements(spec, meta)?;
+    let (evolution, shape) = (evolution(spec, meta)?, shape(spec, meta, own.is_some())?);
     if let Some(own) = own {
         check_levels(spec, own)?;
         Formula::new(own, numbers(lifted, meta)).examine().map_err(Error::Specification)?;
-    }
-    let mut choices = choices(spec, meta, own.is_some())?;
-    if let Some(own) = own {
         return Ok(AnyLaw::Formula(Formula::new(own, numbers(lifted, meta))));
     }
-    if choices.shape.is_none() && lifted.is_free(|spec| named(spec, "stribeck_exponent").unwrap_or(0.0)) {
-        // This includes the exponent 2, whose value alone would be a square.
-        choices.shape = Some(Shape::Power);
-    }
+    // A free exponent includes 2, whose value alone would be a square.
+    let is_free = lifted.is_free(|spec| named(spec, "stribeck_exponent").unwrap_or(0.0));
+    let choices = Choices { shape: shape.or(is_free.then_some(Shape::Power)), evolution };
     let plain = AnyLaw::build(meta.key, &mut |parameter| number(lifted, parameter), &choices);
     let mut law = plain.expect("the name is registered").lifted(&mut |parameter| number(lifted, parameter));
     if let (AnyLaw::MaxwellSlip(law), false) = (&mut law, spec.elements.is_empty()) {
@@ -163,12 +161,6 @@ fn number<P: Lane>(lifted: &Lifted<Friction>, parameter: &Parameter) -> P {
     }
 }
 
-/// Choices of the description.
-fn choices(spec: &Friction, law: &Meta, own: bool) -> Result<Choices, Error> {
-    let (elements, evolution) = (elements(spec, law)?, evolution(spec, law)?);
-    Ok(Choices { shape: shape(spec, law, own)?, elements, evolution })
-}
-
 fn shape(spec: &Friction, law: &Meta, own: bool) -> Result<Option<Shape>, Error> {
     let Some(shape) = spec.stribeck_shape else { return Ok(None) };
     let takes = |key: &str| law.parameters.iter().any(|parameter| parameter.key == key);
@@ -187,15 +179,15 @@ fn shape(spec: &Friction, law: &Meta, own: bool) -> Result<Option<Shape>, Error>
     Ok(shape)
 }
 
-/// Returns the elements of a description, in N/m and fractions of the force level.
-fn elements(spec: &Friction, law: &Meta) -> Result<Vec<Element<f64>>, Error> {
+/// Refuses elements that do not belong to the law, or whose numbers are impossible.
+fn check_elements(spec: &Friction, law: &Meta) -> Result<(), Error> {
     let listed = &spec.elements;
     let stiffness = spec.parameters.get("bristle_stiffness").filter(|k| k.is_finite());
     match (law.elements, listed.is_empty(), stiffness) {
         (false, false, _) => {
             return refuse!("friction.elements belongs to law \"gms\"; law \"{}\" has none", law.key);
         }
-        (false, true, _) | (true, true, Some(_)) => return Ok(Vec::new()),
+        (false, true, _) | (true, true, Some(_)) => return Ok(()),
         (true, true, None) => {
             return refuse(
                 "friction.bristle_stiffness is missing: give it, or the elements themselves as friction.elements",
@@ -227,7 +219,7 @@ fn elements(spec: &Friction, law: &Meta) -> Result<Vec<Element<f64>>, Error> {
     if (total - 1.0).abs() > SHARES_WITHIN {
         return refuse!("friction.elements: the shares add up to {total}; they must add up to 1");
     }
-    Ok(listed.iter().map(|element| Element { level: element.level / total, ..*element }).collect())
+    Ok(())
 }
 
 fn evolution(spec: &Friction, law: &Meta) -> Result<Evolution, Error> {

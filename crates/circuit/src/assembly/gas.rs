@@ -22,7 +22,7 @@ pub(super) fn gas<P: Lane>(lifted: &Lifted<specification::Gas>) -> Gas<P> {
     });
     let specification::Gas { heat_capacity_ratio, gas_constant_j_kg_k, .. } = *lifted.value;
     let transport = Transport::of(&IdealGas::new(heat_capacity_ratio, gas_constant_j_kg_k));
-    Gas::from(&ideal).with(virial).conducting(transport)
+    Gas { ideal, virial, transport }
 }
 
 /// Least pressure fraction of a third virial coefficient that gives a warning (assumed).

@@ -198,7 +198,7 @@ impl Members {
         let ledger = !self.template.circuit.channels().is_empty();
         let parts = (&self.each[..], &self.joints);
         let circuit = like.map(|like| &*like.circuit);
-        let wired = wire(&self.gas, self.gas.is_air(), self.ambient, parts, ledger, circuit)?;
+        let wired = wire(&self.gas, self.ambient, parts, ledger, circuit)?;
         Ok(wired.named_like(&self.template))
     }
 }

@@ -38,7 +38,6 @@ pub struct Network {
     pub joint_volumes: Vec<(String, f64)>,
     pub(super) joints: Joints,
     pub(super) each: Vec<Instance<f64>>,
-    pub(super) is_air: bool,
     names: Arc<Names>,
 }
 
@@ -185,7 +184,7 @@ impl Network {
                 return refuse!("{}: chamber law \"as-printed\" needs an ideal gas", own.name);
             }
         }
-        let mut wired = wire(&gas, gas.is_air(), ambient, (&each, &joints), ledger, None)?;
+        let mut wired = wire(&gas, ambient, (&each, &joints), ledger, None)?;
         let joint_volumes = std::mem::take(&mut wired.joint_volumes);
         let (assembly, pistons) = wired.named();
         let gauge = assembly.highest_pressure() - ambient[0];
@@ -200,17 +199,7 @@ impl Network {
         let mut seen = BTreeSet::new();
         citations.retain(|key| seen.insert(*key));
         let assembly = if names.table.is_empty() { assembly } else { assembly.called(&names) };
-        Ok(Network {
-            assembly,
-            pistons,
-            warnings,
-            citations,
-            joint_volumes,
-            joints,
-            each,
-            is_air: gas.is_air(),
-            names,
-        })
+        Ok(Network { assembly, pistons, warnings, citations, joint_volumes, joints, each, names })
     }
 
     /// Returns each cylinder's name and end stops, and the design load of derived stops. Derived stops follow from the

@@ -82,7 +82,7 @@ where
     let each = each.collect::<Result<Vec<_>, Error>>()?;
     let like = &of.assembly;
     let without_ledger = Some(&*like.circuit).filter(|circuit| circuit.channels().is_empty());
-    Ok(wire(&gas, of.is_air, ambient, (&each, &of.joints), false, without_ledger)?.named_like(like))
+    Ok(wire(&gas, ambient, (&each, &of.joints), false, without_ledger)?.named_like(like))
 }
 
 impl Network {

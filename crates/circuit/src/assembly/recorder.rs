@@ -101,7 +101,7 @@ impl Output<f64, Circuit<f64>> for Recorder {
             self.spill();
         }
         if let Some(entries) = &mut self.entries {
-            entries.push(Entry::of(circuit, y));
+            entries.push(circuit.books(y));
         }
         self.next += 1;
     }

@@ -41,12 +41,6 @@ impl Settable {
         let Input { unit, bounds, .. } = *circuit.what_input(id);
         Settable { name: name.into(), unit, bounds, meaning, target: Target::Input(id) }
     }
-
-    /// The command of a valve.
-    pub fn command(edges: [InputId; 4]) -> Self {
-        let (name, bounds) = ("command".into(), physics::within(-1.0, 1.0));
-        Settable { name, unit: "1", bounds, meaning: "valve command", target: Target::Edges(edges) }
-    }
 }
 
 /// The names of a circuit.
@@ -126,10 +120,6 @@ pub(super) fn command<R: Lane>(circuit: &Circuit<R>, edges: [InputId; 4]) -> R {
 }
 
 impl<P: Lane> Assembly<P> {
-    pub(crate) fn new(circuit: Circuit<P>, variables: Variables) -> Self {
-        Assembly { circuit: Arc::new(circuit), variables: Arc::new(variables), timings: Arc::new([]) }
-    }
-
     /// Names of the columns.
     pub fn columns(&self) -> &[String] {
         &self.variables.columns

@@ -60,7 +60,6 @@ fn check_met<P: Lane>(build: &Build<P>) -> Result<(), Error> {
 /// and names are reused.
 pub(super) fn wire<P: Lane>(
     gas: &Gas<P>,
-    is_air: bool,
     ambient: [P; 2],
     (each, joints): (&[Instance<P>], &Joints),
     ledger: bool,
@@ -70,7 +69,7 @@ where
     Deps: Over<P>,
 {
     if let Some(other) = like {
-        let build = join(gas, is_air, ambient, (each, joints), true)?;
+        let build = join(gas, ambient, (each, joints), true)?;
         if let Some(circuit) = build.circuit.build_like(other) {
             return Ok(Build { circuit, ..build }.with_passages());
         }
@@ -78,7 +77,7 @@ where
     if !P::GENERAL {
         return refuse("these numbers belong to a circuit of another structure");
     }
-    let build = join(gas, is_air, ambient, (each, joints), false)?;
+    let build = join(gas, ambient, (each, joints), false)?;
     check_size(&build.circuit.count_states())?;
     let circuit = build.circuit.build(ledger);
     Ok(Build { circuit, ..build }.with_passages())
@@ -86,7 +85,6 @@ where
 
 fn join<P: Lane>(
     gas: &Gas<P>,
-    is_air: bool,
     ambient: [P; 2],
     (each, joints): (&[Instance<P>], &Joints),
     is_like: bool,
@@ -94,7 +92,7 @@ fn join<P: Lane>(
 where
     Deps: Over<P>,
 {
-    let build = Build::new(gas, is_air, ambient, is_like);
+    let build = Build::new(gas, ambient, is_like);
     let nodes = each.iter().map(|own| vec![Node::Shut; own.table.ports.len()]).collect();
     let chains = joints.chains(each);
     let has_heat_law = each.iter().any(Instance::has_heat_law);
@@ -163,7 +161,10 @@ impl<P: Lane> Build<P> {
             let of = |id: InputId| Settable::of(&circuit, id, &name, meaning);
             match acts {
                 Acts::On(id) => of(id),
-                Acts::Command(edges) => Settable { name, ..Settable::command(edges) },
+                Acts::Command(edges) => {
+                    let (bounds, target) = (physics::within(-1.0, 1.0), Target::Edges(edges));
+                    Settable { name, unit: "1", bounds, meaning: "valve command", target }
+                }
                 Acts::Force(axis) => of(circuit.external_force(axis)),
                 Acts::Pressure(node) => of(circuit.boundary(node)[0]),
                 Acts::Temperature(node) => of(circuit.boundary(node)[1]),
@@ -187,6 +188,7 @@ impl<P: Lane> Build<P> {
         starts.retain(|(_, names)| !names.is_empty());
         let mut variables = Variables { inputs, starts, ..Variables::default() };
         variables.read(columns);
-        (Assembly { timings: timings.into(), ..Assembly::new(circuit, variables) }, pistons)
+        let (circuit, variables) = (Arc::new(circuit), Arc::new(variables));
+        (Assembly { circuit, variables, timings: timings.into() }, pistons)
     }
 }

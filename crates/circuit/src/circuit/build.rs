@@ -1,6 +1,5 @@
 //! Building of a circuit from its parts: parts, connections, and the start state.
 
-use super::handles::CarriageId;
 use super::{Circuit, Topology, next_filling};
 use crate::ground::{AxisId, Between, Common, GasId, Given, Place};
 use crate::part::*;
@@ -338,15 +337,10 @@ where
 }
 
 impl Circuit<f64> {
-    /// A servo axis driven by its jerk, rigid and without compliance.
-    pub fn carriage(&mut self) -> (AxisId, CarriageId) {
-        self.servo(Carriage::rigid())
-    }
-
-    /// A servo axis driven by its jerk.
-    pub fn servo(&mut self, carriage: Carriage<f64>) -> (AxisId, CarriageId) {
+    /// A servo axis. The inputs of its part are its jerk, m/s3, and whether it gives way.
+    pub fn servo(&mut self, carriage: Carriage<f64>) -> (AxisId, PartId) {
         let axis = self.driven();
-        (axis, CarriageId(self.add(Carriage { node: axis.0, ..carriage }).index))
+        (axis, self.add(Carriage { node: axis.0, ..carriage }))
     }
 }
 

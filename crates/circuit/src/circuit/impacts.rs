@@ -142,10 +142,7 @@ impl Impacts {
 impl Circuit<f64> {
     /// Trackers of the impacts of each cylinder.
     pub(crate) fn impacts(&self) -> Vec<Impacts> {
-        let usual = self.parts.cylinders.iter().map(|(_, part)| &part.stops);
-        let others = self.parts.other_cylinders.iter().map(|(_, part)| &part.stops);
-        let alone = self.parts.end_stops.iter().map(|(_, stops)| stops);
-        let each = usual.chain(others).chain(alone).cloned().filter_map(|mut stops| {
+        let each = self.stops().cloned().filter_map(|mut stops| {
             let mover = if let Some((_, leg, first, platform)) = self.leg(AxisId(stops.axis)) {
                 Mover::Leg(Box::new(platform.clone()), first, leg)
             } else {

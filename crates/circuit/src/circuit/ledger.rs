@@ -30,23 +30,16 @@ const LEAST_SHARE: f64 = 1.0 / 300.0;
 #[derive(Clone, Debug)]
 pub struct Entry {
     /// Mass, kg, energy, J, and entropy of the gas, J/K.
-    stored: [f64; 3],
-    accounts: Vec<f64>,
-    /// The energy of each store, J.
-    stores: Vec<f64>,
-}
-
-impl Entry {
-    /// Returns the data of a state with its balances.
-    pub fn of(circuit: &Circuit<f64>, y: &[f64]) -> Self {
-        let (stored, accounts) = circuit.books(y);
-        Entry { stored, accounts, stores: circuit.stores(y) }
-    }
+    pub stored: [f64; 3],
+    /// Every balance, kg, J or J/K.
+    pub accounts: Vec<f64>,
+    /// The energy of each store, J: kinetic and potential energy and bristles of masses, volumes, and springs.
+    pub stores: Vec<f64>,
 }
 
 /// Closes the balances of a run, from its states at the samples (balances included).
 pub fn balance(circuit: &Circuit<f64>, samples: &[Vec<f64>]) -> Balance {
-    closed(circuit, &samples.iter().map(|y| Entry::of(circuit, y)).collect::<Vec<_>>())
+    closed(circuit, &samples.iter().map(|y| circuit.books(y)).collect::<Vec<_>>())
 }
 
 /// Closes the balances of a run, from the data at its samples.

@@ -4,7 +4,7 @@ use super::Circuit;
 use crate::ground::{AxisId, AxisNode, Place};
 use crate::part::mechanics::axis::at;
 use crate::part::mechanics::cylinder::{CHAMBERS, INNER};
-use crate::part::{Axis, InputId, PartId, PartKind, Platform, Volume};
+use crate::part::{Axis, EndStops, InputId, PartId, PartKind, Platform, Volume};
 use math::{Lane, Over};
 
 /// A mass: its part, the indices of its states (x and v first), the mass, and the offset of the inner states of its
@@ -50,6 +50,13 @@ impl<P: Lane> Circuit<P> {
             return platform.contacts[leg].as_ref().map_or(S::zero(), |own| own.steady(&at(node)));
         }
         self.mass(axis).2.steady_friction(node)
+    }
+
+    /// Returns all end stops, of cylinders and of other masses.
+    pub(super) fn stops(&self) -> impl Iterator<Item = &EndStops<P>> {
+        let usual = self.parts.cylinders.iter().map(|(_, cylinder)| &cylinder.stops);
+        let others = self.parts.other_cylinders.iter().map(|(_, cylinder)| &cylinder.stops);
+        usual.chain(others).chain(self.parts.end_stops.iter().map(|(_, stops)| stops))
     }
 
     /// Returns every volume with the index of its two states, and its name for users.
@@ -104,9 +111,6 @@ impl<R: Lane> Circuit<R> {
 
     /// Returns the pressure for which they are designed, if any, Pa absolute.
     pub(crate) fn stops_laid_out_for(&self) -> Option<R> {
-        let usual = self.parts.cylinders.iter().map(|(_, cylinder)| &cylinder.stops);
-        let others = self.parts.other_cylinders.iter().map(|(_, cylinder)| &cylinder.stops);
-        let mut each = usual.chain(others).chain(self.parts.end_stops.iter().map(|(_, stops)| stops));
-        each.find_map(|stops| stops.follows.as_ref()).map(|follows| follows.start)
+        self.stops().find_map(|stops| stops.follows.as_ref()).map(|follows| follows.start)
     }
 }

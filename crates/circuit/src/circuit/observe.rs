@@ -1,7 +1,7 @@
 //! Observed quantities of a circuit at a state: nodes, flows, forces, stored quantities.
 
 use super::fused::glance::Glance;
-use super::{Circuit, Path};
+use super::{Circuit, Entry, Path};
 use crate::ground::{AxisId, GasId, Net};
 use crate::part::mechanics::cylinder::INNER;
 use crate::part::valves::signal;
@@ -85,33 +85,6 @@ impl<R: Lane> Circuit<R> {
         platform.motion(&y[own.clone()], &net.rates[own], output)
     }
 
-    /// Returns (mass, energy, entropy of the gas) stored at state `y`.
-    pub fn stored(&self, y: &[R]) -> [R; 3] {
-        let mut net = self.work::<R>();
-        self.observe(y, &mut net);
-        self.parts.stored(y, &net, &self.common)
-    }
-
-    /// Returns the energy of each store at state `y`, J: kinetic and potential energy and bristles of masses, volumes,
-    /// and springs.
-    pub fn stores(&self, y: &[R]) -> Vec<R> {
-        let mut net = self.work::<R>();
-        self.observe(y, &mut net);
-        self.parts.stores(y, &net, &self.common)
-    }
-
-    /// Returns the stored quantities at state `y` (balances included), and every balance.
-    pub fn books(&self, y: &[R]) -> ([R; 3], Vec<R>) {
-        let mut net = self.work::<R>();
-        self.observe(y, &mut net);
-        let mut accounts = vec![R::zero(); self.channels().len()];
-        self.parts.standing(&net, &self.common, &mut accounts);
-        for (account, integral) in accounts.iter_mut().zip(&y[self.n_states()..]) {
-            *account += *integral;
-        }
-        (self.parts.stored(y, &net, &self.common), accounts)
-    }
-
     /// Returns the first state of a part within `y`.
     pub(crate) fn part_state(&self, part: PartId, y: &[R]) -> R {
         y[self.parts.place_of(part).first]
@@ -133,6 +106,19 @@ impl<R: Lane> Circuit<R> {
 }
 
 impl Circuit<f64> {
+    /// Returns the stored quantities at state `y` (balances included), and every balance.
+    pub fn books(&self, y: &[f64]) -> Entry {
+        let mut net = self.work::<f64>();
+        self.observe(y, &mut net);
+        let mut accounts = vec![0.0; self.channels().len()];
+        self.parts.standing(&net, &self.common, &mut accounts);
+        for (account, integral) in accounts.iter_mut().zip(&y[self.n_states()..]) {
+            *account += *integral;
+        }
+        let stored = self.parts.stored(y, &net, &self.common);
+        Entry { stored, accounts, stores: self.parts.stores(y, &net, &self.common) }
+    }
+
     /// Axis and chambers of a circuit that has fast outputs.
     pub(crate) fn glanced(&self) -> Option<(AxisId, [GasId; 2])> {
         self.fused.as_ref()?;

@@ -6,7 +6,7 @@ use crate::circuit::{Circuit, Path};
 use crate::component::mechanics::end_stop::Ends;
 use crate::component::{Quantity, Starting, Timing};
 use crate::ground::{AxisId, Error, GasId};
-use crate::part::{CheckValve, Edge, InputId, PartId, StoredPart, Wall};
+use crate::part::{CheckValve, InputId, PartId, StoredPart, Wall};
 use math::{Deps, Lane, Over};
 use physics::flow::{BORE_CONDUCTANCE, Iso6358};
 use physics::friction::Contact;
@@ -69,8 +69,6 @@ pub struct Build<P> {
     pub circuit: Circuit<P>,
     /// The gas of the circuit.
     pub gas: Gas<P>,
-    /// Whether the gas is air.
-    pub is_air: bool,
     /// Pressure, Pa, and temperature, K, of the ambient air.
     pub ambient: [P; 2],
     /// The highest pressure of a supply, Pa absolute.
@@ -109,11 +107,10 @@ pub struct Build<P> {
 
 impl<P: Lane> Build<P> {
     /// Nothing yet, with a gas and ambient air of a pressure, Pa, and a temperature, K.
-    pub(crate) fn new(gas: &Gas<P>, is_air: bool, ambient: [P; 2], is_like: bool) -> Self {
+    pub(crate) fn new(gas: &Gas<P>, ambient: [P; 2], is_like: bool) -> Self {
         Build {
             circuit: Circuit::new(gas, ambient[0], ambient[1]),
             gas: *gas,
-            is_air,
             ambient,
             highest: None,
             hottest: ambient[1],
@@ -209,10 +206,9 @@ impl<P: Lane> Build<P> {
         self.springs.push((axis, stiffness, rest_position));
     }
 
-    /// Adds a path that a signal opens.
-    pub(super) fn signal_edge(&mut self, edge: Edge<P>) -> Path {
-        let conductance = edge.law.conductance;
-        Path::along(self.flow_part(edge, &[conductance]), 0)
+    /// Adds a part with one flow path of this conductance.
+    pub(super) fn path_part(&mut self, part: impl StoredPart<P>, conductance: P) -> Path {
+        Path::along(self.flow_part(part, &[conductance]), 0)
     }
 
     /// Adds the heat-storing wall of volumes, and the column of its temperature.
@@ -235,7 +231,7 @@ impl<P: Lane> Build<P> {
     /// Adds a path that opens without a command.
     pub fn check_valve(&mut self, law: Iso6358<P>, cracking_pressure: P, from: GasId, to: GasId) -> Path {
         let (conductance, path) = (law.conductance, self.circuit.between(from, to));
-        Path::along(self.flow_part(CheckValve { law, cracking_pressure, path }, &[conductance]), 0)
+        self.path_part(CheckValve { law, cracking_pressure, path }, conductance)
     }
 
     /// Adds the columns of a motion: position, velocity, acceleration and friction, the first four outputs.
@@ -298,7 +294,7 @@ impl<P: Lane> Build<P> {
     /// Returns the law of a flow path with the subsonic index 0.5, from its sonic conductance, m3/(s Pa), and its
     /// critical pressure ratio.
     pub fn usual_path(&self, [conductance, ratio]: [P; 2], linear_above: P) -> Iso6358<P> {
-        Iso6358::for_gas(conductance, ratio, P::c(0.5), linear_above, true, &self.gas, self.is_air)
+        Iso6358::for_gas(conductance, ratio, P::c(0.5), linear_above, true, &self.gas, self.gas.is_air())
     }
 }
 
@@ -329,7 +325,7 @@ impl<P: Lane> Instance<P> {
             self.number("linear_above"),
             index.get(0) == 0.5 && !self.is_free("subsonic_index"),
             &build.gas,
-            build.is_air,
+            build.gas.is_air(),
         )
     }
 }

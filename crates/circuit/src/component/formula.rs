@@ -1,7 +1,6 @@
 //! Components whose equation is a user's formula with separate parameters.
 
 use super::{Acts, Build, Choice, Component, Given, Instance, Kind, Row, Terminals, axis, gas};
-use crate::circuit::Path;
 use crate::component::Quantity;
 use crate::component::instance::Written;
 use crate::ground::Error;
@@ -10,8 +9,8 @@ use math::Lane;
 use physics::IdealGas;
 use physics::constants::{RHO_0, T_0};
 use physics::flow::{FlowFormula, MASS_FLOW};
-use physics::mechanics::{FORCE, ForceFormula};
-use physics::written::{Known, OwnFormula, Refusal, Role, Text};
+use physics::mechanics::{FORCE, examine_force};
+use physics::written::{Formula, Known, OwnFormula, Refusal, Role, Text};
 
 static KNOWN: Known<Written> = Known::new();
 
@@ -26,8 +25,8 @@ pub(crate) fn written(
         let key = format!("parameters.{}", taken.key);
         return Err(Refusal::of(key, what, "Choose another name for the parameter."));
     }
-    let own = OwnFormula::of(role, text)?;
     KNOWN.get(format!("{} {text:?}", base.key), || {
+        let own = OwnFormula::of(role, text)?;
         let rows = own.parameters.iter().map(|parameter| Row::of(*parameter));
         let commanded = role.variables.last().is_some_and(|last| own.uses(last.name));
         let kind = Kind {
@@ -43,7 +42,7 @@ pub(crate) fn written(
 /// Returns the formula of a component with values of its parameters.
 fn valued<P: Lane>(own: &Instance<P>) -> (&'static OwnFormula, Vec<P>) {
     let Given::Formula(written) = own.extra else { unreachable!("a component with a formula") };
-    (written.own, own.numbers.iter().map(|number| number.expect("a number that was checked")).collect())
+    (&written.own, own.numbers.iter().map(|number| number.expect("a number that was checked")).collect())
 }
 
 /// A flow path by a formula.
@@ -83,11 +82,11 @@ impl Component for FormulaRestriction {
         let supply = build.highest.unwrap_or(ambient);
         let conductance = law.mass_flow(P::one(), [supply, t], [ambient, t]) / (supply * P::c(RHO_0));
         let path = build.circuit.between(from, to);
-        let part = build.flow_part(FormulaPath { opening: P::zero(), law, path }, &[conductance]);
+        let path = build.path_part(FormulaPath { opening: P::zero(), law, path }, conductance);
         if !own.table.inputs.is_empty() {
-            build.input(own, 0, Acts::On(part.input(0)));
+            build.input(own, 0, Acts::On(path.part.input(0)));
         }
-        build.column(own, 0, Quantity::along(Path::along(part, 0)));
+        build.column(own, 0, Quantity::along(path));
     }
 }
 
@@ -109,14 +108,14 @@ impl Component for Force {
 
     fn check(own: &Instance<f64>) -> Result<(), Error> {
         let (formula, values) = valued(own);
-        let examined = ForceFormula::new(formula, values).examine();
-        examined.map_err(|what| Error::Specification(format!("{}: {what}", own.name)))
+        examine_force(&Formula::new(formula, values))
+            .map_err(|what| Error::Specification(format!("{}: {what}", own.name)))
     }
 
     fn compose<P: Lane>(own: &Instance<P>, at: &Terminals, build: &mut Build<P>) {
         let Some(axis) = at.axis(0) else { return };
         let (formula, values) = valued(own);
-        let law = ForceFormula::new(formula, values);
+        let law = Formula::new(formula, values);
         let part = build.circuit.add(FormulaForce { command: P::zero(), law, axis: axis.0 });
         if !own.table.inputs.is_empty() {
             build.input(own, 0, Acts::On(part.input(0)));

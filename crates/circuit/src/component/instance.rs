@@ -11,7 +11,7 @@ use physics::written::OwnFormula;
 #[derive(Debug)]
 pub struct Written {
     pub kind: Kind,
-    pub own: &'static OwnFormula,
+    pub own: OwnFormula,
 }
 
 /// Addition of one component.

@@ -1,7 +1,6 @@
 //! Restrictions in a row that are merged into one flow path.
 
 use super::{Brings, Build, Instance, Node, series};
-use crate::circuit::Path;
 use crate::component::{Quantity, tube_wall};
 use crate::ground::{Error, refuse};
 use crate::part::Series;
@@ -99,9 +98,8 @@ impl Chain {
         let most = forward.conductance.max(backward.conductance);
         let ambient = build.ambient[1];
         let walls = members().filter_map(|own| tube_wall(own, ambient, &build.gas)).collect();
-        let part = build.flow_part(Series { forward, backward: Some(backward), walls, path }, &[most]);
+        let path = build.path_part(Series { forward, backward: Some(backward), walls, path }, most);
         for &(own, entered) in &self.0 {
-            let path = Path::along(part, 0);
             let path = if entered == 0 { path } else { path.backward() };
             for output in 0..each[own].table.outputs.len() {
                 build.column(&each[own], output, Quantity::along(path));

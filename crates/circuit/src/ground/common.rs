@@ -16,6 +16,8 @@ pub struct Common<P> {
     pub ambient_temperature: P,
 }
 
+math::gather!(Common { gas, ambient_pressure, ambient_temperature });
+
 /// ln x for a balance. A trial stage may be outside the physical range. Its balances may have any value except NaN, so
 /// that the steps are the same with and without a ledger.
 pub(crate) fn log<S: Real>(x: S) -> S {

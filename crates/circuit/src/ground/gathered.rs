@@ -23,15 +23,15 @@ pub(crate) use gathered;
 
 /// Inside `impl Part`: inputs that are numbers of the part, each with its name, unit and bounds.
 macro_rules! inputs {
-    ($($field:ident: $name:literal, $unit:literal, $bounds:expr);* $(;)?) => {
+    ($($($field:ident).+: $name:literal, $unit:literal, $bounds:expr);* $(;)?) => {
         fn inputs(&self) -> &'static [$crate::ground::Input] {
             const { &[$($crate::ground::Input { name: $name, unit: $unit, bounds: $bounds }),*] }
         }
         fn input(&self, input: usize) -> P {
-            [$(self.$field),*][input]
+            [$(self.$($field).+),*][input]
         }
         fn input_mut(&mut self, input: usize) -> &mut P {
-            [$(&mut self.$field),*][input]
+            [$(&mut self.$($field).+),*][input]
         }
     };
 }

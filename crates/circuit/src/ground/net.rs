@@ -135,12 +135,6 @@ impl<S: Real> GasNode<S> {
         self.state = state;
     }
 
-    /// Sets the pressure, Pa absolute, at the present temperature.
-    #[inline(always)]
-    pub fn set_pressure(&mut self, p: S) {
-        self.state = GasState { p, inverse_p: S::one() / p, ..self.state };
-    }
-
     /// A node without volume and flow. Pressure and temperature are 1, so that no division by zero occurs.
     #[inline(always)]
     pub(crate) fn empty() -> Self {

@@ -96,7 +96,7 @@ fn two_tanks_share_their_energy() {
 fn compress(law: ChamberLaw, wall: f64) -> f64 {
     let mut circuit = empty();
     let chamber = circuit.volume(law, 1e-5, 1.0, wall, ROOM);
-    let (carriage, _) = circuit.carriage();
+    let (carriage, _) = circuit.servo(circuit::Carriage::rigid());
     circuit.face(chamber, carriage, true, 0.0, circuit::PistonSide::new(5e-4, 0.0, 0.0));
     let mut circuit = circuit.build(false);
     let y = circuit.initial(&[(chamber, 3e5, ROOM)], &[(carriage, 0.1, -0.2)]);

@@ -101,7 +101,7 @@ fn energy_is_stored_in_the_same_places() {
         let at = |what: &str| circuit.state_names().iter().position(|(name, _)| name.contains(what));
         y[at("position").expect("a mass")] = 0.301;
         y[at("velocity").expect("a mass")] = 2.0;
-        let mut stores = circuit.stores(&y);
+        let mut stores = circuit.books(&y).stores;
         stores.retain(|energy| *energy != 0.0);
         stores.sort_by(f64::total_cmp);
         stores

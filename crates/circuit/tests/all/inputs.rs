@@ -32,7 +32,7 @@ fn plant() -> (Circuit<f64>, Vec<f64>) {
     for edge in edges {
         circuit.set_input(edge, 0, 0.4);
     }
-    circuit.set_input(carriage.giving_way(), 0, 0.5);
+    circuit.set_input(carriage.input(1), 0, 0.5);
     (circuit, y)
 }
 

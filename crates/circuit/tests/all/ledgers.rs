@@ -178,7 +178,7 @@ fn mass_energy_and_entropy_close_and_no_element_destroys_entropy() {
         let production = |kind: Kind| matches!(kind, Kind::EntropyOfGas | Kind::EntropyOfSolid);
         let produced = balance.accounts.iter().filter(|(_, kind, _)| production(*kind));
         let all: f64 = produced.map(|(.., total)| total.abs()).sum();
-        let books: Vec<Vec<f64>> = trace.states.iter().map(|y| circuit.books(y).1).collect();
+        let books: Vec<Vec<f64>> = trace.states.iter().map(|y| circuit.books(y).accounts).collect();
         for (i, channel) in circuit.channels().iter().enumerate() {
             if !production(channel.kind) || !passive && channel.name.ends_with("friction") {
                 continue;

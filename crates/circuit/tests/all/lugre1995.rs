@@ -22,7 +22,7 @@ fn pull(stiffness: f64, speed: f64, trace: &mut Trace) -> (Stepper<f64, Circuit<
         ("bristle_damping", SIGMA_0.sqrt()),
     ];
     let mass = circuit.axis(1.0, 0.0, 0.0, Some(law("lugre", &values).into()));
-    let (carriage, _) = circuit.carriage();
+    let (carriage, _) = circuit.servo(circuit::Carriage::rigid());
     circuit.link(carriage, mass, stiffness, 0.0);
     let mut circuit = circuit.build(false);
     let y = circuit.initial(&[], &[(mass, 0.0, 0.0), (carriage, 0.0, speed)]);

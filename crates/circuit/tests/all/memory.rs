@@ -3,7 +3,7 @@
 //! and against an integration of the same law by another program.
 
 use crate::support::*;
-use circuit::{AxisId, CarriageId, Circuit};
+use circuit::{AxisId, Circuit, PartId};
 use ode::{NoOutput, Stepper};
 use physics::friction::{AnyLaw, At, Composition, Contact, Dwell, Growth, Relaxation};
 
@@ -11,7 +11,7 @@ use physics::friction::{AnyLaw, At, Composition, Contact, Dwell, Growth, Relaxat
 struct Table {
     stepper: Stepper<f64, Circuit<f64>>,
     mass: AxisId,
-    carriage: CarriageId,
+    carriage: PartId,
     link: circuit::PartId,
 }
 
@@ -22,7 +22,7 @@ type Link = (f64, f64);
 fn table(contact: Contact<f64>, mass: f64, force: f64, link: Link, speed: f64, age: f64) -> Table {
     let mut circuit = empty();
     let axis = circuit.axis(mass, 0.0, force, Some(contact));
-    let (servo, carriage) = circuit.carriage();
+    let (servo, carriage) = circuit.servo(circuit::Carriage::rigid());
     let link = circuit.link(servo, axis, link.0, link.1);
     let mut circuit = circuit.build(false);
     let axes = [(axis, 0.0, 0.0), (servo, 0.0, speed)];
@@ -39,7 +39,7 @@ fn table(contact: Contact<f64>, mass: f64, force: f64, link: Link, speed: f64, a
 impl Table {
     /// Goes on for `duration` s with this jerk of the carriage, m/s3.
     fn go(&mut self, duration: f64, jerk: f64) {
-        self.stepper.system_mut().set_input(self.carriage.jerk(), 0, jerk);
+        self.stepper.system_mut().set_input(self.carriage.input(0), 0, jerk);
         let until = self.stepper.time(0) + duration;
         advance(&mut self.stepper, until, &mut NoOutput);
     }

@@ -27,7 +27,7 @@ fn pulled(stiffness: f64) -> (Circuit<f64>, AxisId, AxisId) {
         ("bristle_damping", SIGMA_1),
     ];
     let mass = circuit.axis(MASS, 0.0, 0.0, Some(law("lugre", &values).into()));
-    let (node, _) = circuit.carriage();
+    let (node, _) = circuit.servo(circuit::Carriage::rigid());
     circuit.link(node, mass, stiffness, 0.0);
     (circuit.build(false), mass, node)
 }

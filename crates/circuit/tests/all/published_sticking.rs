@@ -11,7 +11,7 @@ use physics::friction::AnyLaw;
 fn pulled(law: AnyLaw<f64>, mass: f64, stiffness: f64, speed: f64) -> (Circuit<f64>, AxisId, Vec<f64>) {
     let mut circuit = empty();
     let axis = circuit.axis(mass, 0.0, 0.0, Some(law.into()));
-    let (node, _) = circuit.carriage();
+    let (node, _) = circuit.servo(circuit::Carriage::rigid());
     circuit.link(node, axis, stiffness, 0.0);
     let mut circuit = circuit.build(true);
     let y = circuit.initial(&[], &[(axis, 0.0, 0.0), (node, 0.0, speed)]);
@@ -86,14 +86,14 @@ fn breakaway(stop: f64) -> (f64, f64, f64) {
         ("recovery_time", GAMMA),
     ];
     let axis = circuit.axis(0.2, 0.0, 0.0, Some(law("armstrong", &values).into()));
-    let (node, carriage) = circuit.carriage();
+    let (node, carriage) = circuit.servo(circuit::Carriage::rigid());
     circuit.link(node, axis, 1e5, 100.0);
     let mut circuit = circuit.build(false);
     let y = circuit.initial(&[], &[(axis, 0.0, 0.05), (node, 30.0 / 1e5, 0.05)]);
     let mut stepper = Stepper::new(circuit, 0.0, &y, options(1e-9));
     let mut trace = Trace::every(1.0, 0.0);
     let mut run = |stepper: &mut Stepper<f64, Circuit<f64>>, jerk: f64, until: f64| {
-        stepper.system_mut().set_input(carriage.jerk(), 0, jerk);
+        stepper.system_mut().set_input(carriage.input(0), 0, jerk);
         advance(stepper, until, &mut trace);
     };
     run(&mut stepper, 0.0, 0.2);
@@ -159,13 +159,13 @@ fn below_breakaway_armstrong_is_a_spring_that_comes_back() {
     ];
     let mut circuit = empty();
     let axis = circuit.axis(0.2, 0.0, 0.0, Some(law("armstrong", &values).into()));
-    let (node, carriage) = circuit.carriage();
+    let (node, carriage) = circuit.servo(circuit::Carriage::rigid());
     circuit.link(node, axis, 10.0, 0.0);
     let mut circuit = circuit.build(false);
     let y = circuit.initial(&[], &[(axis, 0.0, 0.0), (node, 0.0, 0.0)]);
     let mut stepper = Stepper::new(circuit, 0.0, &y, options(1e-9));
     let mut at = |jerk: f64, until: f64| {
-        stepper.system_mut().set_input(carriage.jerk(), 0, jerk);
+        stepper.system_mut().set_input(carriage.input(0), 0, jerk);
         advance(&mut stepper, until, &mut ode::NoOutput);
         (now(&stepper)[axis].x, now(&stepper)[axis].force, stepper.system().mode(axis))
     };

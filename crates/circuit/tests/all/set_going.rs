@@ -17,7 +17,7 @@ fn pulled() -> (Circuit<f64>, circuit::AxisId, Vec<f64>) {
     ];
     let mut circuit = empty();
     let axis = circuit.axis(2.0, 0.0, 0.0, Some(law("armstrong", &values).into()));
-    let (node, _) = circuit.carriage();
+    let (node, _) = circuit.servo(circuit::Carriage::rigid());
     circuit.link(node, axis, 2e3, 0.0);
     let mut circuit = circuit.build(false);
     let y = circuit.initial(&[], &[(axis, 0.0, 0.0), (node, 0.0, 0.02)]);

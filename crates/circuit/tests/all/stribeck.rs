@@ -3,7 +3,7 @@
 //! which the force crosses zero makes stick and slip chatter.
 
 use crate::support::*;
-use circuit::{AxisId, CarriageId, Circuit};
+use circuit::{AxisId, Circuit, PartId};
 use ode::{NoOutput, Stepper};
 use physics::friction::AnyLaw;
 
@@ -15,13 +15,13 @@ struct Pulled {
     circuit: Circuit<f64>,
     mass: AxisId,
     carriage: AxisId,
-    drive: CarriageId,
+    drive: PartId,
 }
 
 fn pulled(mass: f64, friction: AnyLaw<f64>, force: f64, stiffness: f64) -> Pulled {
     let mut circuit = empty();
     let mass = circuit.axis(mass, 0.0, force, Some(friction.into()));
-    let (carriage, drive) = circuit.carriage();
+    let (carriage, drive) = circuit.servo(circuit::Carriage::rigid());
     circuit.link(carriage, mass, stiffness, 0.0);
     Pulled { circuit: circuit.build(false), mass, carriage, drive }
 }
@@ -44,7 +44,7 @@ impl Pulled {
         let mut until = stepper.time(0);
         for sign in [1.0, -1.0, -1.0, 1.0].into_iter().cycle().take(4 * periods as usize) {
             until += 0.25 * period;
-            stepper.system_mut().set_input(self.drive.jerk(), 0, sign * jerk);
+            stepper.system_mut().set_input(self.drive.input(0), 0, sign * jerk);
             advance(stepper, until, &mut NoOutput);
             still &= self.motion(stepper) == (0.0, 0.0);
         }

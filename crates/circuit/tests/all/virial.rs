@@ -29,10 +29,11 @@ fn p_u(rho: f64, t: f64) -> [f64; 2] {
 
 #[test]
 fn a_closed_chamber_follows_the_adiabate() {
-    let gas = Gas::from(&IdealGas::new(CARBON_DIOXIDE.0, CARBON_DIOXIDE.1)).with(Some(carbon_dioxide()));
+    let ideal = IdealGas::new(CARBON_DIOXIDE.0, CARBON_DIOXIDE.1);
+    let gas = Gas { virial: Some(carbon_dioxide()), ..Gas::from(&ideal) };
     let mut circuit = Circuit::new(gas, AMBIENT, ROOM);
     let chamber = circuit.volume(ChamberLaw::EnergyBalance, 1e-5, 0.0, 0.0, ROOM);
-    let (carriage, _) = circuit.carriage();
+    let (carriage, _) = circuit.servo(circuit::Carriage::rigid());
     circuit.face(chamber, carriage, true, 0.0, circuit::PistonSide::new(5e-4, 0.0, 0.0));
     let mut circuit = circuit.build(false);
     let y = circuit.initial(&[(chamber, 5e5, ROOM)], &[(carriage, 0.1, -0.2)]);

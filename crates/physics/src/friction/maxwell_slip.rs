@@ -130,11 +130,7 @@ impl<R: Lane> MaxwellSlip<R> {
 impl Described for MaxwellSlip<f64> {
     fn build(values: &[f64], choices: &Choices) -> Self {
         let common = SlipParameters::from_values(values, Shape::of(choices, values[3]));
-        let mut law = MaxwellSlip { common, elements: Element::tangents(USUAL_ELEMENTS) };
-        if !choices.elements.is_empty() {
-            law.set_elements(choices.elements.clone());
-        }
-        law
+        MaxwellSlip { common, elements: Element::tangents(USUAL_ELEMENTS) }
     }
 }
 

@@ -1,5 +1,5 @@
 use crate::constants::{AIR_GAS_CONSTANT, AIR_HEAT_CAPACITY_RATIO};
-use math::Real;
+use math::{Lane, Real};
 
 crate::parameters! {
     /// Ideal gas with constant heat capacities.
@@ -28,10 +28,13 @@ impl IdealGas<f64> {
     pub fn air() -> Self {
         IdealGas::new(AIR_HEAT_CAPACITY_RATIO, AIR_GAS_CONSTANT)
     }
+}
 
-    /// Returns whether this is exactly the gas of [`IdealGas::air`].
+impl<R: Lane> IdealGas<R> {
+    /// Returns whether this is exactly the gas of [`IdealGas::air`], in every lane.
     pub fn is_air(&self) -> bool {
-        (self.heat_capacity_ratio, self.gas_constant) == (AIR_HEAT_CAPACITY_RATIO, AIR_GAS_CONSTANT)
+        let is = |number: R, of_air: f64| (0..R::L).all(|lane| number.get(lane) == of_air);
+        is(self.heat_capacity_ratio, AIR_HEAT_CAPACITY_RATIO) && is(self.gas_constant, AIR_GAS_CONSTANT)
     }
 }
 

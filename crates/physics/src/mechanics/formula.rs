@@ -1,6 +1,5 @@
 use crate::parameter::{any, within};
-use crate::written::{Formula, Given, OwnFormula, Role};
-use math::{Over, Real};
+use crate::written::{Formula, Given, Role};
 
 /// Output and variables of a formula of a force.
 pub const FORCE: Role = Role {
@@ -30,47 +29,23 @@ const JUMP: f64 = 0.1;
 /// Least force that counts as a jump, N.
 const NO_JUMP: f64 = 1e-9;
 
-/// A force on a mass, given by a user's formula, in +x: F = f(x, v, command), N.
-#[derive(Clone, Debug)]
-pub struct ForceFormula<P> {
-    /// F, with the values of its parameters.
-    pub formula: Formula<P>,
-}
-
-impl<P: Real> ForceFormula<P> {
-    /// Creates it from parameters in their order.
-    pub fn new(own: &'static OwnFormula, values: Vec<P>) -> Self {
-        ForceFormula { formula: Formula::new(own, values) }
-    }
-
-    /// Returns the force in +x, N.
-    #[inline]
-    pub fn force<S: Over<P>>(&self, x: S, v: S, command: S) -> S {
-        let given = [x, v, command];
-        self.formula.value(|k| given[k])
-    }
-}
-
-impl ForceFormula<f64> {
-    /// Refuses invalid values of the formula. The message names the place.
-    pub fn examine(&self) -> Result<(), String> {
-        for x in POSITIONS {
-            for command in COMMANDS {
-                VELOCITIES.iter().try_for_each(|v| self.formula.slopes(&[x, *v, command]).map(|_| ()))?;
-                let jump = |v: f64| (self.force(x, v, command) - self.force(x, -v, command)).abs();
-                let (near, far) = (jump(SLOWEST), jump(SLOW));
-                if near > JUMP * far && near > NO_JUMP {
-                    return Err(format!(
-                        "formula \"{}\": the force jumps by {near:.4} N where v changes its sign (x = {x} m), which an \
-                         integrator cannot pass; write tanh(v/v0) with a small v0, or give the mass a friction law \
-                         that sticks",
-                        self.formula.own.name
-                    ));
-                }
+/// Refuses a formula of a force, in +x on a mass, that no integrator could pass. The message names the place.
+pub fn examine_force(formula: &Formula<f64>) -> Result<(), String> {
+    for x in POSITIONS {
+        for command in COMMANDS {
+            VELOCITIES.iter().try_for_each(|v| formula.slopes(&[x, *v, command]).map(|_| ()))?;
+            let force = |v: f64| formula.value(|k| [x, v, command][k]);
+            let jump = |v: f64| (force(v) - force(-v)).abs();
+            let (near, far) = (jump(SLOWEST), jump(SLOW));
+            if near > JUMP * far && near > NO_JUMP {
+                return Err(format!(
+                    "formula \"{}\": the force jumps by {near:.4} N where v changes its sign (x = {x} m), which an \
+                     integrator cannot pass; write tanh(v/v0) with a small v0, or give the mass a friction law \
+                     that sticks",
+                    formula.own.name
+                ));
             }
         }
-        Ok(())
     }
+    Ok(())
 }
-
-math::gather!(ForceFormula { formula });

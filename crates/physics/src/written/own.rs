@@ -1,6 +1,6 @@
 //! A user's formula for a component: its output and variables.
 
-use super::{Compiled, Known, ParameterText, Reader, check_names, dimension, leak, leaked, of_whole, range};
+use super::{Compiled, ParameterText, Reader, check_names, dimension, leak, leaked, of_whole, range};
 use crate::parameter::{Bounds, Parameter};
 use ::formula::{Graph, Program};
 use math::{Gather, Lane, Over, Real};
@@ -92,55 +92,49 @@ pub struct OwnFormula {
     program: Program,
 }
 
-static KNOWN: Known<OwnFormula> = Known::new();
-
 impl OwnFormula {
-    /// Returns the formula that `text` describes, compiled at first use.
-    pub fn of(role: &'static Role, text: &Text) -> Compiled<&'static OwnFormula> {
-        KNOWN.get(format!("{} {text:?}", role.output.0), || compile(role, text))
+    /// Compiles the formula that `text` describes.
+    pub fn of(role: &'static Role, text: &Text) -> Compiled<OwnFormula> {
+        let given = role.variables.iter().chain(role.constants).map(|given| given.name);
+        check_names(&text.name, (&text.parameters, &text.lets), given, Vec::new())?;
+        let mut reader = Reader::new(&text.parameters, &text.lets)?;
+        for constant in role.constants {
+            let id = reader.graph.parameter(dimension(constant.unit), range(&constant.bounds));
+            reader.scope.insert(constant.name.into(), id);
+        }
+        let mut variables = Vec::new();
+        for variable in role.variables {
+            let id = reader.graph.input(dimension(variable.unit), range(&variable.bounds));
+            reader.scope.insert(variable.name.into(), id);
+            variables.push(id);
+        }
+        reader.read_lets()?;
+        let (key, unit) = role.output;
+        let output = reader.formula(key, &text.output, unit)?;
+        let reached = reader.graph.reached(&[output]);
+        let uses: Vec<bool> = variables.iter().map(|id| reached.contains(id)).collect();
+        if uses.iter().all(|used| !used) {
+            let names: Vec<&str> = role.variables.iter().map(|given| given.name).collect();
+            let what = format!("{key} is constant: it uses none of {}", names.join(", "));
+            return Err(of_whole(key, &text.output, what));
+        }
+        Ok(OwnFormula {
+            name: leak(&text.name),
+            title: leak(&text.title),
+            source: leak(&text.source),
+            parameters: leaked(&text.parameters),
+            warnings: reader.unused(&[output], key),
+            role,
+            uses,
+            program: reader.program(&[output], key)?,
+            graph: reader.graph,
+        })
     }
 
     /// Returns whether it uses a variable.
     pub fn uses(&self, variable: &str) -> bool {
         self.role.variables.iter().zip(&self.uses).any(|(own, used)| own.name == variable && *used)
     }
-}
-
-fn compile(role: &'static Role, text: &Text) -> Compiled<OwnFormula> {
-    let given = role.variables.iter().chain(role.constants).map(|given| given.name);
-    check_names(&text.name, (&text.parameters, &text.lets), given, Vec::new())?;
-    let mut reader = Reader::new(&text.parameters, &text.lets)?;
-    for constant in role.constants {
-        let id = reader.graph.parameter(dimension(constant.unit), range(&constant.bounds));
-        reader.scope.insert(constant.name.into(), id);
-    }
-    let mut variables = Vec::new();
-    for variable in role.variables {
-        let id = reader.graph.input(dimension(variable.unit), range(&variable.bounds));
-        reader.scope.insert(variable.name.into(), id);
-        variables.push(id);
-    }
-    reader.read_lets()?;
-    let (key, unit) = role.output;
-    let output = reader.formula(key, &text.output, unit)?;
-    let reached = reader.graph.reached(&[output]);
-    let uses: Vec<bool> = variables.iter().map(|id| reached.contains(id)).collect();
-    if uses.iter().all(|used| !used) {
-        let names: Vec<&str> = role.variables.iter().map(|given| given.name).collect();
-        let what = format!("{key} is constant: it uses none of {}", names.join(", "));
-        return Err(of_whole(key, &text.output, what));
-    }
-    Ok(OwnFormula {
-        name: leak(&text.name),
-        title: leak(&text.title),
-        source: leak(&text.source),
-        parameters: leaked(&text.parameters),
-        warnings: reader.unused(&[output], key),
-        role,
-        uses,
-        program: reader.program(&[output], key)?,
-        graph: reader.graph,
-    })
 }
 
 /// A formula with values of its parameters and of the constants of its role.

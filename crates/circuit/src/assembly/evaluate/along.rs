@@ -3,13 +3,9 @@
 
 use crate::assembly::driven::{Driven, EDGES};
 use crate::circuit::Circuit;
-use crate::ground::{DIRECTIONS, Error, Given, Net};
-use math::Dual;
+use crate::ground::{Error, Given, Net, Sensitive};
 use ode::System;
 use physics::in_usual_unit;
-
-/// Only one direction is used, for the flow. The equations are compiled for this number of directions in any case.
-type AlongFlow = Dual<f64, DIRECTIONS>;
 
 /// Names of the columns of [`Driven::along`].
 pub const ALONG: [&str; 9] = [
@@ -63,7 +59,7 @@ impl Driven<'_> {
     /// A sample that is impossible for this drive, such as a piston behind a cover, is an error.
     pub fn along(&self, record: &Record<'_>) -> Result<Vec<f64>, Error> {
         let mut circuit = Circuit::clone(&self.assembly.circuit);
-        let (mut plain, mut net) = (circuit.work::<f64>(), circuit.work::<AlongFlow>());
+        let (mut plain, mut net) = (circuit.work::<f64>(), circuit.work::<Sensitive>());
         let mut t = record.temperature;
         let mut rows = Vec::with_capacity(ALONG.len() * record.times.len());
         for i in 0..record.times.len() {
@@ -96,7 +92,7 @@ impl Driven<'_> {
         i: usize,
         t: [f64; 2],
         circuit: &mut Circuit<f64>,
-        (plain, net): (&mut Net<f64>, &mut Net<AlongFlow>),
+        (plain, net): (&mut Net<f64>, &mut Net<Sensitive>),
     ) -> Result<[f64; 2], Error> {
         let gas = [0, 1].map(|side| (self.chambers[side], record.pressure[side][i], t[side]));
         let axes = [(self.axis, record.position[i], record.velocity[i])];
@@ -121,7 +117,7 @@ impl Driven<'_> {
         }
         let mut rates = y.clone();
         circuit.rhs(0.0, &y, &mut rates, plain);
-        let mut moving: Vec<AlongFlow> = y.iter().map(|&value| value.into()).collect();
+        let mut moving: Vec<Sensitive> = y.iter().map(|&value| value.into()).collect();
         for (moving, rate) in moving.iter_mut().zip(&rates) {
             moving.eps[0] = *rate;
         }

@@ -4,13 +4,9 @@ use super::{Session, refuse};
 use crate::assembly::variables::{Settable, Target};
 use crate::circuit::Circuit;
 use crate::component::Quantity;
-use crate::ground::Error;
-use math::{Dual, Real};
+use crate::ground::{DIRECTIONS, Error, Sensitive};
+use math::Real;
 use ode::System;
-
-/// Directions of one pass of a linearisation.
-const DIRECTIONS: usize = 8;
-type Seeded = Dual<f64, DIRECTIONS>;
 
 /// x' = A x + B u, y = C x + D u about the present state: rows one after the other.
 #[derive(Clone, Debug)]
@@ -78,11 +74,11 @@ impl Session {
             .filter(|&i| !matches!(quantities[i], Quantity::Time | Quantity::Command(_) | Quantity::Input(_)))
             .collect();
         let directions = n + inputs.len();
-        let lifted = Circuit::<Seeded>::gather(&[circuit]);
-        let (mut dy, mut row) = (vec![Seeded::zero(); y0.len()], vec![Seeded::zero(); self.row.len()]);
+        let lifted = Circuit::<Sensitive>::gather(&[circuit]);
+        let (mut dy, mut row) = (vec![Sensitive::zero(); y0.len()], vec![Sensitive::zero(); self.row.len()]);
         let mut slopes = vec![vec![0.0; directions]; n + columns.len()];
         for first in (0..directions).step_by(DIRECTIONS) {
-            let seeded = |value: f64, direction: usize| Dual {
+            let seeded = |value: f64, direction: usize| Sensitive {
                 re: value,
                 eps: std::array::from_fn(|k| f64::from(u8::from(first + k == direction))),
             };
@@ -102,10 +98,10 @@ impl Session {
                     circuit.set_input(id, 0, value);
                 }
             }
-            let y: Vec<Seeded> = y0.iter().enumerate().map(|(i, &value)| seeded(value, i)).collect();
-            let mut net = circuit.work::<Seeded>();
-            circuit.rhs(Seeded::zero(), &y, &mut dy, &mut net);
-            self.assembly.row(&circuit, Seeded::c(self.time()), &y, &mut net, &mut row);
+            let y: Vec<Sensitive> = y0.iter().enumerate().map(|(i, &value)| seeded(value, i)).collect();
+            let mut net = circuit.work::<Sensitive>();
+            circuit.rhs(Sensitive::zero(), &y, &mut dy, &mut net);
+            self.assembly.row(&circuit, Sensitive::c(self.time()), &y, &mut net, &mut row);
             let numbers = dy[..n].iter().chain(columns.iter().map(|&column| &row[column]));
             for (slopes, number) in slopes.iter_mut().zip(numbers) {
                 let pass = first..directions.min(first + DIRECTIONS);

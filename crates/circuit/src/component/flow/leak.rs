@@ -49,7 +49,7 @@ impl Component for Leak {
             |coefficient| Laminar { coefficient },
         );
         let path = build.circuit.between(from, to);
-        let part = build.flow_part(Gap { law, path }, &[]);
-        build.column(own, 0, Quantity::along(Path::along(part, 0)));
+        let path = build.path_part(Gap { law, path }, P::zero());
+        build.column(own, 0, Quantity::along(path));
     }
 }

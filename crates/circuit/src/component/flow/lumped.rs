@@ -1,4 +1,4 @@
-use crate::component::flow::line;
+use crate::component::flow::line::Line;
 use crate::component::flow::tube::{self, Tube, steady};
 use crate::component::prelude::*;
 use crate::part::ChamberLaw;
@@ -52,10 +52,7 @@ impl Component for Lumped {
             ..STEADY;
             ..TUBE_WALL;
         },
-        outputs: &[
-            ("mass_flow_kg_s", "kg/s", "mass flow from port 1 into the tube"),
-            ("outlet_flow_kg_s", "kg/s", "mass flow out of the tube at port 2"),
-        ],
+        outputs: Line::KIND.outputs,
         ..KIND
     };
 
@@ -106,8 +103,8 @@ impl Component for Auto {
             viscosity: "Pa s", physics::above(0.0), default 1.82e-5, assumed "usual for air at 20 degC", "With waves: dynamic viscosity";
             ..TUBE_WALL;
         },
-        discrete: line::Line::KIND.discrete,
-        outputs: line::Line::KIND.outputs,
+        discrete: Line::KIND.discrete,
+        outputs: Line::KIND.outputs,
         ..KIND
     };
 
@@ -120,7 +117,7 @@ impl Component for Auto {
     }
 
     fn check(own: &Instance<f64>) -> Result<(), Error> {
-        line::Line::check(own)
+        Line::check(own)
     }
 
     fn compose<P: Lane>(own: &Instance<P>, at: &Terminals, build: &mut Build<P>)
@@ -128,7 +125,7 @@ impl Component for Auto {
         Deps: Over<P>,
     {
         if !is_short(own) {
-            return line::Line::compose(own, at, build);
+            return Line::compose(own, at, build);
         }
         let (Some(from), Some(to)) = (at.gas(0), at.gas(1)) else { return };
         let path = tube::steady_path(own, from, to, build);

@@ -38,7 +38,7 @@ impl Component for QuickExhaust {
         let law = own.path("exhaust_conductance", build);
         let (conductance, path) = (law.conductance, build.circuit.between(two, out));
         let cup = Cup { law, switching_pressure: own.number("switching_pressure"), pilot: one, path };
-        let outlet = Path::along(build.flow_part(cup, &[conductance]), 0);
+        let outlet = build.path_part(cup, conductance);
         build.columns(own, 0, [inlet, outlet].map(Quantity::along));
     }
 }

@@ -67,7 +67,7 @@ where
     };
     let (conductance, path) = (forward.conductance, build.circuit.between(from, to));
     let part = Series { forward, backward: None, walls: vec![wall], path };
-    Path::along(build.flow_part(part, &[conductance]), 0)
+    build.path_part(part, conductance)
 }
 
 /// Returns sonic conductance and critical pressure ratio of the whole tube.

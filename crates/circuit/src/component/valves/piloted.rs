@@ -41,7 +41,7 @@ impl Component for PilotedCheckValve {
             pilot,
             path: build.circuit.between(from, to),
         };
-        let part = build.flow_part(poppet, &[conductance]);
-        build.column(own, 0, Quantity::along(Path::along(part, 0)));
+        let path = build.path_part(poppet, conductance);
+        build.column(own, 0, Quantity::along(path));
     }
 }

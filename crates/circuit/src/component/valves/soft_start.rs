@@ -54,7 +54,7 @@ impl Component for SoftStart {
             law,
             path: build.circuit.between(from, to),
         };
-        let part = build.flow_part(latch, &[conductance]);
-        build.column(own, 0, Quantity::along(Path::along(part, 0)));
+        let path = build.path_part(latch, conductance);
+        build.column(own, 0, Quantity::along(path));
     }
 }

@@ -95,14 +95,8 @@ fn edge<P: Lane>(
     (from, to): (GasId, GasId),
     build: &mut Build<P>,
 ) -> Path {
-    build.signal_edge(Edge {
-        offset: P::c(offset),
-        slope: P::c(slope),
-        law: law.clone(),
-        signal,
-        leak: None,
-        path: build.circuit.between(from, to),
-    })
+    let (offset, slope, path) = (P::c(offset), P::c(slope), build.circuit.between(from, to));
+    build.path_part(Edge { offset, slope, law: law.clone(), signal, leak: None, path }, law.conductance)
 }
 
 /// Pulses with a period shorter than the dead time on never move the armature.

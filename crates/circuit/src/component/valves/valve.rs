@@ -82,14 +82,8 @@ fn edge<P: Lane>(
 ) -> Path {
     let overlap = own.number("overlap");
     let whole = P::one() - overlap;
-    build.signal_edge(Edge {
-        offset: -overlap / whole,
-        slope: P::c(direction) / whole,
-        law: law.clone(),
-        signal,
-        leak,
-        path: build.circuit.between(from, to),
-    })
+    let (offset, slope, path) = (-overlap / whole, P::c(direction) / whole, build.circuit.between(from, to));
+    build.path_part(Edge { offset, slope, law: law.clone(), signal, leak, path }, law.conductance)
 }
 
 /// Conductance of an edge at an opening. Zero if a point omits it.
@@ -149,7 +143,7 @@ fn table_edge<P: Lane>(
         signal,
         path: build.circuit.between(from, to),
     };
-    Some(Path::along(build.flow_part(part, &[largest]), 0))
+    Some(build.path_part(part, largest))
 }
 
 /// Checks a flow table for keys that it replaces and keys that it needs.

@@ -1,4 +1,4 @@
-use crate::ground::{Common, Given, Input, Kind, Net, Own, OwnMut, Part, State, Switching};
+use crate::ground::{Common, Given, Kind, Net, Own, OwnMut, Part, State, Switching, inputs};
 use crate::part::gas::volume::LEAST_ROOM;
 use crate::part::mechanics::axis::events_of_a_mass;
 use crate::part::{Axis, ChamberLaw, EndStops, Face, Volume};
@@ -138,17 +138,7 @@ impl<P: Lane, const USUAL: bool> Part<P> for Cylinder<P, USUAL> {
         states
     }
 
-    fn inputs(&self) -> &'static [Input] {
-        Part::<P>::inputs(&self.axis)
-    }
-
-    fn input(&self, input: usize) -> P {
-        self.axis.input(input)
-    }
-
-    fn input_mut(&mut self, input: usize) -> &mut P {
-        self.axis.input_mut(input)
-    }
+    inputs! { axis.external_force: "external force", "N", physics::any() }
 
     #[inline(always)]
     fn place<S: Over<P>>(&self, y: Own<S>, net: &mut Net<S>, common: &Common<P>) {

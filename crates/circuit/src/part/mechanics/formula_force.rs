@@ -1,13 +1,13 @@
 use crate::ground::{Common, Kind, Net, Own, Part, force_on, gathered, inputs};
 use math::{Lane, Over};
-use physics::mechanics::ForceFormula;
+use physics::written::Formula;
 
 gathered! {
     /// A force on an axis, given by a user's formula. See [`ForceFormula`]. It may store energy or not. All of its work
     /// is therefore in a balance.
     pub struct FormulaForce {
         numbers { command }
-        laws { law: ForceFormula }
+        laws { law: Formula }
         same { axis: usize }
     }
 }
@@ -17,7 +17,8 @@ impl<P: Lane> Part<P> for FormulaForce<P> {
 
     fn force<S: Over<P>>(&self, net: &Net<S>) -> S {
         let axis = &net.axis[self.axis];
-        self.law.force(axis.x, axis.v, S::from(self.command))
+        let given = [axis.x, axis.v, S::from(self.command)];
+        self.law.value(|k| given[k])
     }
 
     force_on!(axis);

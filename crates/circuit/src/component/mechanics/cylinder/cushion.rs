@@ -142,7 +142,7 @@ pub(super) fn cushion<P: Lane>(
         grows,
         path: build.circuit.between(chamber, port),
     };
-    build.flow_part(part, &[conductance]);
+    build.path_part(part, conductance);
     let columns =
         [("port_pressure_pa", Quantity::Pressure(port)), ("port_mass_flow_kg_s", Quantity::MassFlow(port))];
     for (name, quantity) in columns {
