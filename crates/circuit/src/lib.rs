@@ -23,14 +23,9 @@ pub use assembly::{
 };
 pub use circuit::{Balance, Circuit, Impact, Look, Path, advance, balance, budget, failure_of};
 pub use component::{
-    Brings, Choice, FrictionTable, Holds, Instance, KINDS, Kind as ComponentKind, Points, Port, PortKind,
-    Quantity, Row, Starting, formula_kind,
+    Brings, FrictionTable, Holds, Instance, KINDS, Kind as ComponentKind, Points, PortKind, Quantity, Row,
+    Starting, formula_kind,
 };
-pub use ground::{
-    AxisId, AxisNode, Channel, DIRECTIONS, Error, GasId, GasNode, Given, Input, Kind, Net, Part, run_jobs,
-};
+pub use ground::{AxisId, Channel, DIRECTIONS, Error, GasId, Given, Input, Kind, Net, run_jobs};
 pub use part::mechanism::Evaluated;
-pub use part::{
-    Axis, Carriage, ChamberLaw, Cylinder, EndStops, Face, InputId, Link, PartId, PistonSide, Platform,
-    Reservoir, Restriction, Spring, Volume,
-};
+pub use part::{Carriage, ChamberLaw, InputId, PartId, PistonSide, Platform};

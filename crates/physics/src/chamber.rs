@@ -21,6 +21,8 @@ pub struct GasState<S> {
     pub inverse_sqrt_t: S,
 }
 
+math::mapped!(GasState { p, t, inverse_p, inverse_sqrt_t });
+
 impl<S: Real> GasState<S> {
     /// Creates the state at a pressure, Pa, and temperature, K.
     #[inline(always)]

@@ -286,7 +286,11 @@ impl Network {
         interrupted: &mut dyn FnMut(f64) -> bool,
     ) -> Result<Run, Error> {
         let mut session = self.planned(plans, duration, start, options)?;
-        let mut recorder = Recorder::new(&self.assembly, sample_times(duration, rate));
+        let mut recorder = Recorder::new(
+            &self.assembly.circuit,
+            self.assembly.variables.quantities.clone(),
+            sample_times(duration, rate),
+        );
         session.advance(duration, &mut recorder, &mut Look::new(interrupted))?;
         Ok(recorder.finish(&session))
     }

@@ -1,9 +1,9 @@
 //! Numbers of a circuit by name, and derivatives by them.
 
-use super::evaluate::shoot::{All, Shooting, Shot};
 use super::friction::contact;
 use super::gas::gas;
 use super::network::Network;
+use super::shoot::{All, Shooting, Shot};
 use super::variables::Assembly;
 use super::wiring::wire;
 use crate::component::Instance;

@@ -1,12 +1,12 @@
 //! Output of a session: samples, impacts and balances.
 
-use super::evaluate::glances::Glances;
+use super::glances::Glances;
 use super::session::Session;
-use super::variables::{Assembly, Variables};
+use super::variables::values_of;
 use crate::circuit::{Balance, Circuit, Entry, Impact, Impacts, Look, closed};
+use crate::component::Quantity;
 use crate::ground::{Error, Net, refuse};
 use ode::{Accepted, Output, Statistics, System};
-use std::sync::Arc;
 
 /// Results of a run.
 pub struct Run {
@@ -25,7 +25,7 @@ const ROWS_OF_A_BLOCK: usize = 64;
 
 /// Turns states into columns while the integration runs.
 pub(crate) struct Recorder {
-    assembly: Assembly,
+    quantities: Vec<Quantity>,
     glances: Option<Glances>,
     times: Vec<f64>,
     next: usize,
@@ -38,18 +38,18 @@ pub(crate) struct Recorder {
 }
 
 impl Recorder {
-    pub fn new(assembly: &Assembly, times: Vec<f64>) -> Self {
-        let (circuit, n) = (&assembly.circuit, assembly.columns().len());
+    pub fn new(circuit: &Circuit<f64>, quantities: Vec<Quantity>, times: Vec<f64>) -> Self {
+        let n = quantities.len();
         Recorder {
             next: 0,
             net: circuit.work(),
             columns: (0..n).map(|_| Vec::with_capacity(times.len())).collect(),
             block: vec![0.0; n * ROWS_OF_A_BLOCK],
             rows: 0,
-            glances: Glances::of(assembly),
+            glances: Glances::of(circuit, &quantities),
             entries: (!circuit.channels().is_empty()).then(Vec::new),
             impacts: circuit.impacts(),
-            assembly: assembly.clone(),
+            quantities,
             times,
         }
     }
@@ -94,7 +94,7 @@ impl Output<f64, Circuit<f64>> for Recorder {
         let row = &mut self.block[n * self.rows..][..n];
         match &self.glances {
             Some(glances) => glances.row(circuit, t, y, row),
-            None => self.assembly.row(circuit, t, y, &mut self.net, row),
+            None => values_of(&self.quantities, circuit, t, y, &mut self.net, row),
         }
         self.rows += 1;
         if self.rows == ROWS_OF_A_BLOCK {
@@ -146,14 +146,8 @@ impl Session {
         if until.is_finite() {
             self.allow_until(until);
         }
-        let all = &self.assembly.variables;
-        let shown = Variables {
-            columns: columns.iter().map(|&column| all.columns[column].clone()).collect(),
-            quantities: columns.iter().map(|&column| all.quantities[column]).collect(),
-            ..Variables::default()
-        };
-        let assembly = Assembly { variables: Arc::new(shown), ..self.assembly.clone() };
-        let mut recorder = Recorder::new(&assembly, times);
+        let quantities = columns.iter().map(|&column| self.assembly.variables.quantities[column]);
+        let mut recorder = Recorder::new(&self.assembly.circuit, quantities.collect(), times);
         self.advance(until, &mut recorder, look)?;
         Ok(recorder.finish(self))
     }

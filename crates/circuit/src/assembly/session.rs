@@ -1,7 +1,6 @@
 //! A running circuit: its inputs are set now or later, and it is advanced, read, saved, restored and linearised. All
 //! other runs of a circuit use a session.
 
-mod calls;
 mod linear;
 mod sampled;
 mod saved;
@@ -9,14 +8,14 @@ mod timed;
 
 pub use linear::Linear;
 pub use sampled::Sampling;
+use sampled::ShortCalls;
 
-use crate::assembly::evaluate::glances::Glances;
+use crate::assembly::glances::Glances;
 use crate::assembly::schedule::{Due, ScheduledAction};
 use crate::assembly::variables::{Assembly, Settable, Target};
 use crate::circuit::{Circuit, Drawn, Look, advance, budget, settled};
 use crate::ground::{Error, Net, check_bounds, refuse};
 use crate::part::InputId;
-use calls::ShortCalls;
 use math::Lane;
 use ode::{Options, Output, Statistics, Stepper, System, same_time};
 
@@ -256,7 +255,9 @@ impl Session {
         if !self.is_read {
             let y = self.settled();
             let (circuit, t) = (self.stepper.system(), self.stepper.time(0));
-            match self.glances.get_or_insert_with(|| Glances::of(&self.assembly)) {
+            match self.glances.get_or_insert_with(|| {
+                Glances::of(&self.assembly.circuit, &self.assembly.variables.quantities)
+            }) {
                 Some(glances) => glances.row(circuit, t, &y, &mut self.row),
                 None => self.assembly.row(circuit, t, &y, &mut self.net, &mut self.row),
             }

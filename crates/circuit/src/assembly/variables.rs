@@ -222,30 +222,42 @@ impl<P: Lane> Assembly<P> {
 
     /// Writes one row of the columns.
     pub fn row<R: Lane>(&self, circuit: &Circuit<R>, t: R, y: &[R], net: &mut Net<R>, row: &mut [R]) {
-        circuit.observe(y, net);
-        for (value, quantity) in row.iter_mut().zip(&self.variables.quantities) {
-            *value = match *quantity {
-                Quantity::Time => t,
-                Quantity::Position(id) => net[id].x,
-                Quantity::Velocity(id) => net[id].v,
-                Quantity::Acceleration(id) => net[id].a,
-                Quantity::Friction(id) => net[id].friction,
-                Quantity::EndStop(id) => -net[id].end_stop,
-                Quantity::Pressure(id) => net[id].p,
-                Quantity::Temperature(id) => net[id].t,
-                Quantity::MassFlow(id) => net[id].m_dot,
-                Quantity::Signal(place) => net.signal[place],
-                Quantity::Input(id) => circuit.input(id),
-                Quantity::Flow(paths) => {
-                    paths.into_iter().flatten().fold(R::zero(), |sum, path| sum + circuit.flow(path, net))
-                }
-                Quantity::OutOf(id) => circuit.flow_out_of(id, net),
-                Quantity::Force(part) => circuit.force_of(part, net),
-                Quantity::Pose(part, output) => circuit.pose(part, output, y, net),
-                Quantity::Command(edges) => command(circuit, edges),
-                Quantity::Inner(id, place) => circuit.inner_states(id, y)[place],
-            };
-        }
+        values_of(&self.variables.quantities, circuit, t, y, net, row);
+    }
+}
+
+/// Writes the values of quantities at time `t`, s, and state `y`.
+pub(super) fn values_of<R: Lane>(
+    quantities: &[Quantity],
+    circuit: &Circuit<R>,
+    t: R,
+    y: &[R],
+    net: &mut Net<R>,
+    row: &mut [R],
+) {
+    circuit.observe(y, net);
+    for (value, quantity) in row.iter_mut().zip(quantities) {
+        *value = match *quantity {
+            Quantity::Time => t,
+            Quantity::Position(id) => net[id].x,
+            Quantity::Velocity(id) => net[id].v,
+            Quantity::Acceleration(id) => net[id].a,
+            Quantity::Friction(id) => net[id].friction,
+            Quantity::EndStop(id) => -net[id].end_stop,
+            Quantity::Pressure(id) => net[id].p,
+            Quantity::Temperature(id) => net[id].t,
+            Quantity::MassFlow(id) => net[id].m_dot,
+            Quantity::Signal(place) => net.signal[place],
+            Quantity::Input(id) => circuit.input(id),
+            Quantity::Flow(paths) => {
+                paths.into_iter().flatten().fold(R::zero(), |sum, path| sum + circuit.flow(path, net))
+            }
+            Quantity::OutOf(id) => circuit.flow_out_of(id, net),
+            Quantity::Force(part) => circuit.force_of(part, net),
+            Quantity::Pose(part, output) => circuit.pose(part, output, y, net),
+            Quantity::Command(edges) => command(circuit, edges),
+            Quantity::Inner(id, place) => circuit.inner_states(id, y)[place],
+        };
     }
 }
 

@@ -1,6 +1,6 @@
 //! The table of a kind of component.
 
-use super::points::Points;
+use super::given::Points;
 use super::table::Row;
 use physics::written::{Given, Role};
 use serde::{Serialize, Serializer};

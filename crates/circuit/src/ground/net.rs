@@ -91,6 +91,13 @@ impl<S: Real> Net<S> {
             filled: 0,
         }
     }
+
+    /// Returns the distance of one axis beyond another, x_from - x_to, m, and its rate, m/s.
+    #[inline(always)]
+    pub(crate) fn apart(&self, from: usize, to: usize) -> (S, S) {
+        let (one, two) = (&self.axis[from], &self.axis[to]);
+        (one.x - two.x, one.v - two.v)
+    }
 }
 
 impl<S> Index<GasId> for Net<S> {

@@ -1,7 +1,6 @@
 //! Parts of valves.
 
 pub(crate) mod latch;
-pub(crate) mod poppet;
 pub(crate) mod regulator;
 pub(crate) mod second_order;
 pub(crate) mod signal;

@@ -1,6 +1,6 @@
 //! A session as bytes.
 
-use super::calls::ShortCalls;
+use super::sampled::ShortCalls;
 use super::{Session, refuse};
 use crate::assembly::schedule::ScheduledAction;
 use crate::ground::Error;

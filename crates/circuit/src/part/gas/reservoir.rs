@@ -1,18 +1,13 @@
-use crate::ground::{Common, Net, Part, inputs};
+use crate::ground::{Common, Net, Part, gathered, inputs};
 use math::{Lane, Over};
 use physics::chamber::GasState;
 
-physics::parameters! {
+gathered! {
     /// Gas at constant pressure and temperature: supply, ambient, or a chamber held by a regulator. Its node is set
     /// when the net is made and when an input changes. Flows do not change its state.
     pub struct Reservoir {
-        /// Absolute pressure
-        pressure: "Pa", physics::above(0.0);
-        /// Temperature of the gas
-        temperature: "K", physics::above(0.0);
-    } with {
-        /// Index among the gas nodes of the net
-        node: usize,
+        numbers { pressure, temperature }
+        same { node: usize }
     }
 }
 
@@ -25,14 +20,7 @@ impl<P: Lane> Reservoir<P> {
         if let Some(virial) = &common.gas.virial {
             net.enthalpy[self.node] = S::from(virial.enthalpy(&common.gas, self.pressure, self.temperature));
         }
-        let node = &mut net.gas[self.node];
-        let GasState { p, t, inverse_p, inverse_sqrt_t } = self.state();
-        node.fill(GasState {
-            p: S::from(p),
-            t: S::from(t),
-            inverse_p: S::from(inverse_p),
-            inverse_sqrt_t: S::from(inverse_sqrt_t),
-        });
+        net.gas[self.node].fill(self.state().map(S::from));
     }
 }
 

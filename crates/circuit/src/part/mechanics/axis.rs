@@ -63,6 +63,17 @@ pub(crate) fn largest_scales<R: Lane>(contact: &Contact<R>) -> Vec<f64> {
     scales
 }
 
+/// Returns the inner states of the contact of an axis, with error scales within the largest ones.
+pub(crate) fn inner_states<R: Lane>(
+    contact: Option<&Contact<R>>,
+    largest: &[f64],
+    axis: usize,
+) -> Vec<State> {
+    let inner = contact.map_or(Vec::new(), Contact::states).into_iter().zip(largest);
+    let each = inner.map(|(state, largest)| State::own(state.name, state.unit, state.scale.min(*largest)));
+    each.map(|state| state.of(Of::Axis(axis))).collect()
+}
+
 /// Returns the scale of the single spring of a law, m.
 fn deflection_scale<R: Lane>(contact: &Contact<R>) -> f64 {
     let states = contact.states();
@@ -381,13 +392,9 @@ pub(crate) use events_of_a_mass;
 
 impl<P: Lane> Part<P> for Axis<P> {
     fn states(&self) -> Vec<State> {
-        let mut states = vec![State::own("position_m", "m", 0.1), State::own("velocity_m_s", "m/s", 0.1)];
-        if let Some(contact) = &self.friction {
-            let inner = contact.states();
-            let each = inner.iter().zip(&self.largest_scales);
-            states.extend(each.map(|(s, largest)| State::own(s.name, s.unit, s.scale.min(*largest))));
-        }
-        states.into_iter().map(|state| state.of(Of::Axis(self.node))).collect()
+        let motion = [State::own("position_m", "m", 0.1), State::own("velocity_m_s", "m/s", 0.1)];
+        let motion = motion.map(|state| state.of(Of::Axis(self.node))).into_iter();
+        motion.chain(inner_states(self.friction.as_ref(), &self.largest_scales, self.node)).collect()
     }
 
     inputs! { external_force: "external force", "N", physics::any() }

@@ -19,21 +19,15 @@ gathered! {
 }
 
 impl<P: Lane> Coupling<P> {
-    /// Returns z and its rate.
-    fn apart<S: Over<P>>(&self, net: &Net<S>) -> (S, S) {
-        let (one, two) = (&net.axis[self.from], &net.axis[self.to]);
-        (one.x - two.x, one.v - two.v)
-    }
-
     fn spring_energy<S: Over<P>>(&self, net: &Net<S>) -> S {
-        let depth = (self.apart(net).0.abs() - S::c(0.5) * S::from(self.play)).max(S::zero());
+        let depth = (net.apart(self.from, self.to).0.abs() - S::c(0.5) * S::from(self.play)).max(S::zero());
         S::c(0.5) * S::from(self.law.stiffness) * depth * depth
     }
 }
 
 impl<P: Lane> Part<P> for Coupling<P> {
     fn force<S: Over<P>>(&self, net: &Net<S>) -> S {
-        let (z, rate) = self.apart(net);
+        let (z, rate) = net.apart(self.from, self.to);
         let half = S::c(0.5) * S::from(self.play);
         self.law.force(z - half, rate) - self.law.force(-z - half, -rate)
     }
@@ -43,6 +37,6 @@ impl<P: Lane> Part<P> for Coupling<P> {
     damper::springs!(spring_energy);
 
     fn account<S: Over<P>>(&self, _y: Own<S>, _dy: Own<S>, net: &Net<S>, common: &Common<P>, out: &mut [S]) {
-        damper::account(self.force(net) * self.apart(net).1, common, out);
+        damper::account(self.force(net) * net.apart(self.from, self.to).1, common, out);
     }
 }

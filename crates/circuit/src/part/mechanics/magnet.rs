@@ -37,17 +37,11 @@ gathered! {
 }
 
 impl<P: Lane> Magnet<P> {
-    /// Returns D and its rate.
-    fn apart<S: Over<P>>(&self, net: &Net<S>) -> (S, S) {
-        let (one, two) = (&net.axis[self.from], &net.axis[self.to]);
-        (one.x - two.x, one.v - two.v)
-    }
-
     /// F_h L_p/pi (1 - cos(pi D/L_p)), with D = L_p/4 for decoupled magnets.
     fn energy<S: Over<P>>(&self, net: &Net<S>) -> S {
         let pitch = S::from(self.pole_pitch);
         let mode = S::from(self.mode);
-        let apart = self.apart(net).0 * (S::one() - mode) + S::c(0.25) * pitch * mode;
+        let apart = net.apart(self.from, self.to).0 * (S::one() - mode) + S::c(0.25) * pitch * mode;
         let wave = S::c(PI) / pitch;
         S::from(self.holding_force) / wave * (S::one() - (wave * apart).cos())
     }
@@ -60,7 +54,7 @@ impl<P: Lane> Part<P> for Magnet<P> {
     }
 
     fn force<S: Over<P>>(&self, net: &Net<S>) -> S {
-        let (apart, rate) = self.apart(net);
+        let (apart, rate) = net.apart(self.from, self.to);
         let angle = S::c(PI) / S::from(self.pole_pitch) * apart;
         let force = S::from(self.holding_force) * angle.sin() + S::from(self.damping) * rate;
         S::from(P::one() - self.mode) * force
@@ -77,7 +71,7 @@ impl<P: Lane> Part<P> for Magnet<P> {
     }
 
     fn account<S: Over<P>>(&self, _y: Own<S>, _dy: Own<S>, net: &Net<S>, common: &Common<P>, out: &mut [S]) {
-        let rate = self.apart(net).1;
+        let rate = net.apart(self.from, self.to).1;
         damper::account(S::from((P::one() - self.mode) * self.damping) * rate * rate, common, out);
     }
 
@@ -86,7 +80,7 @@ impl<P: Lane> Part<P> for Magnet<P> {
     }
 
     fn event(&self, _event: usize, _y: Own<P>, net: &Net<P>) -> P {
-        let (apart, pitch) = (self.apart(net).0.abs(), self.pole_pitch);
+        let (apart, pitch) = (net.apart(self.from, self.to).0.abs(), self.pole_pitch);
         P::select(self.mode.lt(P::c(0.5)), P::c(0.5) * pitch - apart, apart - P::c(0.25) * pitch)
     }
 
@@ -106,7 +100,7 @@ impl<P: Lane> Part<P> for Magnet<P> {
 
     /// They start coupled unless they are too far apart.
     fn find_mode(&mut self, _event: usize, _y: OwnMut<P>, net: &Net<P>) {
-        let is_near = self.apart(net).0.abs().lt(P::c(0.5) * self.pole_pitch);
+        let is_near = net.apart(self.from, self.to).0.abs().lt(P::c(0.5) * self.pole_pitch);
         self.mode = P::select(is_near, P::zero(), P::one());
     }
 }

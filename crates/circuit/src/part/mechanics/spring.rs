@@ -1,16 +1,11 @@
-use crate::ground::{Common, Net, Own, Part};
+use crate::ground::{Common, Net, Own, Part, gathered};
 use math::{Lane, Over};
 
-physics::parameters! {
+gathered! {
     /// A spring between an axis and the ground: F = -k (x - x_rest).
     pub struct Spring {
-        /// Stiffness k
-        stiffness: "N/m", physics::at_least(0.0);
-        /// Position without force
-        rest_position: "m", physics::any(), default 0.0;
-    } with {
-        /// Index among the axes of the net
-        axis: usize,
+        numbers { stiffness, rest_position }
+        same { axis: usize }
     }
 }
 

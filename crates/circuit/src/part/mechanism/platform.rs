@@ -1,7 +1,7 @@
 //! The platform as a part of a circuit.
 
-use crate::ground::{Common, Given, Input, Kind, Net, Of, Own, OwnMut, Part, State};
-use crate::part::mechanics::axis::{CHANNELS, GAUSS, at, begin_inner, heat_of};
+use crate::ground::{Common, Given, Input, Kind, Net, Own, OwnMut, Part, State};
+use crate::part::mechanics::axis::{CHANNELS, GAUSS, at, begin_inner, heat_of, inner_states};
 use crate::part::mechanics::damper;
 use crate::part::mechanism::dynamics::{Accelerations, Cholesky, Places, forms, with_square, with_sum};
 use crate::part::mechanism::{Geometry, MOST, Mechanism, MechanismKind};
@@ -188,11 +188,7 @@ impl<P: Lane> Part<P> for Platform<P> {
         let of = |which: usize| names.iter().map(move |own| State::own(own[which], unit(own[which]), SCALE));
         let mut states: Vec<State> = of(0).chain(of(1)).collect();
         for (leg, contact) in self.contacts.iter().enumerate() {
-            let inner = contact.as_ref().map_or(Vec::new(), Contact::states);
-            let each = inner.iter().zip(&self.largest_scales[leg]);
-            let own =
-                each.map(|(state, largest)| State::own(state.name, state.unit, state.scale.min(*largest)));
-            states.extend(own.map(|state| state.of(Of::Axis(self.nodes[leg]))));
+            states.extend(inner_states(contact.as_ref(), &self.largest_scales[leg], self.nodes[leg]));
         }
         states
     }

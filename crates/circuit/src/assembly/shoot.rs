@@ -1,8 +1,9 @@
 //! Several runs of an assembly, each from its own start, with derivatives, for multiple shooting.
 
 use crate::assembly::session::Session;
-use crate::assembly::variables::{Assembly, Target};
+use crate::assembly::variables::{Assembly, Target, values_of};
 use crate::circuit::{Circuit, Look, budget};
+use crate::component::Quantity;
 use crate::ground::{Error, Net, refuse, run_jobs};
 use math::Lane;
 use ode::{Options, Output, System};
@@ -195,7 +196,9 @@ impl<'a> All<'a> {
         let held: Vec<(usize, P)> =
             held.map(|(&input, plan)| (input, P::c(plan.values[since(&plan.times)]))).collect();
         let begun = drive.begin(&start, &held);
-        let mut tracker = Tracker::new(drive, &self.columns, &asked.sample_times[samples], begun.0.work());
+        let quantities = self.columns.iter().map(|&column| drive.variables.quantities[column]).collect();
+        let (times, net) = (&asked.sample_times[samples], begun.0.work());
+        let mut tracker = Tracker { quantities, times, next: 0, net, rows: Vec::new() };
         let changes = |times: &[f64]| times.partition_point(|&time| time < end) - at(times);
         let commands = asked.plans.iter().map(|plan| changes(&plan.times)).sum();
         let work = budget(end - from, commands, begun.0.n_states());
@@ -242,23 +245,15 @@ impl<'a> All<'a> {
 }
 
 /// Keeps the outputs at the samples of one segment.
-pub(in crate::assembly) struct Tracker<'a, P> {
-    drive: &'a Assembly<P>,
-    columns: &'a [usize],
+struct Tracker<'a, P> {
+    quantities: Vec<Quantity>,
     times: &'a [f64],
     next: usize,
     net: Net<P>,
-    row: Vec<P>,
     rows: Vec<P>,
 }
 
-impl<'a, P: Lane> Tracker<'a, P> {
-    /// Returns these columns at these times, s.
-    pub fn new(drive: &'a Assembly<P>, columns: &'a [usize], times: &'a [f64], net: Net<P>) -> Self {
-        let row = vec![P::zero(); drive.columns().len()];
-        Tracker { drive, columns, times, next: 0, net, row, rows: Vec::new() }
-    }
-
+impl<P: Lane> Tracker<'_, P> {
     /// The remaining samples are due at the end.
     fn finish(&mut self, session: &Session<P>) {
         let y = session.settled();
@@ -274,8 +269,9 @@ impl<P: Lane> Output<P, Circuit<P>> for Tracker<'_, P> {
     }
 
     fn sample(&mut self, _lane: usize, t: f64, y: &[P], circuit: &Circuit<P>) {
-        self.drive.row(circuit, P::c(t), y, &mut self.net, &mut self.row);
-        self.rows.extend(self.columns.iter().map(|&column| self.row[column]));
+        let first = self.rows.len();
+        self.rows.resize(first + self.quantities.len(), P::zero());
+        values_of(&self.quantities, circuit, P::c(t), y, &mut self.net, &mut self.rows[first..]);
         self.next += 1;
     }
 }

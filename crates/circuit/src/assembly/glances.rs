@@ -1,6 +1,6 @@
 //! Rows of a trajectory of the usual drive, from its fast outputs.
 
-use crate::assembly::variables::{Assembly, command};
+use crate::assembly::variables::command;
 use crate::circuit::{Circuit, Glance, place};
 use crate::component::Quantity;
 use crate::part::InputId;
@@ -21,10 +21,10 @@ pub(crate) struct Glances {
 
 impl Glances {
     /// Returns the columns if the circuit has fast outputs and its columns need no other values.
-    pub fn of(assembly: &Assembly) -> Option<Self> {
-        let (axis, gas) = assembly.circuit.glanced()?;
+    pub fn of(circuit: &Circuit<f64>, quantities: &[Quantity]) -> Option<Self> {
+        let (axis, gas) = circuit.glanced()?;
         let mut edges = None;
-        let columns = assembly.variables.quantities.iter().map(|quantity| {
+        let columns = quantities.iter().map(|quantity| {
             let side = |id| gas.iter().position(|own| *own == id);
             match *quantity {
                 Quantity::Time => Some(TIME),
@@ -48,7 +48,7 @@ impl Glances {
         Some(Glances { columns, edges })
     }
 
-    /// Writes one row of the columns, with the same bits as [`Assembly::row`].
+    /// Writes one row of the columns, with the same bits as [`super::Assembly::row`].
     #[inline(always)]
     pub fn row(&self, circuit: &Circuit<f64>, t: f64, y: &[f64], row: &mut [f64]) {
         let mut values = [0.0; VALUES];
