@@ -63,15 +63,6 @@ pub struct Reduction {
     pub what: Statistic,
 }
 
-/// Source of a column.
-#[derive(Clone, Copy, Debug)]
-enum Source {
-    /// This state.
-    State(usize),
-    /// A value that follows from all states.
-    Row,
-}
-
 /// Intermediate result of one reduction of one member.
 #[derive(Clone, Debug, Default)]
 struct Fold {
@@ -83,7 +74,7 @@ struct Fold {
 pub struct Reducer<'a, R: Lane> {
     assembly: &'a Assembly,
     asked: &'a [Reduction],
-    sources: Vec<Source>,
+    sources: Vec<Option<usize>>,
     /// Intermediate results, one for each lane and reduction.
     folds: Vec<Fold>,
     /// Sample times, and the next sample of each lane.
@@ -116,16 +107,15 @@ impl<'a, R: Lane> Reducer<'a, R> {
     /// Creates a follower for members with the structure of `assembly`, over `duration` s if samples are requested.
     pub fn new(assembly: &'a Assembly, asked: &'a [Reduction], duration: f64) -> Self {
         let quantity = |asked: &Reduction| assembly.variables.quantities[asked.column];
-        let source = |asked: &Reduction| match quantity(asked) {
-            Quantity::Position(axis) => {
-                assembly.circuit.position_state(axis).map_or(Source::Row, Source::State)
-            }
-            Quantity::Velocity(axis) => {
-                assembly.circuit.position_state(axis).map_or(Source::Row, |place| Source::State(place + 1))
-            }
-            _ => Source::Row,
+        let source = |asked: &Reduction| {
+            let (axis, offset) = match quantity(asked) {
+                Quantity::Position(axis) => (axis, 0),
+                Quantity::Velocity(axis) => (axis, 1),
+                _ => return None,
+            };
+            Some(assembly.circuit.position_state(axis)? + offset)
         };
-        let sources: Vec<Source> = asked.iter().map(source).collect();
+        let sources: Vec<Option<usize>> = asked.iter().map(source).collect();
         let rate = asked.iter().find_map(|asked| match asked.what {
             Statistic::Samples { rate } => Some(rate),
             _ => None,
@@ -139,7 +129,7 @@ impl<'a, R: Lane> Reducer<'a, R> {
             needs_rows: sources
                 .iter()
                 .zip(asked)
-                .any(|(source, asked)| matches!(source, Source::Row) && !is_whole(asked.what)),
+                .any(|(source, asked)| source.is_none() && !is_whole(asked.what)),
             net: Circuit::<R>::gather(&vec![&*assembly.circuit; R::L]).work(),
             rows: std::array::from_fn(|_| vec![R::zero(); assembly.columns().len()]),
             row: vec![R::zero(); assembly.columns().len()],
@@ -207,8 +197,8 @@ impl<'a, R: Lane> Reducer<'a, R> {
     /// Returns a column at the points of a step.
     fn points(&self, r: usize, lane: usize, states: &mut Accepted<'_, R>) -> [f64; POINTS] {
         std::array::from_fn(|k| match (self.sources[r], self.courses[r]) {
-            (Source::State(i), _) if k == 0 => states.before()[i].get(lane),
-            (Source::State(i), _) if k == POINTS - 1 => states.after()[i].get(lane),
+            (Some(i), _) if k == 0 => states.before()[i].get(lane),
+            (Some(i), _) if k == POINTS - 1 => states.after()[i].get(lane),
             (_, Some(course)) => course.of(lane).value(theta(k)),
             _ => self.rows[k][self.asked[r].column].get(lane),
         })
@@ -223,7 +213,7 @@ impl<'a, R: Lane> Reducer<'a, R> {
             if is_whole(asked.what) {
                 continue;
             }
-            let Source::State(i) = self.sources[r] else {
+            let Some(i) = self.sources[r] else {
                 self.busy = !0;
                 continue;
             };

@@ -49,8 +49,13 @@ impl Ensemble {
             reasons: Vec::new(),
             attempts: 0,
         };
-        let whole = plan.run((total, &widths), &mut outcome, interrupted)?;
-        if !whole {
+        let circuit = &self.members.template.circuit;
+        let run = EnsembleRun { plan: &plan, total, widths: &widths, outcome: &mut outcome, interrupted };
+        let whole = match plan.kernel {
+            Kernel::Eight if circuit.is_fused() && circuit.n_events() == 0 => with_eight(run),
+            _ => run.run::<Base>(),
+        };
+        if !whole? {
             return Err(Error::Interrupted { t: 0.0 });
         }
         outcome.reasons.sort_by_key(|(member, _)| *member);
@@ -107,21 +112,6 @@ impl Task for EnsembleRun<'_, '_> {
 }
 
 impl<'a> Planned<'a> {
-    /// Runs all members and returns whether the run reached its end.
-    fn run(
-        &self,
-        (total, widths): (usize, &[usize]),
-        outcome: &mut Outcome,
-        interrupted: &mut dyn FnMut(f64) -> bool,
-    ) -> Result<bool, Error> {
-        let circuit = &self.ensemble.members.template.circuit;
-        let run = EnsembleRun { plan: self, total, widths, outcome, interrupted };
-        match self.kernel {
-            Kernel::Eight if circuit.is_fused() && circuit.n_events() == 0 => with_eight(run),
-            _ => run.run::<Base>(),
-        }
-    }
-
     fn worker<R: Lane>(&self, width: usize) -> Worker<'_, R> {
         let (template, duration) = (&self.ensemble.members.template, self.asked.duration.row(0)[0]);
         // Timings that start with a command need a separate schedule for each member.

@@ -45,22 +45,17 @@ impl Graph {
                 Ok(self.negative(of))
             }
             Kind::Pair("+", sides) => self.sum(sides, scope),
-            Kind::Pair("-", sides) => {
+            Kind::Pair(sign @ ("-" | "*" | "/" | "^"), sides) => {
                 let [a, b] = self.both(sides, scope)?;
-                self.alike(a, b, "-", sides)?;
-                Ok(self.subtract(a, b))
-            }
-            Kind::Pair("*", sides) => {
-                let [a, b] = self.both(sides, scope)?;
-                Ok(self.multiply(a, b))
-            }
-            Kind::Pair("/", sides) => {
-                let [a, b] = self.both(sides, scope)?;
-                self.divide(a, b, sides[1].place)
-            }
-            Kind::Pair("^", sides) => {
-                let [a, b] = self.both(sides, scope)?;
-                self.power(a, b, [sides[0].place, sides[1].place])
+                match *sign {
+                    "-" => {
+                        self.alike(a, b, "-", sides)?;
+                        Ok(self.subtract(a, b))
+                    }
+                    "*" => Ok(self.multiply(a, b)),
+                    "/" => self.divide(a, b, sides[1].place),
+                    _ => self.power(a, b, [sides[0].place, sides[1].place]),
+                }
             }
             Kind::Pair(..) | Kind::Not(_) => {
                 let remedy = "Write if(condition, value where it holds, value where it does not).";
@@ -139,7 +134,12 @@ impl Graph {
             "sqrt" => self.root(a, place),
             "min" | "max" => {
                 self.alike(a, values[1], name, &[arguments[0].clone(), arguments[1].clone()])?;
-                Ok(self.extreme(name, a, values[1]))
+                let dimension = self.dimension(a).or(self.dimension(values[1]));
+                let other = self.at(values[1]).range;
+                Ok(match name {
+                    "min" => self.make(Operation::Least(a, values[1]), dimension, range.min(other)),
+                    _ => self.make(Operation::Greatest(a, values[1]), dimension, range.max(other)),
+                })
             }
             "pow" => self.power(a, values[1], [place, arguments[1].place]),
             "fma" => {
@@ -341,15 +341,6 @@ impl Graph {
         }
         let one = self.constant(1.0);
         self.divide(one, out, place)
-    }
-
-    fn extreme(&mut self, name: &str, a: Id, b: Id) -> Id {
-        let dimension = self.dimension(a).or(self.dimension(b));
-        let (x, y) = (self.at(a).range, self.at(b).range);
-        match name {
-            "min" => self.make(Operation::Least(a, b), dimension, x.min(y)),
-            _ => self.make(Operation::Greatest(a, b), dimension, x.max(y)),
-        }
     }
 
     fn select(&mut self, a: Id, b: Id, then: Id, otherwise: Id) -> Id {

@@ -4,6 +4,7 @@ mod own;
 
 use crate::parameter::{Bounds, Parameter};
 use ::formula::{Dimension, Graph, Id, Place, Program, Range, Scope, parse};
+use math::Dual;
 use serde::Deserialize;
 use std::collections::HashMap;
 use std::fmt;
@@ -244,6 +245,18 @@ impl<'a> Reader<'a> {
             problem,
         })
     }
+}
+
+/// Returns the part of a value with derivatives that is not finite, in words. `name` gives the variable of a derivative.
+pub(crate) fn not_finite<const N: usize>(
+    value: &Dual<f64, N>,
+    name: impl Fn(usize) -> &'static str,
+) -> Option<String> {
+    if !value.re.is_finite() {
+        return Some(format!("it is {}", value.re));
+    }
+    let k = value.eps.iter().position(|slope| !slope.is_finite())?;
+    Some(format!("its derivative by {} is {}", name(k), value.eps[k]))
 }
 
 /// Rejects a formula as a whole.

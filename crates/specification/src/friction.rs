@@ -90,10 +90,3 @@ pub struct Friction {
     /// Run-in and wear.
     pub wear: Option<Numbers>,
 }
-
-impl Friction {
-    /// A law without modifiers.
-    pub fn of(law: &str, parameters: Numbers) -> Self {
-        Friction { law: law.into(), parameters, ..Friction::default() }
-    }
-}

@@ -88,19 +88,8 @@ impl<R: Lane> Circuit<R> {
         GasId(node)
     }
 
-    /// Adds a volume with the balance `law`: a tank, or the dead volume of a chamber, which piston faces enlarge.
-    pub fn volume(
-        &mut self,
-        law: ChamberLaw,
-        dead_volume: R,
-        dead_wall: R,
-        heat_transfer: R,
-        wall_temperature: R,
-    ) -> GasId {
-        self.vessel(law, [dead_volume, dead_wall], Heat::Newton(heat_transfer), wall_temperature)
-    }
-
-    /// Adds a volume with a law of heat transfer. Its dead volume, m3, has a wall, m2, at a temperature, K.
+    /// Adds a volume with the balance `law`: a tank, or the dead volume of a chamber, which piston faces enlarge. Its dead
+    /// volume, m3, has a wall, m2, at a temperature, K.
     pub fn vessel(
         &mut self,
         law: ChamberLaw,

@@ -4,6 +4,7 @@
 use crate::support::*;
 use circuit::{ChamberLaw, Circuit, GasId};
 use ode::Stepper;
+use physics::heat::Heat;
 
 const SUPPLY: f64 = 7e5;
 /// Warmer than the tank, so that an exchange of the two temperatures would be seen.
@@ -18,7 +19,7 @@ const PRECISE: f64 = 1e-10;
 fn tank(reservoir: (f64, f64), from: (f64, f64), wall: f64) -> (Circuit<f64>, GasId, Vec<f64>) {
     let mut circuit = empty();
     let outside = circuit.reservoir(reservoir.0, reservoir.1);
-    let tank = circuit.volume(ChamberLaw::EnergyBalance, TANK, 1.0, wall, ROOM);
+    let tank = circuit.vessel(ChamberLaw::EnergyBalance, [TANK, 1.0], Heat::Newton(wall), ROOM);
     let orifice = circuit.restriction(orifice(C), outside, tank);
     let mut circuit = circuit.build(false);
     circuit.set_input(orifice, 0, 1.0);
@@ -79,8 +80,8 @@ fn isothermal_discharge_is_exponential() {
 #[test]
 fn two_tanks_share_their_energy() {
     let mut circuit = empty();
-    let one = circuit.volume(ChamberLaw::EnergyBalance, TANK, 0.0, 0.0, ROOM);
-    let two = circuit.volume(ChamberLaw::EnergyBalance, 3.0 * TANK, 0.0, 0.0, ROOM);
+    let one = circuit.vessel(ChamberLaw::EnergyBalance, [TANK, 0.0], Heat::Newton(0.0), ROOM);
+    let two = circuit.vessel(ChamberLaw::EnergyBalance, [3.0 * TANK, 0.0], Heat::Newton(0.0), ROOM);
     let pipe = circuit.restriction(orifice(C), one, two);
     let mut circuit = circuit.build(false);
     circuit.set_input(pipe, 0, 1.0);
@@ -95,7 +96,7 @@ fn two_tanks_share_their_energy() {
 /// A closed chamber compressed by a carriage from 100 mm to 40 mm.
 fn compress(law: ChamberLaw, wall: f64) -> f64 {
     let mut circuit = empty();
-    let chamber = circuit.volume(law, 1e-5, 1.0, wall, ROOM);
+    let chamber = circuit.vessel(law, [1e-5, 1.0], Heat::Newton(wall), ROOM);
     let (carriage, _) = circuit.servo(circuit::Carriage::rigid());
     circuit.face(chamber, carriage, true, 0.0, circuit::PistonSide::new(5e-4, 0.0, 0.0));
     let mut circuit = circuit.build(false);
@@ -117,7 +118,10 @@ fn closed_chambers_are_polytropes() {
 /// Frequency, Hz, of 5 kg between two closed chambers, from the zeros of its velocity.
 fn air_spring(law: ChamberLaw, wall: f64, areas: (f64, f64), x0: f64, stroke: f64) -> f64 {
     let mut circuit = empty();
-    let (a, b) = (circuit.volume(law, 5e-6, 1.0, wall, ROOM), circuit.volume(law, 8e-6, 1.0, wall, ROOM));
+    let (a, b) = (
+        circuit.vessel(law, [5e-6, 1.0], Heat::Newton(wall), ROOM),
+        circuit.vessel(law, [8e-6, 1.0], Heat::Newton(wall), ROOM),
+    );
     let p_a = 5e5;
     let p_b = AMBIENT + (p_a - AMBIENT) * areas.0 / areas.1;
     let mass = circuit.axis(5.0, 0.0, 0.0, None);
@@ -173,8 +177,9 @@ fn weight_pulls_down_the_incline() {
 fn the_ambient_pushes_on_the_rod() {
     // Equal absolute pressures on unequal areas push with p (A_a - A_b), less the ambient on the rod.
     let mut circuit = empty();
-    let chamber =
-        |circuit: &mut Circuit<f64>| circuit.volume(ChamberLaw::EnergyBalance, 1e-5, 0.0, 0.0, ROOM);
+    let chamber = |circuit: &mut Circuit<f64>| {
+        circuit.vessel(ChamberLaw::EnergyBalance, [1e-5, 0.0], Heat::Newton(0.0), ROOM)
+    };
     let (a, b) = (chamber(&mut circuit), chamber(&mut circuit));
     let mass = circuit.axis(2.0, 0.0, 5.0, None);
     circuit.face(a, mass, true, 0.1, circuit::PistonSide::new(8e-4, 0.0, 0.0));

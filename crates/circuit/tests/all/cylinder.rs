@@ -5,6 +5,7 @@ use crate::support::*;
 use circuit::{AxisId, ChamberLaw, Circuit, GasId, InputId, balance};
 use ode::{Stepper, System};
 use physics::friction::{Composition, Contact, Dwell, Growth, SealLips};
+use physics::heat::Heat;
 
 type Edges = [InputId; 4];
 
@@ -29,7 +30,7 @@ fn cylinder(split: bool, key: &str) -> (Circuit<f64>, AxisId, [GasId; 2], Edges,
     let friction = Contact::new(friction, Some(lips), Composition { dwell, ..Composition::NONE });
     let axis = circuit.axis(2.0, 0.3, -6.0, Some(friction));
     let mut chamber = |area: f64, grows: bool| {
-        let gas = circuit.volume(ChamberLaw::EnergyBalance, 1e-5, 1e-3, 50.0, 285.0);
+        let gas = circuit.vessel(ChamberLaw::EnergyBalance, [1e-5, 1e-3], Heat::Newton(50.0), 285.0);
         let parts = if split { 2 } else { 1 };
         for _ in 0..parts {
             let share = 1.0 / f64::from(parts);

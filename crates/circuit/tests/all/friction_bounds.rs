@@ -16,12 +16,13 @@ fn values_out_of_bounds_are_refused_by_name_value_and_rule() {
             |p: &physics::Parameter| Some((p.key.to_string(), set.get(p.key).copied().or(p.default)?));
         let plain: BTreeMap<String, f64> =
             law.parameters.iter().filter_map(value).filter(|(_, value)| value.is_finite()).collect();
-        friction_law(&Friction::of(law.key, plain.clone())).expect("the reference set");
+        let with = |parameters| Friction { law: law.key.into(), parameters, ..Friction::default() };
+        friction_law(&with(plain.clone())).expect("the reference set");
         let told = |key: &str, value: Option<f64>| {
             let mut parameters = plain.clone();
             parameters.remove(key);
             parameters.extend(value.map(|value| (key.to_string(), value)));
-            friction_law(&Friction::of(law.key, parameters)).expect_err(key).to_string()
+            friction_law(&with(parameters)).expect_err(key).to_string()
         };
         for p in law.parameters {
             let low = if p.bounds.open { p.bounds.lower } else { p.bounds.lower - 1.0 };

@@ -5,6 +5,7 @@ use crate::support::*;
 use circuit::{ChamberLaw, Circuit, InputId, PistonSide};
 use math::Dual;
 use ode::{NoOutput, Stepper, System};
+use physics::heat::Heat;
 
 /// A cylinder on two edges, and a sled on a spring that a carriage drags: every kind of part with inputs.
 fn plant() -> (Circuit<f64>, Vec<f64>) {
@@ -13,7 +14,7 @@ fn plant() -> (Circuit<f64>, Vec<f64>) {
     let exhaust = circuit.reservoir(AMBIENT, ROOM);
     let piston = circuit.axis(2.0, 0.3, 0.0, Some(stribeck().into()));
     let mut chamber = |grows: bool| {
-        let gas = circuit.volume(ChamberLaw::EnergyBalance, 1e-5, 1e-3, 50.0, 285.0);
+        let gas = circuit.vessel(ChamberLaw::EnergyBalance, [1e-5, 1e-3], Heat::Newton(50.0), 285.0);
         circuit.face(gas, piston, grows, 0.3, PistonSide::new(5e-4, 0.08, 1e-3));
         gas
     };
@@ -108,7 +109,7 @@ fn a_shut_edge_has_a_derivative_by_its_opening() {
 fn a_tank_follows_the_pressure_of_its_supply() {
     let mut circuit = empty();
     let supply = circuit.reservoir(5e5, ROOM);
-    let tank = circuit.volume(ChamberLaw::EnergyBalance, 1e-5, 1.0, 100.0, ROOM);
+    let tank = circuit.vessel(ChamberLaw::EnergyBalance, [1e-5, 1.0], Heat::Newton(100.0), ROOM);
     let line = circuit.restriction(orifice(1e-8), supply, tank);
     let mut circuit = circuit.build(false);
     let y = circuit.initial(&[(tank, 1e5, ROOM)], &[]);

@@ -6,6 +6,7 @@ use crate::support::*;
 use circuit::{AxisId, ChamberLaw, Circuit, InputId};
 use ode::Stepper;
 use physics::friction::AnyLaw;
+use physics::heat::Heat;
 
 /// A piston in the middle of its cylinder, x from the middle; `side` = -1 is the mirror image.
 fn piston(friction: &AnyLaw<f64>, side: f64) -> (Circuit<f64>, AxisId, [InputId; 4], Vec<f64>) {
@@ -16,7 +17,8 @@ fn piston(friction: &AnyLaw<f64>, side: f64) -> (Circuit<f64>, AxisId, [InputId;
     circuit.spring(axis, 300.0, side * 0.01);
     // The first chamber has the larger area and lies to the left of the original, right of the image.
     let mut chamber = |area: f64, left: bool| {
-        let gas = circuit.volume(ChamberLaw::EnergyBalance, 1e-5 + 0.15 * area, 0.01, 30.0, 280.0);
+        let gas =
+            circuit.vessel(ChamberLaw::EnergyBalance, [1e-5 + 0.15 * area, 0.01], Heat::Newton(30.0), 280.0);
         circuit.face(gas, axis, left == (side > 0.0), 0.0, circuit::PistonSide::new(area, 0.07, 2.0 * area));
         gas
     };

@@ -6,6 +6,7 @@ use crate::support::*;
 use circuit::{AxisId, ChamberLaw, Circuit, GasId, InputId, balance};
 use ode::Stepper;
 use physics::friction::{Composition, Contact, SealLips};
+use physics::heat::Heat;
 
 struct Drive {
     axis: AxisId,
@@ -31,7 +32,7 @@ fn drive(
     let stroke = 0.3;
     let axis = circuit.axis(mass, incline, 4.0, Some(friction));
     let mut chamber = |area: f64, grows: bool| {
-        let gas = circuit.volume(ChamberLaw::EnergyBalance, 8e-6, 1e-4, 40.0, 285.0);
+        let gas = circuit.vessel(ChamberLaw::EnergyBalance, [8e-6, 1e-4], Heat::Newton(40.0), 285.0);
         circuit.face(gas, axis, grows, stroke, circuit::PistonSide::new(area, 0.08, 2.0 * area));
         gas
     };
@@ -47,7 +48,7 @@ fn plant(ledger: bool) -> (Plant, Vec<f64>) {
     let mut circuit = empty();
     let compressor = circuit.reservoir(9e5, 330.0);
     let exhaust = circuit.reservoir(AMBIENT, ROOM);
-    let tank = circuit.volume(ChamberLaw::EnergyBalance, 5e-4, 0.05, 15.0, ROOM);
+    let tank = circuit.vessel(ChamberLaw::EnergyBalance, [5e-4, 0.05], Heat::Newton(15.0), ROOM);
     let filter = circuit.restriction(orifice(0.4e-8), compressor, tank);
     let lugre = law(
         "lugre",

@@ -7,6 +7,7 @@ use crate::support::*;
 use circuit::{ChamberLaw, Circuit, Network, specification as spec};
 use math::Dual;
 use ode::{Stepper, System};
+use physics::heat::Heat;
 use physics::{Gas, IdealGas, Virial};
 use serde_json::{Value, json};
 
@@ -32,7 +33,7 @@ fn a_closed_chamber_follows_the_adiabate() {
     let ideal = IdealGas::new(CARBON_DIOXIDE.0, CARBON_DIOXIDE.1);
     let gas = Gas { virial: Some(carbon_dioxide()), ..Gas::from(&ideal) };
     let mut circuit = Circuit::new(gas, AMBIENT, ROOM);
-    let chamber = circuit.volume(ChamberLaw::EnergyBalance, 1e-5, 0.0, 0.0, ROOM);
+    let chamber = circuit.vessel(ChamberLaw::EnergyBalance, [1e-5, 0.0], Heat::Newton(0.0), ROOM);
     let (carriage, _) = circuit.servo(circuit::Carriage::rigid());
     circuit.face(chamber, carriage, true, 0.0, circuit::PistonSide::new(5e-4, 0.0, 0.0));
     let mut circuit = circuit.build(false);

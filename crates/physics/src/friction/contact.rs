@@ -308,7 +308,7 @@ impl Contact<f64> {
         let seals = self.seals(at);
         let places = self.position().map_or([1.0, 1.0], |position| position.range(stroke));
         let ways = self.direction().map_or([1.0, 1.0], |way| [way.positive, way.negative]);
-        let aged = self.dwell().map_or(0.0, |dwell| dwell.largest(at));
+        let aged = self.dwell().map_or(0.0, |dwell| dwell.increment(at, dwell::LONGEST_STOP));
         let factors = places.into_iter().flat_map(|place| ways.map(|way| place * way));
         let rises: &[f64] = if self.heating().is_some() { &[0.0, temperature::HOTTEST] } else { &[0.0] };
         let slides: &[f64] = if self.wear().is_some() { &[0.0, wear::FARTHEST] } else { &[0.0] };

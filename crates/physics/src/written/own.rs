@@ -1,9 +1,11 @@
 //! A user's formula for a component: its output and variables.
 
-use super::{Compiled, ParameterText, Reader, check_names, dimension, leak, leaked, of_whole, range};
+use super::{
+    Compiled, ParameterText, Reader, check_names, dimension, leak, leaked, not_finite, of_whole, range,
+};
 use crate::parameter::{Bounds, Parameter};
 use ::formula::{Graph, Program};
-use math::{Gather, Lane, Over, Real};
+use math::{Dual, Gather, Lane, Over, Real};
 use serde::ser::{SerializeStruct, Serializer};
 use serde::{Deserialize, Serialize};
 use std::fmt::Write;
@@ -179,17 +181,8 @@ impl Formula<f64> {
 
     /// Returns the value and its derivatives by the variables, if all are finite.
     pub fn slopes<const N: usize>(&self, values: &[f64; N]) -> Result<(f64, [f64; N]), String> {
-        let seed = |k: usize| {
-            let mut eps = [0.0; N];
-            eps[k] = 1.0;
-            math::Dual { re: values[k], eps }
-        };
-        let found = self.value(seed);
-        let what = if !found.re.is_finite() {
-            format!("it is {}", found.re)
-        } else if let Some(k) = found.eps.iter().position(|slope| !slope.is_finite()) {
-            format!("its derivative by {} is {}", self.own.role.variables[k].name, found.eps[k])
-        } else {
+        let found = self.value(|k| Dual::<f64, N>::variable(values[k], k));
+        let Some(what) = not_finite(&found, |k| self.own.role.variables[k].name) else {
             return Ok((found.re, found.eps));
         };
         let (key, name) = (self.own.role.output.0, self.own.name);

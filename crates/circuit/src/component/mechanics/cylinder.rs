@@ -40,7 +40,7 @@ const PARAMETERS: &[Row] = table! {
         "Depth from which the damper acts fully";
 };
 
-const OUTPUTS: &[Variable] = &[
+pub(in crate::component) const OUTPUTS: &[Variable] = &[
     ("position_m", "m", "position"),
     ("velocity_m_s", "m/s", "velocity"),
     ("acceleration_m_s2", "m/s2", "acceleration"),

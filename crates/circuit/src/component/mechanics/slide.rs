@@ -1,3 +1,4 @@
+use crate::component::mechanics::cylinder::OUTPUTS;
 use crate::component::prelude::*;
 use std::f64::consts::FRAC_PI_2;
 
@@ -16,12 +17,7 @@ impl Component for Slide {
         },
         friction: FrictionTable::Optional,
         inputs: &[("load_force_n", "N", "external force in +x")],
-        outputs: &[
-            ("position_m", "m", "position"),
-            ("velocity_m_s", "m/s", "velocity"),
-            ("acceleration_m_s2", "m/s2", "acceleration"),
-            ("friction_force_n", "N", "friction force, positive where it opposes v > 0"),
-        ],
+        outputs: OUTPUTS.split_at(4).0,
         ..Kind::PLAIN
     };
 

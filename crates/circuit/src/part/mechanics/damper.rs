@@ -1,7 +1,7 @@
-//! Springs with dampers: their balances, and contacts that a mass hits.
+//! Balances of springs with dampers.
 
-use crate::ground::{Common, Kind, Net};
-use math::{Lane, Over, Real};
+use crate::ground::{Common, Kind};
+use math::{Over, Real};
 
 /// Returns the balances of a part that turns work into heat, with springs that store some of the work.
 pub(crate) const CHANNELS: [(&str, Kind); 2] =
@@ -31,62 +31,3 @@ macro_rules! springs {
     };
 }
 pub(crate) use springs;
-
-/// Position of a contact that a mass hits from one side.
-#[derive(Clone, Debug)]
-pub struct Meets<P> {
-    /// Position of the first touch, m.
-    pub position: P,
-    /// Whether it is hit in +x.
-    pub ahead: bool,
-    pub axis: usize,
-}
-
-math::gather!(Meets { position } same { ahead, axis });
-
-impl<P: Lane> Meets<P> {
-    /// Returns the penetration of the mass, m, and its rate, m/s.
-    pub(crate) fn contact<S: Over<P>>(&self, net: &Net<S>) -> (S, S) {
-        let axis = &net.axis[self.axis];
-        let depth = axis.x - S::from(self.position);
-        if self.ahead { (depth, axis.v) } else { (-depth, -axis.v) }
-    }
-
-    /// Converts a restoring force to a force in -x, N.
-    pub(crate) fn force<S: Over<P>>(&self, pushes: S) -> S {
-        if self.ahead { pushes } else { -pushes }
-    }
-}
-
-/// Implements `Part` for a part that a mass hits. The part has a contact `meets`, a restoring force `pushes` at a
-/// penetration and its rate, and springs.
-macro_rules! hit_by_a_mass {
-    ($part:ident) => {
-        impl<P: Lane> Part<P> for $part<P> {
-            fn force<S: Over<P>>(&self, net: &Net<S>) -> S {
-                self.meets.force(self.pushes(self.meets.contact(net)))
-            }
-
-            #[inline(always)]
-            fn exchange<S: Over<P>>(&self, net: &mut Net<S>, _common: &Common<P>) {
-                let force = self.force(net);
-                net.axis[self.meets.axis].force -= force;
-            }
-
-            damper::springs!(spring_energy);
-
-            fn account<S: Over<P>>(
-                &self,
-                _y: Own<S>,
-                _dy: Own<S>,
-                net: &Net<S>,
-                common: &Common<P>,
-                out: &mut [S],
-            ) {
-                let contact = self.meets.contact(net);
-                damper::account(self.pushes(contact) * contact.1, common, out);
-            }
-        }
-    };
-}
-pub(crate) use hit_by_a_mass;

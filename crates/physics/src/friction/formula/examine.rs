@@ -2,6 +2,7 @@
 
 use super::{Formula, LEVELS, MOST_STATES, OwnLaw, VARIABLES};
 use crate::friction::{At, Levels};
+use crate::written::not_finite;
 use math::{Dual, Real};
 
 /// Directions of a derivative: v, x, both pressures, then the states.
@@ -164,31 +165,25 @@ impl Formula<f64> {
     }
 
     fn finite(&self, at: &At<f64>, z: &[f64]) -> Result<(), String> {
-        let variable = |re: f64, i: usize| Slopes::variable(re, i);
         let dual = At {
-            v: variable(at.v, 0),
-            x: variable(at.x, 1),
-            gauge_a: variable(at.gauge_a, 2),
-            gauge_b: variable(at.gauge_b, 3),
+            v: Slopes::variable(at.v, 0),
+            x: Slopes::variable(at.x, 1),
+            gauge_a: Slopes::variable(at.gauge_a, 2),
+            gauge_b: Slopes::variable(at.gauge_b, 3),
             applied: Slopes::zero(),
             prepared: Slopes::zero(),
         };
         let levels = self.levels().map(Slopes::from);
         let states: Vec<Slopes> =
-            z.iter().enumerate().map(|(i, z)| variable(*z, VARIABLES.len() + i)).collect();
+            z.iter().enumerate().map(|(i, z)| Slopes::variable(*z, VARIABLES.len() + i)).collect();
         let mut rates = vec![Slopes::zero(); z.len()];
         let force = self.force(&dual, &levels, &states, &mut rates);
         let names = std::iter::once("force".to_string())
             .chain(self.law.keys.iter().map(|key| format!("the rate of {key}")));
         for (name, value) in names.zip(std::iter::once(&force).chain(&rates)) {
-            let what = if !value.re.is_finite() {
-                format!("it is {}", value.re)
-            } else if let Some(i) = value.eps.iter().position(|slope| !slope.is_finite()) {
-                let by = VARIABLES.iter().map(|(name, _)| *name).chain(self.law.keys.iter().copied());
-                format!("its derivative by {} is {}", by.clone().nth(i).unwrap_or("?"), value.eps[i])
-            } else {
-                continue;
-            };
+            let by =
+                |i: usize| VARIABLES.get(i).map_or_else(|| self.law.keys[i - VARIABLES.len()], |own| own.0);
+            let Some(what) = not_finite(value, by) else { continue };
             return Err(format!(
                 "friction law \"{}\": {name} is not finite at {}: {what}",
                 self.law.meta.key,

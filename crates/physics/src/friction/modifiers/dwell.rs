@@ -124,13 +124,6 @@ impl<R: Lane> Dwell<R> {
     }
 }
 
-impl Dwell<f64> {
-    /// Returns the largest increment that a stop can leave, N, at these gauge pressures.
-    pub(in crate::friction) fn largest(&self, at: &At<f64>) -> f64 {
-        self.increment(at, LONGEST_STOP)
-    }
-}
-
 /// Name of its state.
 pub(in crate::friction) const STATE: &str = "contact_age_s";
 

@@ -1,6 +1,60 @@
-use crate::ground::{Common, Kind, Net, Own, OwnMut, Part, State, Switching, force_on, gathered};
+//! Forces on one axis.
+
+use crate::ground::{Common, Kind, Net, Own, OwnMut, Part, State, Switching, force_on, gathered, inputs};
 use math::{Lane, Over};
 use physics::curve::Curve;
+use physics::written::Formula;
+
+gathered! {
+    /// A spring between an axis and the ground: F = -k (x - x_rest).
+    pub struct Spring {
+        numbers { stiffness, rest_position }
+        same { axis: usize }
+    }
+}
+
+impl<P: Lane> Part<P> for Spring<P> {
+    #[inline(always)]
+    fn exchange<S: Over<P>>(&self, net: &mut Net<S>, _common: &Common<P>) {
+        let node = &mut net.axis[self.axis];
+        node.force -= S::from(self.stiffness) * (node.x - S::from(self.rest_position));
+    }
+
+    fn stored<S: Over<P>>(&self, _y: Own<S>, net: &Net<S>, _common: &Common<P>) -> [S; 3] {
+        let stretch = net.axis[self.axis].x - S::from(self.rest_position);
+        [S::zero(), S::c(0.5) * S::from(self.stiffness) * stretch * stretch, S::zero()]
+    }
+}
+
+gathered! {
+    /// A force on an axis, given by a user's formula. See [`physics::mechanics::FORCE`]. It may store energy or not. All of its work
+    /// is therefore in a balance.
+    pub struct FormulaForce {
+        numbers { command }
+        laws { law: Formula }
+        same { axis: usize }
+    }
+}
+
+impl<P: Lane> Part<P> for FormulaForce<P> {
+    inputs! { command: "command", "1", physics::within(-1.0, 1.0) }
+
+    fn force<S: Over<P>>(&self, net: &Net<S>) -> S {
+        let axis = &net.axis[self.axis];
+        let given = [axis.x, axis.v, S::from(self.command)];
+        self.law.value(|k| given[k])
+    }
+
+    force_on!(axis);
+
+    fn channels(&self) -> Vec<(&'static str, Kind)> {
+        vec![("work", Kind::Energy)]
+    }
+
+    fn account<S: Over<P>>(&self, _y: Own<S>, _dy: Own<S>, net: &Net<S>, _common: &Common<P>, out: &mut [S]) {
+        out[0] = self.force(net) * net.axis[self.axis].v;
+    }
+}
 
 /// Depth of the event, s: much less than any step resolves.
 const TOLERANCE: f64 = 1e-9;

@@ -1,7 +1,83 @@
+//! Forces between two axes.
+
 use crate::ground::{Common, Kind, Net, Own, OwnMut, Part, Switching, force_on, gathered};
 use crate::part::mechanics::damper;
 use math::{Lane, Over};
+use physics::mechanics::EndStop;
 use std::f64::consts::PI;
+
+gathered! {
+    /// Spring and damper between two axes, without play: a force sensor, a coupling.
+    ///
+    ///   F = k (x_from - x_to) + c (v_from - v_to)              [N], in +x on `to`, -F on `from`
+    pub struct Link {
+        numbers { stiffness, damping }
+        same { from: usize, to: usize }
+    }
+}
+
+impl<P: Lane> Part<P> for Link<P> {
+    /// Returns the force in +x on `to`, N.
+    #[inline(always)]
+    fn force<S: Over<P>>(&self, net: &Net<S>) -> S {
+        let (stretch, rate) = net.apart(self.from, self.to);
+        S::from(self.stiffness) * stretch + S::from(self.damping) * rate
+    }
+
+    force_on!(to, from);
+
+    fn stored<S: Over<P>>(&self, _y: Own<S>, net: &Net<S>, _common: &Common<P>) -> [S; 3] {
+        let (stretch, _) = net.apart(self.from, self.to);
+        [S::zero(), S::c(0.5) * S::from(self.stiffness) * stretch * stretch, S::zero()]
+    }
+
+    fn channels(&self) -> Vec<(&'static str, Kind)> {
+        damper::CHANNELS.to_vec()
+    }
+
+    fn account<S: Over<P>>(&self, _y: Own<S>, _dy: Own<S>, net: &Net<S>, common: &Common<P>, out: &mut [S]) {
+        let (_, speed) = net.apart(self.from, self.to);
+        damper::account(S::from(self.damping) * speed * speed, common, out);
+    }
+}
+
+gathered! {
+    /// A coupling with play between two axes. Within the play the force is zero. Beyond it, on either side, they meet
+    /// as at an end stop.
+    ///
+    ///   F = f(z - g/2, z') - f(-z - g/2, -z'),   z = x_from - x_to          [N], in +x on `to`, -F on `from`
+    pub struct Coupling {
+        numbers {
+            /// Play g between both sides, m.
+            play,
+        }
+        laws { law: EndStop }
+        same { from: usize, to: usize }
+    }
+}
+
+impl<P: Lane> Coupling<P> {
+    fn spring_energy<S: Over<P>>(&self, net: &Net<S>) -> S {
+        let depth = (net.apart(self.from, self.to).0.abs() - S::c(0.5) * S::from(self.play)).max(S::zero());
+        S::c(0.5) * S::from(self.law.stiffness) * depth * depth
+    }
+}
+
+impl<P: Lane> Part<P> for Coupling<P> {
+    fn force<S: Over<P>>(&self, net: &Net<S>) -> S {
+        let (z, rate) = net.apart(self.from, self.to);
+        let half = S::c(0.5) * S::from(self.play);
+        self.law.force(z - half, rate) - self.law.force(-z - half, -rate)
+    }
+
+    force_on!(to, from);
+
+    damper::springs!(spring_energy);
+
+    fn account<S: Over<P>>(&self, _y: Own<S>, _dy: Own<S>, net: &Net<S>, common: &Common<P>, out: &mut [S]) {
+        damper::account(self.force(net) * net.apart(self.from, self.to).1, common, out);
+    }
+}
 
 /// Depth of the event, m: much less than any step resolves.
 const TOLERANCE: f64 = 1e-9;
