@@ -21,11 +21,10 @@ mod walls;
 use crate::table;
 
 pub use build::{Acts, Build, Component, Leg, Piston};
-pub use given::Points;
 pub(crate) use instance::Given;
 pub use instance::{Brings, Instance, Node, Terminals, Vessel, WallHeat};
 pub(crate) use kind::joint_volume;
-pub use kind::{Choice, FrictionTable, Holds, Kind, PortKind, axis, gas};
+pub use kind::{Choice, FrictionTable, Holds, Kind, Points, PortKind, axis, gas};
 pub use kinds::{KINDS, formula_kind};
 pub(crate) use kinds::{check, compose, series};
 pub use quantity::{Quantity, Starting};

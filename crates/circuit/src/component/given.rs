@@ -2,30 +2,10 @@
 
 use super::formula::written;
 use super::instance::Given;
-use super::kind::Kind;
+use super::kind::{Kind, Points};
 use crate::ground::{Error, refuse};
 use crate::specification;
 use physics::Parameter;
-
-/// Points: numbers in columns, with increasing values in the first. Columns with a default may be left out of a point.
-#[derive(Clone, Copy, Debug, serde::Serialize)]
-pub struct Points {
-    /// Key in the table of a component.
-    pub key: &'static str,
-    /// Numbers of a point, in order.
-    pub columns: &'static [Parameter],
-    /// Whether the points are optional.
-    pub optional: bool,
-    /// Largest number of points, because each costs time at every evaluation.
-    pub most: usize,
-}
-
-impl Points {
-    /// Points that a component requires.
-    pub const fn of(columns: &'static [Parameter]) -> Option<Self> {
-        Some(Points { key: "points", columns, optional: false, most: 50 })
-    }
-}
 
 impl Given<f64> {
     /// Checked additions of a component of a kind.

@@ -1,7 +1,7 @@
 //! The table of a kind of component.
 
-use super::given::Points;
 use super::table::Row;
+use physics::Parameter;
 use physics::written::{Given, Role};
 use serde::{Serialize, Serializer};
 
@@ -118,6 +118,26 @@ pub enum FrictionTable {
     Optional,
     /// It requires friction.
     Needed,
+}
+
+/// Points: numbers in columns, with increasing values in the first. Columns with a default may be left out of a point.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub struct Points {
+    /// Key in the table of a component.
+    pub key: &'static str,
+    /// Numbers of a point, in order.
+    pub columns: &'static [Parameter],
+    /// Whether the points are optional.
+    pub optional: bool,
+    /// Largest number of points, because each costs time at every evaluation.
+    pub most: usize,
+}
+
+impl Points {
+    /// Points that a component requires.
+    pub const fn of(columns: &'static [Parameter]) -> Option<Self> {
+        Some(Points { key: "points", columns, optional: false, most: 50 })
+    }
 }
 
 /// The table of a kind of component.

@@ -1,10 +1,9 @@
 //! Names that the file of a component uses.
 
 pub(super) use super::build::{Acts, Build, Component, Piston};
-pub(super) use super::given::Points;
 pub(super) use super::instance::{Brings, Instance, Terminals, Vessel, WallHeat};
 pub(super) use super::kind::{
-    Choice, FrictionTable, Holds, Kind, Port, Variable, axis, chamber, exhaust, gas, pilot,
+    Choice, FrictionTable, Holds, Kind, Points, Port, Variable, axis, chamber, exhaust, gas, pilot,
 };
 pub(super) use super::quantity::{Quantity, Starting};
 pub(super) use super::table::{LINEAR_ABOVE, Row, SUBSONIC_INDEX};

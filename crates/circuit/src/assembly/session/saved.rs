@@ -1,7 +1,6 @@
 //! A session as bytes.
 
-use super::sampled::ShortCalls;
-use super::{Session, refuse};
+use super::{Session, ShortCalls, refuse};
 use crate::assembly::schedule::ScheduledAction;
 use crate::ground::Error;
 use ode::System;
