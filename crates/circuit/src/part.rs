@@ -1,4 +1,4 @@
-//! Parts of a circuit: pieces with equations. A new part needs a file here and a line in `parts!`.
+//! Parts of a circuit: pieces with equations. A new part needs a struct in a file here, and a line in `parts!`.
 
 pub(crate) mod flow;
 pub(crate) mod gas;

@@ -27,8 +27,8 @@ impl<P: Lane> Part<P> for Spring<P> {
 }
 
 gathered! {
-    /// A force on an axis, given by a user's formula. See [`physics::mechanics::FORCE`]. It may store energy or not. All of its work
-    /// is therefore in a balance.
+    /// A force on an axis, given by a user's formula. See [`physics::mechanics::FORCE`]. It may store energy or not. All
+    /// of its work is therefore in a balance.
     pub struct FormulaForce {
         numbers { command }
         laws { law: Formula }
