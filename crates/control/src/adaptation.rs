@@ -2,7 +2,7 @@
 //! the drive moves. Nothing branches on a number other than by a choice, so that the adaptation can be exported.
 
 use crate::model::Model;
-use crate::number::{Memory, Number, Zeros, change, flag, memory};
+use crate::number::{Memory, Number, change, flag, memory};
 use crate::thresholds::*;
 use crate::types::State;
 
@@ -92,9 +92,9 @@ impl<S: Number, const N: usize> Memory<S> for Lagged<S, N> {
     }
 }
 
-impl<S: Number, const N: usize> Zeros for Lagged<S, N> {
-    fn zeros() -> Self {
-        Lagged([S::zero(); N], S::zero())
+impl<S: Default, const N: usize> Default for Lagged<S, N> {
+    fn default() -> Self {
+        Lagged(std::array::from_fn(|_| S::default()), S::default())
     }
 }
 
@@ -169,7 +169,7 @@ impl<S: Number> Adaptation<S> {
             friction: Fit::new([1.0, 1.0, 0.0, 1.0]),
             mass: Fit::new([1.0]),
             valve: Fit::new([1.0 / (1.0 - d), -d / (1.0 - d)]),
-            signals: Signals::new(),
+            signals: Signals::default(),
         }
     }
 

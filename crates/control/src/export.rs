@@ -16,7 +16,6 @@ pub use traced::{LawGraph, Node, Traced, record};
 use crate::controller::Controller;
 use crate::course::Course;
 use crate::follower::{Ahead, Answer, Follower, Takeover};
-use crate::gains::Gain;
 use crate::hold::Hold;
 use crate::law::{AnyLaw, Law};
 use crate::number::{Memory, set_to};
@@ -26,22 +25,8 @@ use crate::thresholds::FARTHEST;
 use crate::valves::Valves;
 use math::Real;
 
-/// An input or parameter of exported code.
-#[derive(Clone, Debug, PartialEq)]
-pub struct ExportVariable {
-    /// Its name.
-    pub name: String,
-    /// SI unit; `1` for a pure number.
-    pub unit: &'static str,
-    /// Its meaning, in words.
-    pub meaning: String,
-}
-
-impl ExportVariable {
-    fn new(name: &str, unit: &'static str, meaning: &str) -> Self {
-        ExportVariable { name: name.into(), unit, meaning: meaning.into() }
-    }
-}
+/// Name, unit in SI (`1` for a pure number) and meaning of an input, parameter or result of exported code.
+pub type ExportVariable = (&'static str, &'static str, &'static str);
 
 /// A law with its observer and its checks as graphs. All of them take [`LawProgram::inputs`], the parameters and the state, in that
 /// order.
@@ -59,8 +44,6 @@ pub struct LawProgram {
     pub inputs: Vec<ExportVariable>,
     /// Parameters with their values: gains of the law, then limits of the checks.
     pub parameters: Vec<(ExportVariable, f64)>,
-    /// Number of gains among them.
-    pub gains: usize,
     /// Numbers that are stored from one sample to the next, and between the pieces of a step.
     pub memory: [usize; 2],
     /// Whether the valve opens, whether the observer begins, the status, the checked inputs, and the state of the checks.
@@ -85,7 +68,7 @@ pub fn along_a_move() -> LawGraph {
 }
 
 /// Results of [`LawProgram::command`] before the state.
-pub const RESULTS: [(&str, &str, &str); 4] = [
+pub const RESULTS: [ExportVariable; 4] = [
     ("command", "1", "command of the valve, -1 .. 1"),
     ("velocity", "m/s", "velocity, estimated"),
     ("disturbance", "N", "unmodelled force, estimated"),
@@ -95,42 +78,33 @@ pub const RESULTS: [(&str, &str, &str); 4] = [
 /// Number of samples after which the number of commands that do not act yet is constant.
 const SETTLED: u32 = 200;
 
-fn inputs(with_pressures: bool) -> Vec<ExportVariable> {
-    let given = ExportVariable::new;
-    let mut all = vec![given("position", "m", "measured position")];
-    if with_pressures {
-        for side in ["a", "b"] {
-            all.push(given(
-                &format!("pressure_{side}"),
-                "Pa",
-                &format!("absolute pressure of chamber {side}"),
-            ));
-        }
-    }
-    for (at, when) in [("now", "now"), ("then", "when the present command acts")] {
-        for (name, unit) in
-            [("position", "m"), ("velocity", "m/s"), ("acceleration", "m/s2"), ("jerk", "m/s3")]
-        {
-            all.push(given(&format!("{name}_{at}"), unit, &format!("{name} of the reference {when}")));
-        }
-    }
-    all.push(given("stands", "1", "1 while the reference is at rest until the present command acts, else 0"));
-    all.push(given("enabled", "1", "1 while the drive may move, else 0"));
-    all
-}
+/// Inputs of a sample. Without pressure sensors, the code does not have both pressures.
+const INPUTS: [ExportVariable; 13] = [
+    ("position", "m", "measured position"),
+    ("pressure_a", "Pa", "absolute pressure of chamber a"),
+    ("pressure_b", "Pa", "absolute pressure of chamber b"),
+    ("position_now", "m", "position of the reference now"),
+    ("velocity_now", "m/s", "velocity of the reference now"),
+    ("acceleration_now", "m/s2", "acceleration of the reference now"),
+    ("jerk_now", "m/s3", "jerk of the reference now"),
+    ("position_then", "m", "position of the reference when the present command acts"),
+    ("velocity_then", "m/s", "velocity of the reference when the present command acts"),
+    ("acceleration_then", "m/s2", "acceleration of the reference when the present command acts"),
+    ("jerk_then", "m/s3", "jerk of the reference when the present command acts"),
+    ("stands", "1", "1 while the reference is at rest until the present command acts, else 0"),
+    ("enabled", "1", "1 while the drive may move, else 0"),
+];
 
 /// Limits of the checks, with their values for a controller.
 fn limits(controller: &Controller) -> Vec<(ExportVariable, f64)> {
     let rules = controller.supervisor.as_ref().map(|own| own.rules).unwrap_or_default();
     let [low, high] = [rules.position[0].max(0.0), rules.position[1].min(controller.model.stroke)];
-    [
-        ("position_low", "m", "smallest position of the reference", low),
-        ("position_high", "m", "largest position of the reference", high),
-        ("speed_limit", "m/s", "highest speed of the reference", rules.speed.min(FARTHEST)),
-        ("stop_deceleration", "m/s2", "deceleration of a stop ramp", rules.stop_deceleration),
+    vec![
+        (("position_low", "m", "smallest position of the reference"), low),
+        (("position_high", "m", "largest position of the reference"), high),
+        (("speed_limit", "m/s", "highest speed of the reference"), rules.speed.min(FARTHEST)),
+        (("stop_deceleration", "m/s2", "deceleration of a stop ramp"), rules.stop_deceleration),
     ]
-    .map(|(name, unit, meaning, value)| (ExportVariable::new(name, unit, meaning), value))
-    .into()
 }
 
 /// Returns the program of a law, its observer and its checks. Without pressure sensors, the pressures come from the
@@ -173,7 +147,7 @@ impl GuardInputs<Traced> {
     /// Returns the step for the inputs of the code, in their order.
     fn of(all: &[Traced], with_pressures: bool) -> Self {
         let pressures = with_pressures.then(|| [Traced::zero(); 2]);
-        let mut own = GuardInputs { pressures, ..GuardInputs::new() };
+        let mut own = GuardInputs { pressures, ..GuardInputs::default() };
         own.each(&mut set_to(all));
         own
     }
@@ -240,11 +214,14 @@ impl LawRecorder<'_> {
         &self,
         law: impl Fn(&mut dyn FnMut(&'static str, f64) -> Traced) -> L,
     ) -> LawProgram {
-        let (mut any, inputs) = (self.controller.law.clone(), inputs(self.with_pressures));
-        let gains: Vec<(Gain, f64)> = any.gains().map(|(gain, value)| (*gain, *value)).collect();
-        let of_gain =
-            |&(gain, value): &(Gain, f64)| (ExportVariable::new(gain.key, gain.unit, gain.meaning), value);
-        let parameters: Vec<_> = gains.iter().map(of_gain).chain(limits(self.controller)).collect();
+        let is_input = |own: &ExportVariable| self.with_pressures || own.1 != "Pa";
+        let inputs: Vec<_> = INPUTS.into_iter().filter(is_input).collect();
+        let mut any = self.controller.law.clone();
+        let gains =
+            any.gains().into_iter().map(|(gain, value)| ((gain.key, gain.unit, gain.meaning), *value));
+        let mut parameters: Vec<_> = gains.collect();
+        let of_limits = parameters.len();
+        parameters.extend(limits(self.controller));
         let settled = self.settled();
         let memory = settled.each_ref().map(|observer| {
             let mut own = self.traced(law(&mut |_, value| Traced::c(value)), observer);
@@ -262,7 +239,7 @@ impl LawRecorder<'_> {
                 let (sample, rest) = given.split_at(inputs.len());
                 let (of_gains, remembered) = rest.split_at(parameters.len());
                 let mut of_gain = |key: &'static str, _| {
-                    let place = gains.iter().position(|(gain, _)| gain.key == key);
+                    let place = parameters.iter().position(|(own, _)| own.0 == key);
                     of_gains[place.expect("a gain of the law")]
                 };
                 let mut own = self.traced(law(&mut of_gain), observer);
@@ -284,22 +261,21 @@ impl LawRecorder<'_> {
             begin: piece(Piece::Begin),
             observe: piece(Piece::Observe),
             command: piece(Piece::Command),
-            check: self.check(inputs.len(), parameters.len(), gains.len()),
+            check: self.check(inputs.len(), parameters.len(), of_limits),
             inputs,
-            gains: gains.len(),
             parameters,
             memory,
         }
     }
 
     /// The checks of a sample. Their state ends with the velocity of the last command.
-    fn check(&self, inputs: usize, parameters: usize, gains: usize) -> LawGraph {
+    fn check(&self, inputs: usize, parameters: usize, of_limits: usize) -> LawGraph {
         record(inputs + parameters + GUARD + 1, |given| {
             let (sample, rest) = given.split_at(inputs);
-            let (of_limits, state) = rest.split_at(parameters);
-            let [low, high, speed, deceleration] = [0, 1, 2, 3].map(|place| of_limits[gains + place]);
+            let (parameters, state) = rest.split_at(parameters);
+            let [low, high, speed, deceleration] = [0, 1, 2, 3].map(|place| parameters[of_limits + place]);
             let limits = Limits { position: [low, high], speed, deceleration };
-            let mut own = Guard::new();
+            let mut own = Guard::default();
             own.each(&mut set_to(&state[..GUARD]));
             let asked = GuardInputs::of(sample, self.with_pressures);
             let (flags, mut checked) = own.check(self.controller, &limits, &asked, state[GUARD]);

@@ -87,7 +87,7 @@ pub fn demand(
         velocity: first.velocity,
         pressures: model.rest_pressures(),
         temperatures: [model.wall_temperature; 2],
-        ..State::new()
+        ..State::default()
     };
     let mut found = Demand { pressures: [f64::INFINITY, f64::NEG_INFINITY], ..Demand::default() };
     let mut force = followed(model, &mut state, &first, step);

@@ -169,7 +169,7 @@ impl Follower {
     /// unused by this law, are rejected. Nothing changes then.
     pub fn scale(&mut self, factors: [f64; FACTORS.len()]) -> Result<(), String> {
         let law = self.law.key();
-        let known: Vec<&str> = self.law.gains().flat_map(|(gain, _)| gain.factors).copied().collect();
+        let known: Vec<&str> = self.law.gains().iter().flat_map(|(gain, _)| gain.factors).copied().collect();
         for (key, factor) in FACTORS.iter().zip(factors) {
             if !factor.is_finite() || !FACTOR_BOUNDS.contain(factor) {
                 return Err(format!("factors.{key} = {factor} is out of bounds: it must be {FACTOR_BOUNDS}"));

@@ -25,25 +25,14 @@ pub const FACTORS: [&str; 3] = ["gain", "damping", "filter"];
 /// Allowed values of a factor.
 pub const FACTOR_BOUNDS: Bounds = physics::within(0.1, 10.0);
 
-/// A law or choice with gains.
-pub trait Gains {
-    /// Its gains.
-    const GAINS: &'static [Gain];
-
-    /// Values of the gains, in that order.
-    fn gains_mut(&mut self) -> Vec<&mut f64>;
-}
-
 /// Gains with their values.
-pub(crate) fn listed<G: Gains>(own: &mut G) -> Vec<(&'static Gain, &mut f64)> {
-    G::GAINS.iter().zip(own.gains_mut()).collect()
-}
+pub type GainValues<'a> = Vec<(&'static Gain, &'a mut f64)>;
 
-/// Defines a law: a struct of its gains and of its memory, with the initial values of the memory.
+/// Defines a law: a struct of its gains and of its memory, whose numbers are zero at first.
 macro_rules! law {
     ($(#[$attribute:meta])* pub struct $name:ident {
         $($gain:ident: $unit:literal, $bounds:expr, $meaning:literal, rule $rule:literal $(, factor $factor:literal)?;)*
-    } memory<$number:ident> { $($memory:ident: $type:ty = $begins:expr),* $(,)? }) => {
+    } memory<$number:ident> { $($memory:ident: $type:ty),* $(,)? }) => {
         $(#[$attribute])*
         #[derive(Clone, Debug)]
         pub struct $name<$number = f64> {
@@ -55,11 +44,22 @@ macro_rules! law {
             /// Returns the law with these gains and its initial memory.
             #[allow(clippy::too_many_arguments)]
             pub fn new($($gain: $number),*) -> Self {
-                $name { $($gain,)* $($memory: $begins,)* }
+                $name { $($gain,)* $($memory: Default::default(),)* }
             }
         }
 
         impl $name {
+            /// Its gains.
+            pub const GAINS: &'static [$crate::gains::Gain] = &[$($crate::gains::Gain {
+                key: stringify!($gain), unit: $unit, bounds: $bounds, meaning: $meaning, rule: $rule,
+                factors: &[$($factor)?],
+            },)*];
+
+            /// Its gains with their values.
+            pub fn gains(&mut self) -> $crate::gains::GainValues<'_> {
+                Self::GAINS.iter().zip([$(&mut self.$gain),*]).collect()
+            }
+
             /// The same law on another number type. The callback gets key and value of each gain; the state is not
             /// copied.
             pub fn in_numbers<$number: $crate::number::Number>(
@@ -73,17 +73,6 @@ macro_rules! law {
         impl<$number: $crate::number::Number> $crate::number::Memory<$number> for $name<$number> {
             fn each(&mut self, _see: &mut dyn FnMut(&mut $number)) {
                 $($crate::number::Memory::each(&mut self.$memory, _see);)*
-            }
-        }
-
-        impl $crate::gains::Gains for $name {
-            const GAINS: &'static [$crate::gains::Gain] = &[$($crate::gains::Gain {
-                key: stringify!($gain), unit: $unit, bounds: $bounds, meaning: $meaning, rule: $rule,
-                factors: &[$($factor)?],
-            },)*];
-
-            fn gains_mut(&mut self) -> Vec<&mut f64> {
-                vec![$(&mut self.$gain),*]
             }
         }
     };

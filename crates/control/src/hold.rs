@@ -30,13 +30,11 @@ memory! {
         origin: S,
         slid: S,
     }
-    const {
+    beside {
         /// Error below which holding begins, m.
         pub band: f64,
         /// Time for which the error must have been within the band, s.
         pub after: f64,
-    }
-    beside {
         /// Distance by which the drive left its rest at the last sample, m; 0 if it did not.
         pub(crate) left: S,
     }
@@ -58,6 +56,11 @@ pub(crate) struct Resting<S> {
 }
 
 impl<S: Number> Hold<S> {
+    /// Returns the initial state, with a band, m, and the time within it, s.
+    pub fn new(band: f64, after: f64) -> Self {
+        Hold { band, after, ..Hold::default() }
+    }
+
     /// Returns 1 if the drive is to be kept where it rests, else 0. It is kept after two slips past the target that
     /// came no nearer.
     /// A further slip would not help.

@@ -9,7 +9,7 @@ mod pid;
 mod sliding;
 
 pub use any::{AnyLaw, GAINS, LAWS};
-pub use base::{Features, Law, Tick, Tuned};
+pub use base::{Features, Law, Tick};
 pub use fuzzy::{Fuzzy, sugeno};
 pub use inversion::Inversion;
 pub use nmpc::Nmpc;

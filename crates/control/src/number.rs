@@ -7,8 +7,8 @@ pub trait StateOf<P: Over<f64>>: Over<f64> + Over<P> {}
 
 impl<P: Over<f64>, S: Over<f64> + Over<P>> StateOf<P> for S {}
 
-/// A number of a law.
-pub trait Number: Over<f64> {
+/// A number of a law; zero by default.
+pub trait Number: Over<f64> + Default {
     /// Runs `a` or `b` on a memory and returns its number: `a` if the mask is true, else `b`.
     fn either<M: Memory<Self>>(
         mask: Self::Mask,
@@ -54,52 +54,17 @@ pub(crate) fn change<S: Number, M: Memory<S>>(flag: S, memory: &mut M, how: impl
     S::either(S::c(0.5).lt(flag), memory, changed, |_| S::zero());
 }
 
-/// A number, or several, that are zero at first.
-pub trait Zeros {
-    /// Returns zero.
-    fn zeros() -> Self;
-}
-
-impl<S: Number> Zeros for S {
-    fn zeros() -> Self {
-        S::zero()
-    }
-}
-
-impl<Z: Zeros, const N: usize> Zeros for [Z; N] {
-    fn zeros() -> Self {
-        std::array::from_fn(|_| Z::zeros())
-    }
-}
-
-impl<Z> Zeros for Option<Z> {
-    fn zeros() -> Self {
-        None
-    }
-}
-
-/// Defines a state of stored numbers that are zero at first. It may have constants, and numbers that are not stored.
+/// Defines a state of stored numbers that are zero at first. It may have numbers that are not stored.
 macro_rules! memory {
     ($(#[$about:meta])* $of:vis struct $name:ident<$number:ident> {
         $($(#[$stored_about:meta])* $of_stored:vis $stored:ident: $type:ty,)*
     }
-    $(const { $($(#[$constant_about:meta])* $of_constant:vis $constant:ident: $kind:ty,)* })?
     $(beside { $($(#[$other_about:meta])* $of_other:vis $other:ident: $of_type:ty,)* })?) => {
         $(#[$about])*
-        #[derive(Clone, Copy, Debug)]
+        #[derive(Clone, Copy, Debug, Default)]
         $of struct $name<$number = f64> {
-            $($($(#[$constant_about])* $of_constant $constant: $kind,)*)?
-            $($(#[$stored_about])* $of_stored $stored: $type,)*
             $($($(#[$other_about])* $of_other $other: $of_type,)*)?
-        }
-
-        impl<$number: $crate::number::Number> $name<$number> {
-            /// Returns the initial state.
-            #[allow(clippy::new_without_default)]
-            pub fn new($($($constant: $kind),*)?) -> Self {
-                use $crate::number::Zeros;
-                $name { $($($constant,)*)? $($stored: Zeros::zeros(),)* $($($other: Zeros::zeros(),)*)? }
-            }
+            $($(#[$stored_about])* $of_stored $stored: $type,)*
         }
 
         impl<$number: $crate::number::Number> $crate::number::Memory<$number> for $name<$number> {

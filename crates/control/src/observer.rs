@@ -194,7 +194,7 @@ impl Observer {
 
     /// Returns the observer in other numbers, at the same time and without any past samples.
     pub(crate) fn at_rest<S: Number>(&self) -> Observer<S> {
-        Observer { state: State::new(), spool: self.spool.at_rest(), gain: self.gain, time: self.time }
+        Observer { state: State::default(), spool: self.spool.at_rest(), gain: self.gain, time: self.time }
     }
 }
 

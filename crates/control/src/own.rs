@@ -8,7 +8,9 @@ use std::fmt;
 use std::sync::{Arc, Mutex, PoisonError};
 
 macro_rules! signals {
-    ($($name:ident: $unit:literal, $meaning:literal;)*) => {
+    (|$model:ident, $sample:ident, $observer:ident| {
+        $($name:ident: $unit:literal, $meaning:literal, $value:expr;)*
+    }) => {
         /// Signals of sensors and observer at a sample.
         #[derive(Clone, Copy, Debug, Default, PartialEq)]
         pub struct Seen {
@@ -19,6 +21,11 @@ macro_rules! signals {
         pub const SIGNALS: &[(&str, &str, &str)] = &[$((stringify!($name), $unit, $meaning),)*];
 
         impl Seen {
+            /// Returns the signals of a sample that the observer has processed.
+            pub fn of($model: &Model, $sample: &Sample, $observer: &Observer) -> Self {
+                Seen { $($name: $value,)* }
+            }
+
             /// Returns the numbers in their order.
             pub fn values(&self) -> [f64; SIGNALS.len()] {
                 [$(self.$name),*]
@@ -27,43 +34,20 @@ macro_rules! signals {
     };
 }
 
-signals! {
-    time: "s", "time of the sample";
-    position: "m", "measured position";
-    velocity: "m/s", "velocity, estimated";
-    acceleration: "m/s2", "acceleration, estimated";
-    pressure_a: "Pa", "absolute pressure of chamber a: measured, or without a sensor from the model";
-    pressure_b: "Pa", "absolute pressure of chamber b: measured, or without a sensor from the model";
-    temperature_a: "K", "temperature of the gas in chamber a, estimated";
-    temperature_b: "K", "temperature of the gas in chamber b, estimated";
-    gas_force: "N", "force of the gas on the piston, in +x";
-    friction: "N", "friction force without its viscous part, against +x, estimated";
-    disturbance: "N", "unmodelled force, in +x, estimated";
-    spool: "1", "position of the valve's spool, by the model";
-}
-
-impl Seen {
-    /// Returns the signals of a sample that the observer has processed.
-    pub fn of(model: &Model, sample: &Sample, observer: &Observer) -> Self {
-        let state = &observer.state;
-        let ([pressure_a, pressure_b], [temperature_a, temperature_b]) =
-            (state.pressures, state.temperatures);
-        Seen {
-            time: sample.time,
-            position: sample.position,
-            velocity: state.velocity,
-            acceleration: model.acceleration(state),
-            pressure_a,
-            pressure_b,
-            temperature_a,
-            temperature_b,
-            gas_force: model.gas_force(state.pressures),
-            friction: state.friction,
-            disturbance: state.disturbance,
-            spool: observer.spool.position(),
-        }
-    }
-}
+signals! { |model, sample, observer| {
+    time: "s", "time of the sample", sample.time;
+    position: "m", "measured position", sample.position;
+    velocity: "m/s", "velocity, estimated", observer.state.velocity;
+    acceleration: "m/s2", "acceleration, estimated", model.acceleration(&observer.state);
+    pressure_a: "Pa", "absolute pressure of chamber a: measured, or without a sensor from the model", observer.state.pressures[0];
+    pressure_b: "Pa", "absolute pressure of chamber b: measured, or without a sensor from the model", observer.state.pressures[1];
+    temperature_a: "K", "temperature of the gas in chamber a, estimated", observer.state.temperatures[0];
+    temperature_b: "K", "temperature of the gas in chamber b, estimated", observer.state.temperatures[1];
+    gas_force: "N", "force of the gas on the piston, in +x", model.gas_force(observer.state.pressures);
+    friction: "N", "friction force without its viscous part, against +x, estimated", observer.state.friction;
+    disturbance: "N", "unmodelled force, in +x, estimated", observer.state.disturbance;
+    spool: "1", "position of the valve's spool, by the model", observer.spool.position();
+} }
 
 /// A custom law.
 pub trait OwnLaw: Send {

@@ -1,12 +1,12 @@
 //! Reference of a drive: position with its derivatives over time.
 
-use crate::number::{Number, Zeros, memory};
+use crate::number::{Number, memory};
 use serde::Deserialize;
 use std::f64::consts::TAU;
 
 memory! {
     /// Wanted state of a drive at one time.
-    #[derive(Default, PartialEq)]
+    #[derive(PartialEq)]
     pub struct Wanted<S> {
         /// Position, m.
         pub position: S,
@@ -23,12 +23,6 @@ math::mapped!(Wanted { position, velocity, acceleration, jerk });
 
 /// Largest derivatives of a blend: 35/16, 84/(5 sqrt 5) and 105/2.
 pub const PEAKS: [f64; 3] = [2.1875, 7.513188404399293, 52.5];
-
-impl<S: Number> Zeros for Wanted<S> {
-    fn zeros() -> Self {
-        Wanted::new()
-    }
-}
 
 impl<S: Number> Wanted<S> {
     /// Returns position and derivatives in their order.
@@ -170,9 +164,6 @@ impl Efforts {
 /// Number of coefficients of a polynomial.
 pub const COEFFICIENTS: usize = 10;
 
-/// Number of samples over a move, a polynomial or two periods of a sine when a reference is checked.
-const MOMENTS: u32 = 200;
-
 /// A polynomial: position, m, over the elapsed fraction of its duration.
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
 #[serde(from = "[f64; 2 + COEFFICIENTS]")]
@@ -256,21 +247,6 @@ impl Reference {
     /// Returns the reference slowed by a factor in time.
     pub fn slowed(&self, t: f64, factor: f64) -> Wanted {
         Wanted::at_rate(self.at(t / factor).numbers(), 1.0 / factor)
-    }
-
-    /// Samples the reference at many times from a time on, s, so densely that no extreme value is missed.
-    pub fn ahead(&self, from: f64, see: &mut dyn FnMut(Wanted)) {
-        let mut along = |begin: f64, duration: f64| {
-            if begin + duration > from {
-                (0..=MOMENTS)
-                    .for_each(|k| see(self.at(begin + duration * f64::from(k) / f64::from(MOMENTS))));
-            }
-        };
-        match self {
-            Reference::Moves { moves, .. } => moves.iter().for_each(|own| along(own.begin, own.duration)),
-            Reference::Pieces { pieces, .. } => pieces.iter().for_each(|own| along(own.begin, own.duration)),
-            Reference::Sine { frequency, .. } => along(from.max(0.0), 2.0 / frequency),
-        }
     }
 
     /// Returns the shortest duration of a move, polynomial or period, s.

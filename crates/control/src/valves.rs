@@ -2,7 +2,7 @@
 
 mod reach;
 
-use crate::gains::{Gain, law, listed};
+use crate::gains::{GainValues, law};
 use crate::model::Model;
 use crate::number::memory;
 use crate::observer::Observer;
@@ -61,7 +61,7 @@ law! {
     pub struct Three {
         shortest_pulse: "s", above(0.0), "least time in a position, at least the travel time of the armature", rule "dead time and travel of the armature";
         dead_band: "N", at_least(0.0), "force that is missing when a solenoid switches", rule "half of the force of the shortest pulse at mid stroke";
-    } memory<S> { switched: Switched<S> = Switched::new() }
+    } memory<S> { switched: Switched<S> }
 }
 
 law! {
@@ -79,7 +79,7 @@ law! {
         stiffness: "N/m", above(0.0), "of the shut-in gas, where pressures allow it", rule "that of both chambers at the mean of supply and ambient pressure, mid stroke";
         rate: "1/s", at_least(0.0), "at which the stiffness follows", rule "a fifth of 0.22/lag, assumed";
         stiffness_share: "1", at_least(0.0), "weight of the stiffness beside the force", rule "0.3, assumed";
-    } memory<S> { switched: Switched<S> = Switched::new() }
+    } memory<S> { switched: Switched<S> }
 }
 
 law! {
@@ -89,7 +89,7 @@ law! {
     pub struct Pulses {
         stiffness: "N/m", above(0.0), "of the shut-in gas, where pressures allow it", rule "that of both chambers at the mean of supply and ambient pressure, mid stroke";
         rate: "1/s", at_least(0.0), "at which the stiffness follows", rule "a fifth of 0.22/lag, assumed";
-    } memory<S> { missing: [S; 2] = [S::zero(); 2], open: [S; MOST_VALVES] = [S::zero(); MOST_VALVES] }
+    } memory<S> { missing: [S; 2], open: [S; MOST_VALVES] }
 }
 
 /// Valves with their values and their state.
@@ -128,13 +128,13 @@ impl Valves {
     }
 
     /// Their numbers, with key, unit, meaning and rule.
-    pub fn gains(&mut self) -> Vec<(&'static Gain, &mut f64)> {
+    pub fn gains(&mut self) -> GainValues<'_> {
         match self {
             Valves::One => vec![],
-            Valves::Pair(own) => listed(own),
-            Valves::Three(_, own) => listed(own),
-            Valves::Seven(_, own) => listed(own),
-            Valves::Pulses(_, _, own) => listed(own),
+            Valves::Pair(own) => own.gains(),
+            Valves::Three(_, own) => own.gains(),
+            Valves::Seven(_, own) => own.gains(),
+            Valves::Pulses(_, _, own) => own.gains(),
         }
     }
 

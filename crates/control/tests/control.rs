@@ -302,7 +302,7 @@ fn inversion_is_that_of_a_single_axis_where_axes_do_not_touch() {
         disturbance: -0.5,
         pressures: [PRESSURE, 0.99 * PRESSURE],
         temperatures: [293.15; 2],
-        ..State::new()
+        ..State::default()
     };
     let asked = |model: &Model, coupled: Option<Coupled>| {
         let mut law = control::AnyLaw::tuned("inversion", model, &plant).expect("a law");

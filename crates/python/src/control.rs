@@ -4,7 +4,7 @@ use crate::convert::{Table, Teller, detached, parse, to_python, watched};
 use crate::network::PyCircuit;
 use circuit::{Error, Look};
 use control::export::{Language, RESULTS, STATUS, program};
-use control::{AnyLaw, EventKind, GAINS, Gain, LAWS, Own, OwnLaw, Reference, SIGNALS, Seen};
+use control::{AnyLaw, EventKind, GAINS, Gain, GainValues, LAWS, Own, OwnLaw, Reference, SIGNALS, Seen};
 use numpy::{PyArray1, PyArrayMethods, PyReadonlyArray1};
 use ode::Options;
 use pyo3::exceptions::PyValueError;
@@ -36,11 +36,9 @@ pub fn control_factors() -> Vec<(&'static str, &'static str, &'static str)> {
 /// Key, unit, value and meaning of a gain, and the rule by which it follows from the drive.
 type Ruled = (&'static str, &'static str, f64, &'static str, &'static str);
 
-fn ruled<'g>(gains: impl IntoIterator<Item = (&'static Gain, &'g mut f64)>) -> Vec<Ruled> {
-    let row = |(gain, value): (&'static Gain, &mut f64)| {
-        let Gain { key, unit, meaning, rule, .. } = *gain;
-        (key, unit, *value, meaning, rule)
-    };
+fn ruled(gains: GainValues<'_>) -> Vec<Ruled> {
+    let row =
+        |(gain, value): (&'static Gain, &mut f64)| (gain.key, gain.unit, *value, gain.meaning, gain.rule);
     gains.into_iter().map(row).collect()
 }
 
@@ -76,7 +74,7 @@ pub fn control_tune<'py>(
 }
 
 /// Causality, name, unit, meaning and start value of a variable of exported code.
-type ExportedVariable = (&'static str, String, String, String, f64);
+type ExportedVariable = (&'static str, &'static str, &'static str, String, f64);
 /// Name and text of a source file.
 type SourceFile = (String, String);
 
@@ -102,15 +100,14 @@ pub fn control_export(
         "st" => vec![(format!("{}.st", program.name), program.st(about))],
         _ => return Err(PyValueError::new_err(format!("there is no language \"{language}\""))),
     };
-    let inputs = program.inputs.iter().map(|own| ("input", own, 0.0));
-    let parameters = program.parameters.iter().map(|(own, value)| ("parameter", own, *value));
-    let outputs = RESULTS.iter().map(|own| ("output", own.0.into(), own.1.into(), own.2.into(), 0.0));
-    let given = inputs.chain(parameters).map(|(causality, own, value)| {
-        (causality, own.name.clone(), own.unit.into(), own.meaning.clone(), value)
-    });
+    let inputs = program.inputs.into_iter().map(|own| ("input", own, 0.0));
+    let parameters = program.parameters.into_iter().map(|(own, value)| ("parameter", own, value));
+    let variables = inputs.chain(parameters).chain(RESULTS.map(|own| ("output", own, 0.0)));
+    let variables = variables
+        .map(|(causality, (name, unit, meaning), value)| (causality, name, unit, meaning.into(), value));
     let status: Vec<_> = STATUS.iter().map(|(value, meaning)| format!("{value}: {meaning}")).collect();
-    let status = ("output", "status".into(), "1".into(), status.join("; "), 0.0);
-    Ok((files, given.chain(outputs).chain([status]).collect()))
+    let status = ("output", "status", "1", status.join("; "), 0.0);
+    Ok((files, variables.chain([status]).collect()))
 }
 
 /// Returns position, velocity, acceleration and jerk of a reference at times, shape (n, 4), SI units.
@@ -232,7 +229,7 @@ fn columns<'py>(
 /// Returns key, unit of the value, and meaning of each event of a supervisor.
 #[pyfunction]
 pub fn control_events() -> Vec<(&'static str, &'static str, &'static str)> {
-    EventKind::ALL.iter().map(|own| (own.key(), own.unit(), own.text())).collect()
+    EventKind::ALL.to_vec()
 }
 
 /// Controller, reference and instrumentation of an axis, each in the form of JSON.

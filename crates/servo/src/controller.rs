@@ -3,7 +3,7 @@
 use crate::belief::{Axis, belief};
 use crate::{refuse, specification};
 use circuit::Error;
-use control::{AnyLaw, Controller, Gain, LAWS};
+use control::{AnyLaw, Controller, Gain, GainValues, LAWS};
 use std::collections::BTreeMap;
 
 /// A controller as it is described, with the axis that it commands. Position sensors have this deviation, m.
@@ -17,7 +17,7 @@ pub fn controller(spec: &specification::Controller, deviation: f64) -> Result<(C
         return refuse!("there is no law \"{}\"; there are {}", spec.law, LAWS.join(", "));
     };
     let law = controller.law.key();
-    set(&format!("the law {law}"), law, controller.law.gains().collect(), &spec.gains)?;
+    set(&format!("the law {law}"), law, controller.law.gains(), &spec.gains)?;
     controller.scale(spec.factors).map_err(Error::Specification)?;
     let pulses = controller.model.valve.arrangement.acts_for(period);
     if pulses < period * (1.0 - 1e-9) {
@@ -54,7 +54,7 @@ pub fn controller(spec: &specification::Controller, deviation: f64) -> Result<(C
 fn set(
     what: &str,
     table: &str,
-    mut own: Vec<(&'static Gain, &mut f64)>,
+    mut own: GainValues<'_>,
     values: &BTreeMap<String, f64>,
 ) -> Result<(), Error> {
     for (key, &value) in values {

@@ -53,7 +53,7 @@ impl LawProgram {
     /// loses two readings. After that the reference jumps, the code is disabled and enabled, and the position sensor
     /// fails.
     pub fn conformance(&self) -> String {
-        let names = self.inputs.iter().map(|own| own.name.as_str());
+        let names = self.inputs.iter().map(|own| own.0);
         let results = RESULTS.iter().map(|own| own.0).chain(["status"]);
         let mut text = format!(
             "# Bits of the inputs of {} and of its results, a line for each sample.\n# {} | {}\n",
@@ -77,7 +77,7 @@ impl LawProgram {
     /// Inputs of a sample of the file.
     fn sample(&self, k: u32) -> Vec<f64> {
         let limit = |name: &str| {
-            let found = self.parameters.iter().find(|own| own.0.name == name);
+            let found = self.parameters.iter().find(|own| own.0.0 == name);
             found.map_or(0.0, |own| own.1)
         };
         let [low, high] = ["position_low", "position_high"].map(limit);
@@ -98,7 +98,7 @@ impl LawProgram {
         }
         let lean = 2e3 * late.acceleration.clamp(-20.0, 20.0);
         let mut inputs = vec![position];
-        if self.inputs.iter().any(|own| own.name == "pressure_a") {
+        if self.inputs.iter().any(|own| own.0 == "pressure_a") {
             inputs.extend([PRESSURE + lean, PRESSURE - lean]);
         }
         for own in [now, then] {

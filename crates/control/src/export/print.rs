@@ -129,8 +129,8 @@ impl Language {
     }
 
     /// Returns the declaration of a variable, with a start value if there is one.
-    fn variable(self, name: &str, unit: &str, meaning: &str, start: Option<f64>) -> String {
-        let unit = if unit == "1" { "-" } else { unit };
+    fn variable(self, (name, unit, meaning): &ExportVariable, start: Option<f64>) -> String {
+        let unit = if *unit == "1" { "-" } else { unit };
         let start = start.map(|value| format!(" := {}", bare(&self.constant(value)))).unwrap_or_default();
         match self {
             Language::St => format!("    {name} : LREAL{start};  (* {unit}: {meaning} *)\n"),
@@ -173,8 +173,8 @@ impl LawProgram {
             (Language::St, true) => ["checked_", ""],
             _ => ["in->", "parameters->"],
         };
-        let inputs = self.inputs.iter().map(|own| format!("{input}{}", own.name));
-        let parameters = self.parameters.iter().map(|own| format!("{parameter}{}", own.0.name));
+        let inputs = self.inputs.iter().map(|own| format!("{input}{}", own.0));
+        let parameters = self.parameters.iter().map(|(own, _)| format!("{parameter}{}", own.0));
         inputs.chain(parameters).chain(numbered(remembers.0, remembers.1)).collect()
     }
 
@@ -186,7 +186,7 @@ impl LawProgram {
             _ => ["out->", "checked->", "checked->in."],
         };
         let flags = [format!("{checked}opens"), format!("{checked}begins"), format!("{result}status")];
-        let inputs = self.inputs.iter().map(|own| format!("{to}{}", own.name));
+        let inputs = self.inputs.iter().map(|own| format!("{to}{}", own.0));
         let of_check: Vec<String> = flags.into_iter().chain(inputs).chain(numbered("guard", GUARD)).collect();
         let of_command = RESULTS.iter().map(|own| format!("{result}{}", own.0)).chain(numbered("kept", kept));
         let of_command: Vec<String> = of_command.collect();
@@ -217,15 +217,17 @@ impl LawProgram {
             Language::St => format!("(* {line} *)\n"),
             _ => format!(" * {line}\n"),
         };
-        let given = |own: &ExportVariable, start| language.variable(&own.name, own.unit, &own.meaning, start);
         vec![
             ("NAME", name.to_uppercase()),
             ("name", name.clone()),
             ("real", language.real().into()),
             ("about", lines.map(comment).collect()),
-            ("inputs", self.inputs.iter().map(|own| given(own, None)).collect()),
-            ("parameters", self.parameters.iter().map(|(own, value)| given(own, Some(*value))).collect()),
-            ("outputs", RESULTS.iter().map(|own| language.variable(own.0, own.1, own.2, None)).collect()),
+            ("inputs", self.inputs.iter().map(|own| language.variable(own, None)).collect()),
+            (
+                "parameters",
+                self.parameters.iter().map(|(own, value)| language.variable(own, Some(*value))).collect(),
+            ),
+            ("outputs", RESULTS.iter().map(|own| language.variable(own, None)).collect()),
             ("checks", (GUARD + 1).to_string()),
             ("last_check", GUARD.to_string()),
             ("kept", kept.to_string()),
@@ -285,10 +287,7 @@ impl LawProgram {
             ("begin", indented(&begin, 2)),
             ("observe", indented(&observe, 2)),
             ("command", indented(&command, 1)),
-            (
-                "checked",
-                self.inputs.iter().map(|own| format!("    checked_{} : LREAL;\n", own.name)).collect(),
-            ),
+            ("checked", self.inputs.iter().map(|own| format!("    checked_{} : LREAL;\n", own.0)).collect()),
             ("copied", (0..=GUARD).map(|place| format!("before[{place}] := guard[{place}];\n")).collect()),
             ("rests", RESULTS.iter().map(|own| format!("    {} := 0.0;\n", own.0)).collect()),
             ("last_local", (locals.max(1) - 1).to_string()),

@@ -180,6 +180,12 @@ impl From<f64> for Traced {
 
 impl Over<f64> for Traced {}
 
+impl Default for Traced {
+    fn default() -> Self {
+        Traced::from(0.0)
+    }
+}
+
 impl Real for Traced {
     type Mask = bool;
 

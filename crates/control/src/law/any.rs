@@ -1,8 +1,8 @@
 //! Any law: one of the table, or a custom one.
 
-use super::base::{Features, Law, Tick, Tuned};
+use super::base::{Features, Law, Tick};
 use super::{Fuzzy, Inversion, Nmpc, Pid, Sliding, SuperTwisting};
-use crate::gains::{Gain, Gains};
+use crate::gains::{Gain, GainValues};
 use crate::model::Model;
 use crate::number::Memory;
 use crate::own::Own;
@@ -19,31 +19,28 @@ macro_rules! laws {
         }
 
         /// Gains of all laws, by the key of the law.
-        pub const GAINS: &[(&str, &[Gain])] = &[$((<$name as Tuned>::KEY, $name::GAINS)),*];
+        pub const GAINS: &[(&str, &[Gain])] = &[$(($name::KEY, $name::GAINS)),*];
 
         /// Keys of all laws.
-        pub const LAWS: &[&str] = &[$(<$name as Tuned>::KEY),*];
+        pub const LAWS: &[&str] = &[$($name::KEY),*];
 
         impl AnyLaw {
             /// Returns the law of a key, with gains that are derived from the drive.
             pub fn tuned(key: &str, model: &Model, plant: &Plant) -> Option<Self> {
-                $(if key == <$name as Tuned>::KEY {
-                    return Some(AnyLaw::$name(<$name as Tuned>::tuned(model, plant)));
+                $(if key == $name::KEY {
+                    return Some(AnyLaw::$name($name::tuned(model, plant)));
                 })*
                 (key == Own::KEY).then(AnyLaw::default)
             }
 
             /// Key of the law in a controller file.
             pub fn key(&self) -> &'static str {
-                match self { $(AnyLaw::$name(_) => <$name as Tuned>::KEY,)* AnyLaw::Own(_) => Own::KEY }
+                match self { $(AnyLaw::$name(_) => $name::KEY,)* AnyLaw::Own(_) => Own::KEY }
             }
 
             /// Gains of the law, with their values.
-            pub fn gains(&mut self) -> impl Iterator<Item = (&'static Gain, &mut f64)> {
-                match self {
-                    $(AnyLaw::$name(law) => $name::GAINS.iter().zip(law.gains_mut()),)*
-                    AnyLaw::Own(_) => [].iter().zip(vec![]),
-                }
+            pub fn gains(&mut self) -> GainValues<'_> {
+                match self { $(AnyLaw::$name(law) => law.gains(),)* AnyLaw::Own(_) => vec![] }
             }
 
             /// Whether it follows references only, and cannot follow a path back to a reference.

@@ -1,7 +1,6 @@
 //! Common types of all controllers: their inputs for one sample, and their traits.
 
 use crate::course::Course;
-use crate::gains::Gains;
 use crate::model::Model;
 use crate::number::{Memory, Number};
 use crate::reference::Wanted;
@@ -66,15 +65,6 @@ pub(super) fn fed_forward<S: Number>(tick: &Tick<S>, share: S) -> S {
 /// Returns whether a fraction of opening is possible without saturation.
 pub(super) fn is_free<S: Number>(asked: S) -> S::Mask {
     asked.abs().lt(S::c(1.0 + f64::EPSILON))
-}
-
-/// A law whose gains follow from the drive.
-pub trait Tuned: Gains + Sized {
-    /// Name of the law in a controller file.
-    const KEY: &'static str;
-
-    /// Returns the law with gains that follow from the drive.
-    fn tuned(model: &Model, plant: &Plant) -> Self;
 }
 
 /// Features of a law that its observer and its follower need.

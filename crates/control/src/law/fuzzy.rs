@@ -1,4 +1,4 @@
-use super::base::{Law, Tick, Tuned, fed_forward, is_free};
+use super::base::{Law, Tick, fed_forward, is_free};
 use super::pid::{Errors, Pid};
 use crate::gains::law;
 use crate::model::Model;
@@ -25,7 +25,7 @@ law! {
         filter_time: "s", at_least(0.0), "time constant of T_d e' + T_a e''", rule "as of pid", factor "filter";
         friction_share: "1", at_least(0.0), "fraction of the friction that is fed forward", rule "0.5, assumed";
         error_range: "m", above(0.0), "e_max", rule "30 mm, assumed";
-    } memory<S> { errors: Errors<S> = Errors::new() }
+    } memory<S> { errors: Errors<S> }
 }
 
 /// Returns two pairs, for an error and its slope, each relative to its range. A pair is the lower one of its two
@@ -52,13 +52,13 @@ pub fn sugeno<S: Number>(e: S, de: S) -> S {
     (one - by_i) * row(i) + by_i * row(i + one)
 }
 
-impl Tuned for Fuzzy {
-    const KEY: &'static str = "fuzzy";
+impl Fuzzy {
+    pub(super) const KEY: &'static str = "fuzzy";
 
-    fn tuned(model: &Model, plant: &Plant) -> Self {
+    pub(super) fn tuned(model: &Model, plant: &Plant) -> Self {
         let Pid {
             gain, derivative_time, acceleration_time, integral_time, filter_time, friction_share, ..
-        } = <Pid as Tuned>::tuned(model, plant);
+        } = Pid::tuned(model, plant);
         Fuzzy::new(gain, derivative_time, acceleration_time, integral_time, filter_time, friction_share, 0.03)
     }
 }

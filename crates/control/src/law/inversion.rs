@@ -1,4 +1,4 @@
-use super::base::{Features, Law, Tick, Tuned};
+use super::base::{Features, Law, Tick};
 use crate::gains::law;
 use crate::model::Model;
 use crate::number::Number;
@@ -22,10 +22,10 @@ law! {
     } memory<S> {}
 }
 
-impl Tuned for Inversion {
-    const KEY: &'static str = "inversion";
+impl Inversion {
+    pub(super) const KEY: &'static str = "inversion";
 
-    fn tuned(_model: &Model, plant: &Plant) -> Self {
+    pub(super) fn tuned(_model: &Model, plant: &Plant) -> Self {
         let bandwidth = plant.bandwidth();
         Inversion::new(bandwidth, 1.5 * bandwidth)
     }

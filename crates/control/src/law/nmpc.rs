@@ -1,6 +1,6 @@
 #![allow(clippy::needless_range_loop)] // rows and columns of matrices
 
-use super::base::{Features, Law, Tick, Tuned};
+use super::base::{Features, Law, Tick};
 use crate::gains::law;
 use crate::model::Model;
 use crate::number::Number;
@@ -78,10 +78,10 @@ law! {
         bandwidth: "rad/s", above(0.0), "lambda", rule "0.22/lag, with a lag of at least 3 ms", factor "gain";
         move_penalty: "1", above(0.0), "r", rule "0.05, 0.1 where valves switch, assumed", factor "damping";
     } memory<S> {
-        plan: [S; MOVES] = [S::zero(); MOVES],
-        last: S = S::zero(),
+        plan: [S; MOVES],
+        last: S,
         // Travel of the valve, 1/s, over [`NMPC_TRAVEL_FOR`].
-        travel: S = S::zero(),
+        travel: S,
     }
 }
 
@@ -221,10 +221,10 @@ fn foreseen<S: Over<f64>>(horizon: &Horizon, plan: &[S; MOVES]) -> [[S; 3]; HORI
     foreseen
 }
 
-impl Tuned for Nmpc {
-    const KEY: &'static str = "nmpc";
+impl Nmpc {
+    pub(super) const KEY: &'static str = "nmpc";
 
-    fn tuned(model: &Model, plant: &Plant) -> Self {
+    pub(super) fn tuned(model: &Model, plant: &Plant) -> Self {
         let move_penalty = if model.valve.arrangement.is_proportional() { 0.05 } else { 0.1 };
         Nmpc::new(plant.bandwidth(), move_penalty)
     }

@@ -1,4 +1,4 @@
-use super::base::{Law, Tick, Tuned, fed_forward, is_free};
+use super::base::{Law, Tick, fed_forward, is_free};
 use crate::gains::law;
 use crate::model::Model;
 use crate::number::{Number, memory};
@@ -47,13 +47,13 @@ law! {
         integral_time: "s", above(0.0), "T_i", rule "8/lambda";
         filter_time: "s", at_least(0.0), "time constant of T_d e' + T_a e''", rule "0.02/lambda", factor "filter";
         friction_share: "1", at_least(0.0), "fraction of the friction that is fed forward", rule "0.5, assumed";
-    } memory<S> { errors: Errors<S> = Errors::new() }
+    } memory<S> { errors: Errors<S> }
 }
 
-impl Tuned for Pid {
-    const KEY: &'static str = "pid";
+impl Pid {
+    pub(super) const KEY: &'static str = "pid";
 
-    fn tuned(_model: &Model, plant: &Plant) -> Self {
+    pub(super) fn tuned(_model: &Model, plant: &Plant) -> Self {
         let Plant { natural_frequency: w, damping_ratio, speed, .. } = *plant;
         let l = LAW_BANDWIDTH;
         let cube = l * l * l;

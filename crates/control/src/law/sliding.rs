@@ -1,4 +1,4 @@
-use super::base::{Features, Law, Tick, Tuned, is_free};
+use super::base::{Features, Law, Tick, is_free};
 use crate::gains::law;
 use crate::model::Model;
 use crate::number::Number;
@@ -27,10 +27,10 @@ law! {
     } memory<S> {}
 }
 
-impl Tuned for Sliding {
-    const KEY: &'static str = "sliding-mode";
+impl Sliding {
+    pub(super) const KEY: &'static str = "sliding-mode";
 
-    fn tuned(model: &Model, plant: &Plant) -> Self {
+    pub(super) fn tuned(model: &Model, plant: &Plant) -> Self {
         let gain = SLIDING_GAIN * plant.force_rate / model.mass;
         Sliding::new(LAW_BANDWIDTH, gain, gain / 72.0)
     }
@@ -51,14 +51,14 @@ law! {
         root_gain: "m^0.5/s2", at_least(0.0), "k_1", rule "K_s/phi^0.5 of the sliding mode";
         integral_gain: "m/s4", at_least(0.0), "k_2", rule "0.3 K_s^2/phi";
         band: "m/s2", above(0.0), "half width of the band", rule "0.2 phi", factor "damping";
-    } memory<S> { integral: S = S::zero() }
+    } memory<S> { integral: S }
 }
 
-impl Tuned for SuperTwisting {
-    const KEY: &'static str = "super-twisting";
+impl SuperTwisting {
+    pub(super) const KEY: &'static str = "super-twisting";
 
-    fn tuned(model: &Model, plant: &Plant) -> Self {
-        let Sliding { bandwidth, gain, width } = <Sliding as Tuned>::tuned(model, plant);
+    pub(super) fn tuned(model: &Model, plant: &Plant) -> Self {
+        let Sliding { bandwidth, gain, width } = Sliding::tuned(model, plant);
         SuperTwisting::new(bandwidth, gain / width.sqrt(), 0.3 * gain * gain / width, 0.2 * width)
     }
 }

@@ -9,22 +9,12 @@ macro_rules! events {
         }
 
         impl EventKind {
-            /// All of them.
-            pub const ALL: &'static [EventKind] = &[$(EventKind::$name),*];
+            /// Key of each kind, unit of its value in SI (`1` for a pure number), and meaning of kind and value.
+            pub const ALL: &'static [(&'static str, &'static str, &'static str)] = &[$(($key, $unit, $text)),*];
 
-            /// Its word.
+            /// Its key.
             pub fn key(self) -> &'static str {
-                match self { $(EventKind::$name => $key,)* }
-            }
-
-            /// The unit of its value in SI; `1` for a pure number.
-            pub fn unit(self) -> &'static str {
-                match self { $(EventKind::$name => $unit,)* }
-            }
-
-            /// Its meaning as text, with the meaning of its value.
-            pub fn text(self) -> &'static str {
-                match self { $(EventKind::$name => $text,)* }
+                Self::ALL[self as usize].0
             }
         }
     };
