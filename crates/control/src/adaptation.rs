@@ -316,9 +316,10 @@ impl<S: Number> Adaptation<S> {
         let described = &self.described;
         let (place, gas) = ([state.position, state.velocity], state.gas());
         let forth = flag(zero, spool);
+        let back = one - forth;
         let is_forth = half.lt(forth);
-        let full = described.chambers(place, gas, [forth, one - forth]);
-        let shut = described.chambers(place, gas, [zero; 2]);
+        let full = described.chambers(place, gas, [[forth, back], [back, forth]]);
+        let shut = described.chambers(place, gas, [[zero; 2]; 2]);
         let k1 = described.gas.heat_capacity_ratio - 1.0;
         let is_fast = one - flag(speed.abs(), S::c(LEARN_SPOOL_SPEED));
         self.signals.calm = S::select(half.lt(is_fast), zero, self.signals.calm + S::c(period));

@@ -111,11 +111,6 @@ impl Follower {
         }
     }
 
-    /// Returns the signals of sensors and observer at the last sample.
-    pub fn seen(&self, sample: &Sample) -> Seen {
-        self.observer.as_ref().map(|observer| Seen::of(&self.model, sample, observer)).unwrap_or_default()
-    }
-
     /// Passes a sample to the observer, and the learned values to the model.
     pub(crate) fn learn(&mut self, sample: &Sample, measured: bool) {
         self.take(sample);

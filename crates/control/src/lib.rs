@@ -32,7 +32,7 @@ pub use follower::{Answer, Follower};
 pub use gains::{FACTOR_BOUNDS, FACTORS, Gain, GainValues};
 pub use hold::Hold;
 pub use law::{AnyLaw, GAINS, LAWS, Law, Nmpc, Tick, sugeno};
-pub use model::{ConstantGas, Model, Openings, Side, Slip, Valve};
+pub use model::{ConstantGas, Model, Side, Slip, Valve};
 pub use number::{Memory, Number};
 pub use observer::{Noise, Observer};
 pub use own::{Own, OwnLaw, SIGNALS, Seen};

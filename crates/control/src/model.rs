@@ -4,9 +4,9 @@ mod parts;
 
 use crate::number::{Number, StateOf};
 use crate::thresholds::{LEAST_SPEED, OVERLAP_WIDTH, SLOPE_STEP, SMOOTH_SPEED};
-use crate::types::{Plant, State};
+use crate::types::{Edges, Plant, State};
 use math::{Function, Over};
-pub use parts::{ConstantGas, Openings, Side, Slip, Valve};
+pub use parts::{ConstantGas, Side, Slip, Valve};
 use physics::chamber::{EnergyBalance, Exchange, GasState};
 use physics::flow::{End, leaking, opened};
 use physics::friction::{At, Contact, plastic_share};
@@ -119,24 +119,25 @@ impl<P: Over<f64>> Model<P> {
         a.times(self.sides[0].area) - b.times(self.sides[1].area)
     }
 
-    /// Returns the open fraction of the conductance with the spool at `spool`. The first opening is supply to a (and b
-    /// to exhaust), the second is a to exhaust (and supply to b).
+    /// Returns the open fractions of the conductance with the spool of a 5/3 valve at `spool`.
     #[inline(always)]
-    pub fn openings<S: StateOf<P>>(&self, spool: S) -> [S; 2] {
+    pub fn openings<S: StateOf<P>>(&self, spool: S) -> Edges<S> {
         self.edges_at(spool, self.valve.overlap)
     }
 
     /// Returns the same for a fraction of the opening beyond the overlap.
     #[inline(always)]
-    pub fn opened_by<S: StateOf<P>>(&self, share: S) -> [S; 2] {
+    pub fn opened_by<S: StateOf<P>>(&self, share: S) -> Edges<S> {
         self.edges_at(share, P::zero())
     }
 
     #[inline(always)]
-    fn edges_at<S: StateOf<P>>(&self, spool: S, overlap: P) -> [S; 2] {
+    fn edges_at<S: StateOf<P>>(&self, spool: S, overlap: P) -> Edges<S> {
         let whole = P::one() - overlap;
         let leak = leaking(S::c(self.valve.leakage), S::c(self.valve.leakage_width), spool);
-        [1.0, -1.0].map(|way| opened(S::from(-overlap / whole), S::from(P::c(way) / whole), spool) + leak)
+        let [forth, back] = [1.0, -1.0]
+            .map(|way| opened(S::from(-overlap / whole), S::from(P::c(way) / whole), spool) + leak);
+        [[forth, back], [back, forth]]
     }
 
     /// Returns the rates of the chambers' gas at (x, v), with the edges open by `openings`.
@@ -145,7 +146,7 @@ impl<P: Over<f64>> Model<P> {
         &self,
         place: [S; 2],
         gas: [GasState<S>; 2],
-        openings: impl Openings<S>,
+        openings: Edges<S>,
     ) -> Chambers<S> {
         self.chambers_on(&self.supply, place, gas, openings)
     }
@@ -157,9 +158,9 @@ impl<P: Over<f64>> Model<P> {
         supply: &ConstantGas,
         [x, v]: [S; 2],
         gas: [GasState<S>; 2],
-        openings: impl Openings<S>,
+        openings: Edges<S>,
     ) -> Chambers<S> {
-        let (source, exhaust, openings) = (supply.end(), self.ambient.end(), openings.edges());
+        let (source, exhaust) = (supply.end(), self.ambient.end());
         let cp = self.gas.cp;
         let mut rates = [[S::zero(); 2]; 3];
         for (i, (side, gas)) in self.sides.iter().zip(&gas).enumerate() {
@@ -261,14 +262,14 @@ impl<S: Number> Model<S> {
     /// no opening suffices.
     pub fn opening_for(&self, state: &State<S>, rate: S) -> (S, S) {
         let gas = state.gas();
-        let at = |openings: [S; 2]| {
+        let at = |openings: Edges<S>| {
             let [a, b] = self.chambers([state.position, state.velocity], gas, openings).pressure_rates;
             a.times(self.sides[0].area) - b.times(self.sides[1].area)
         };
         let shut = at(self.openings(S::zero()));
         let is_back = rate.lt(shut);
         let [to, fro] = [[0.0, 1.0], [1.0, 0.0]].map(|[back, on]| S::select(is_back, S::c(back), S::c(on)));
-        let full = at([to, fro]);
+        let full = at([[to, fro], [fro, to]]);
         (S::select(is_back, S::c(-1.0), S::one()), (rate - shut) / (full - shut))
     }
 }

@@ -2,11 +2,11 @@
 
 #![allow(clippy::needless_range_loop)] // rows and columns of matrices, and sides of the piston
 
-use crate::model::{Model, Openings};
+use crate::model::Model;
 use crate::number::{Memory, Number, StateOf};
 use crate::spool::Spool;
 use crate::thresholds::{FOLLOWED, GAS_TEMPERATURES, LEAST_PRESSURE, LONGEST_PIECE, OBSERVER_REST};
-use crate::types::{Sample, State, gas_at};
+use crate::types::{Edges, Sample, State, gas_at};
 use math::Over;
 
 impl<P: Over<f64>> Model<P> {
@@ -15,7 +15,7 @@ impl<P: Over<f64>> Model<P> {
     pub fn advance<S: StateOf<P>>(
         &self,
         own: &mut State<S>,
-        openings: impl Openings<S>,
+        openings: Edges<S>,
         h: f64,
         measured: Option<[S; 2]>,
     ) -> S {
@@ -28,7 +28,7 @@ impl<P: Over<f64>> Model<P> {
         &self,
         pieces: u32,
         own: &mut State<S>,
-        openings: impl Openings<S>,
+        openings: Edges<S>,
         h: f64,
         measured: Option<[S; 2]>,
     ) -> S {
@@ -66,11 +66,11 @@ impl<P: Over<f64>> Model<P> {
     pub(crate) fn flow<S: StateOf<P>>(
         &self,
         own: &State<S>,
-        openings: impl Openings<S>,
+        openings: Edges<S>,
         h: f64,
         speed: S,
     ) -> [[S; 2]; 2] {
-        let (openings, mut gas) = (openings.edges(), [own.pressures, own.temperatures]);
+        let mut gas = [own.pressures, own.temperatures];
         for (from, to) in [(0.0, 0.5 * h), (0.5 * h, h)] {
             let place = [own.position + own.velocity.times(from), speed];
             let chambers = self.chambers(place, gas_at(&gas), openings);

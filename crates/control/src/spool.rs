@@ -1,6 +1,6 @@
 //! Model of the valve's spool: present and future position under the commands given so far.
 
-use crate::model::{Model, Openings, Valve};
+use crate::model::{Model, Valve};
 use crate::number::Number;
 use crate::thresholds::SPOOL_ROUNDING;
 use crate::types::{Arrangement, Edges, MOST_VALVES};
@@ -99,9 +99,9 @@ impl<S: Number> Spool<S> {
             return [[fills_a, vents_a], [fills_b, vents_b]];
         }
         let half = self.middle(from, to);
-        let Beside::Both(both) = &mut self.beside else { return model.openings(half.limited()).edges() };
+        let Beside::Both(both) = &mut self.beside else { return model.openings(half.limited()) };
         let sum = both.middle(from, to);
-        [sum + half, sum - half].map(|own| model.openings(own.limited()))
+        [sum + half, sum - half].map(|own| model.openings(own.limited())[0])
     }
 
     /// Advances from one time to another, s; old commands are dropped.

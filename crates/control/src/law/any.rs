@@ -9,7 +9,7 @@ use crate::own::Own;
 use crate::types::Plant;
 
 macro_rules! laws {
-    ($($name:ident),* $(,)?) => {
+    ($($name:ident $key:literal),*) => {
         /// Any law.
         #[derive(Clone, Debug)]
         pub enum AnyLaw {
@@ -19,15 +19,15 @@ macro_rules! laws {
         }
 
         /// Gains of all laws, by the key of the law.
-        pub const GAINS: &[(&str, &[Gain])] = &[$(($name::KEY, $name::GAINS)),*];
+        pub const GAINS: &[(&str, &[Gain])] = &[$(($key, $name::GAINS)),*];
 
         /// Keys of all laws.
-        pub const LAWS: &[&str] = &[$($name::KEY),*];
+        pub const LAWS: &[&str] = &[$($key),*];
 
         impl AnyLaw {
             /// Returns the law of a key, with gains that are derived from the drive.
             pub fn tuned(key: &str, model: &Model, plant: &Plant) -> Option<Self> {
-                $(if key == $name::KEY {
+                $(if key == $key {
                     return Some(AnyLaw::$name($name::tuned(model, plant)));
                 })*
                 (key == Own::KEY).then(AnyLaw::default)
@@ -35,7 +35,7 @@ macro_rules! laws {
 
             /// Key of the law in a controller file.
             pub fn key(&self) -> &'static str {
-                match self { $(AnyLaw::$name(_) => $name::KEY,)* AnyLaw::Own(_) => Own::KEY }
+                match self { $(AnyLaw::$name(_) => $key,)* AnyLaw::Own(_) => Own::KEY }
             }
 
             /// Gains of the law, with their values.
@@ -81,4 +81,6 @@ macro_rules! laws {
     };
 }
 
-laws!(Pid, Fuzzy, Sliding, SuperTwisting, Inversion, Nmpc);
+laws!(
+    Pid "pid", Fuzzy "fuzzy", Sliding "sliding-mode", SuperTwisting "super-twisting", Inversion "inversion", Nmpc "nmpc"
+);

@@ -53,8 +53,6 @@ pub fn sugeno<S: Number>(e: S, de: S) -> S {
 }
 
 impl Fuzzy {
-    pub(super) const KEY: &'static str = "fuzzy";
-
     pub(super) fn tuned(model: &Model, plant: &Plant) -> Self {
         let Pid {
             gain, derivative_time, acceleration_time, integral_time, filter_time, friction_share, ..

@@ -23,8 +23,6 @@ law! {
 }
 
 impl Inversion {
-    pub(super) const KEY: &'static str = "inversion";
-
     pub(super) fn tuned(_model: &Model, plant: &Plant) -> Self {
         let bandwidth = plant.bandwidth();
         Inversion::new(bandwidth, 1.5 * bandwidth)

@@ -222,8 +222,6 @@ fn foreseen<S: Over<f64>>(horizon: &Horizon, plan: &[S; MOVES]) -> [[S; 3]; HORI
 }
 
 impl Nmpc {
-    pub(super) const KEY: &'static str = "nmpc";
-
     pub(super) fn tuned(model: &Model, plant: &Plant) -> Self {
         let move_penalty = if model.valve.arrangement.is_proportional() { 0.05 } else { 0.1 };
         Nmpc::new(plant.bandwidth(), move_penalty)

@@ -51,8 +51,6 @@ law! {
 }
 
 impl Pid {
-    pub(super) const KEY: &'static str = "pid";
-
     pub(super) fn tuned(_model: &Model, plant: &Plant) -> Self {
         let Plant { natural_frequency: w, damping_ratio, speed, .. } = *plant;
         let l = LAW_BANDWIDTH;

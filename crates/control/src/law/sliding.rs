@@ -28,8 +28,6 @@ law! {
 }
 
 impl Sliding {
-    pub(super) const KEY: &'static str = "sliding-mode";
-
     pub(super) fn tuned(model: &Model, plant: &Plant) -> Self {
         let gain = SLIDING_GAIN * plant.force_rate / model.mass;
         Sliding::new(LAW_BANDWIDTH, gain, gain / 72.0)
@@ -55,8 +53,6 @@ law! {
 }
 
 impl SuperTwisting {
-    pub(super) const KEY: &'static str = "super-twisting";
-
     pub(super) fn tuned(model: &Model, plant: &Plant) -> Self {
         let Sliding { bandwidth, gain, width } = Sliding::tuned(model, plant);
         SuperTwisting::new(bandwidth, gain / width.sqrt(), 0.3 * gain * gain / width, 0.2 * width)

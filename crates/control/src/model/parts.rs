@@ -1,7 +1,7 @@
 //! Parts of the controller model: supply and ambient, chambers, valve, slip of the contact.
 
 use crate::thresholds::LEAST_VOLUME;
-use crate::types::{Arrangement, Edges};
+use crate::types::Arrangement;
 use math::Over;
 use physics::flow::{End, Iso6358};
 use physics::friction::AnyLaw;
@@ -50,24 +50,6 @@ impl Side {
     pub(super) fn wall<S: Over<f64>>(&self, x: S) -> S {
         let length = x.times_plus(self.sign, S::c(self.length));
         length.times_plus(self.perimeter, S::c(self.end_wall)).max(S::zero())
-    }
-}
-
-/// Openings of the valve edges: of each chamber, or of one 5/3 valve (supply to a, a to exhaust).
-pub trait Openings<S> {
-    /// Returns the openings of each chamber.
-    fn edges(self) -> Edges<S>;
-}
-
-impl<S> Openings<S> for Edges<S> {
-    fn edges(self) -> Edges<S> {
-        self
-    }
-}
-
-impl<S: Copy> Openings<S> for [S; 2] {
-    fn edges(self) -> Edges<S> {
-        [self, [self[1], self[0]]]
     }
 }
 

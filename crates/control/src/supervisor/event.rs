@@ -57,7 +57,7 @@ pub struct Event {
     pub value: f64,
 }
 
-/// Largest number of events that are stored; further events are only counted.
+/// Largest number of events that are stored.
 const KEPT: usize = 256;
 
 /// Events in the order of their times.
@@ -65,25 +65,18 @@ const KEPT: usize = 256;
 pub struct Log {
     /// The first events.
     pub events: Vec<Event>,
-    counts: [u32; EventKind::ALL.len()],
 }
 
 impl Default for Log {
     fn default() -> Self {
-        Log { events: Vec::with_capacity(KEPT), counts: [0; EventKind::ALL.len()] }
+        Log { events: Vec::with_capacity(KEPT) }
     }
 }
 
 impl Log {
     pub(super) fn tell(&mut self, time: f64, kind: EventKind, value: f64) {
-        self.counts[kind as usize] += 1;
         if self.events.len() < KEPT {
             self.events.push(Event { time, kind, value });
         }
-    }
-
-    /// Returns the count of events of a kind.
-    pub fn count(&self, kind: EventKind) -> u32 {
-        self.counts[kind as usize]
     }
 }
