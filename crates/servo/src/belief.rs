@@ -15,8 +15,6 @@ pub struct Axis {
     pub cylinder: String,
     /// Names of its valves, in the order of their commands.
     pub valves: Vec<String>,
-    /// These are open or shut.
-    pub switches: bool,
     /// Name of its supply.
     pub supply: String,
     /// Components that a law ignores, except for the volume of tubes at the chambers: for the law, the valve is
@@ -141,7 +139,6 @@ pub fn belief(circuit: &Circuit) -> Result<(Model, Axis), Error> {
     let axis = Axis {
         cylinder: name(cylinder),
         valves: commanded.into_iter().map(name).collect(),
-        switches: !model.valve.arrangement.is_proportional(),
         supply: name(supply),
         left_out: others.into_iter().map(name).collect(),
     };

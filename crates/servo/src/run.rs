@@ -237,8 +237,8 @@ impl Servo {
             let half = ((1_u64 << command_bits) - 1) as f64 / 2.0;
             let convert = |own: f64| ((own + 1.0) * half).round_ties_even() / half - 1.0;
             // Switching valves have no converter.
-            (command, given) =
-                (convert(command), if self.axis.switches { given } else { given.map(convert) });
+            let has_converter = controller.model.valve.arrangement.is_proportional();
+            (command, given) = (convert(command), if has_converter { given.map(convert) } else { given });
         }
         let acts = self.faults.command(t, given);
         if !matches!(controller.valves, Valves::One) {

@@ -33,7 +33,6 @@ pub struct Controller {
     /// Error, m, below which the drive is held at rest after a time, s; `None`: it is never held.
     pub hold: Option<[f64; 2]>,
     /// Whether the controller learns friction and valve of its drive during the run.
-    #[serde(default = "yes")]
     pub adaptation: bool,
     /// Rules of its supervisor.
     #[serde(default)]
@@ -46,16 +45,8 @@ pub struct Controller {
     pub belief: Circuit,
 }
 
-fn once() -> u32 {
-    1
-}
-
 fn ones() -> [f64; FACTORS.len()] {
     [1.0; FACTORS.len()]
-}
-
-fn yes() -> bool {
-    true
 }
 
 /// Instrumentation between a drive and its law.
@@ -77,8 +68,8 @@ pub struct Setup {
     /// Number of the axis among those of one run; each has its own noise.
     #[serde(default)]
     pub member: u32,
-    /// Number of repeats of each step of the law, to measure its time.
-    #[serde(default = "once")]
+    /// Number of runs of each step of the law, to measure its time; below 2, a step runs once.
+    #[serde(default)]
     pub step_repeats: u32,
     /// Standard deviation of the times of samples, s: of the position, of chambers a and b; and of the computing time.
     #[serde(default)]
@@ -159,7 +150,7 @@ pub struct Fault {
 }
 
 impl Fault {
-    /// Time at which the fault begins, s.
+    /// Whether the fault acts at a time, s.
     pub fn acts(&self, t: f64) -> bool {
         self.begin_s <= t && self.end_s.is_none_or(|end| t < end)
     }
