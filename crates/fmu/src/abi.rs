@@ -115,13 +115,25 @@ fn folder(location: &str) -> PathBuf {
     PathBuf::from(String::from_utf8_lossy(&bytes).into_owned())
 }
 
-/// Creates an instance. On failure, it sends a message and returns null.
-pub fn instantiate(
-    [name, token, resources]: [Option<&str>; 3],
+/// Creates an instance. On failure, and if the processor cannot run the library, it sends a message and returns null.
+///
+/// # Safety
+/// The texts are null or end with a zero, and `environment` is that of the logger.
+pub unsafe fn instantiate(
+    name: *const c_char,
+    token: *const c_char,
+    resources: *const c_char,
     outside: bool,
     logger: Logger,
     environment: *mut c_void,
 ) -> *mut FmuInstance {
+    if processor::lacking().is_some() {
+        // SAFETY: guaranteed by the caller.
+        unsafe { logger.send(environment, name, FmiStatus::Error, processor::MESSAGE) };
+        return ptr::null_mut();
+    }
+    // SAFETY: guaranteed by the caller.
+    let [name, token, resources] = [name, token, resources].map(|own| unsafe { text(own) });
     let made = catch_unwind(AssertUnwindSafe(|| {
         let listener = || Listener { logger, environment, name: c_text(name.unwrap_or("pneudrive")) };
         let Some(resources) = resources else {
@@ -141,15 +153,6 @@ pub fn instantiate(
         }
         Err(_) => ptr::null_mut(),
     }
-}
-
-/// Returns whether the processor can run the library. Otherwise it sends the reason to the tool.
-pub fn is_able(tell: impl FnOnce(*const c_char)) -> bool {
-    let lacks = processor::lacking().is_some();
-    if lacks {
-        tell(processor::MESSAGE.as_ptr());
-    }
-    !lacks
 }
 
 /// Frees an instance.

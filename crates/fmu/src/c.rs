@@ -1,10 +1,11 @@
 //! `pneudrive.h`: twelve functions for C programs.
 #![allow(unsafe_code, clippy::missing_safety_doc)]
 
-use crate::abi::{ANY, fill, free, given, is_able, put, text, with};
+use crate::abi::{ANY, fill, free, given, put, text, with};
 use crate::instance::{FmiStatus, FmuInstance, Listener, Logger, c_text};
+use crate::processor;
 use crate::refusal::refuse;
-use std::ffi::{CString, c_char, c_int};
+use std::ffi::{CStr, CString, c_char, c_int};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::ptr;
 
@@ -49,8 +50,8 @@ operations! {
 }
 
 /// Copies a text as far as there is room, with its final zero.
-unsafe fn write_text(text: &CString, target: *mut c_char, size: usize) {
-    let bytes = text.as_bytes();
+unsafe fn write_text(text: &CStr, target: *mut c_char, size: usize) {
+    let bytes = text.to_bytes();
     let n = bytes.len().min(size.saturating_sub(1));
     if !target.is_null() && size > 0 {
         // SAFETY: the header requires room for `size` characters.
@@ -65,7 +66,8 @@ unsafe fn write_text(text: &CString, target: *mut c_char, size: usize) {
 pub unsafe extern "C" fn pneudrive_create(json: *const c_char, message: *mut c_char, size: usize) -> Drive {
     // SAFETY: the header states the rules for pointers.
     unsafe {
-        if !is_able(|why| write_text(&std::ffi::CStr::from_ptr(why).to_owned(), message, size)) {
+        if processor::lacking().is_some() {
+            write_text(processor::MESSAGE, message, size);
             return ptr::null_mut();
         }
         let made = catch_unwind(AssertUnwindSafe(|| {

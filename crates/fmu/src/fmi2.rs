@@ -1,9 +1,7 @@
 //! FMI 2.0: co-simulation and model exchange. Functions have the names of the standard.
 #![allow(unsafe_code, non_snake_case, clippy::missing_safety_doc)]
 
-use crate::abi::{
-    ANY, fill, free, free_state, given, instantiate, is_able, keep, put, revive, room, state, text, with,
-};
+use crate::abi::{ANY, fill, free, free_state, given, instantiate, keep, put, revive, room, state, with};
 use crate::instance::{ALIVE, FmiStatus, FmuInstance, KeptState, Logger, Phase, RUNNING};
 use crate::model::{StateQuantity, check_length};
 use crate::refusal::refuse;
@@ -110,16 +108,7 @@ pub unsafe extern "C" fn fmi2Instantiate(
     unsafe {
         let (log, environment) =
             functions.as_ref().map_or((None, ptr::null_mut()), |own| (own.logger, own.environment));
-        let tell = |message| {
-            if let Some(log) = log {
-                log(environment, name, FmiStatus::Error as c_int, c"logStatusError".as_ptr(), message);
-            }
-        };
-        if !is_able(tell) {
-            return ptr::null_mut();
-        }
-        let logger = log.map_or(Logger::None, Logger::Two);
-        instantiate([text(name), text(guid), text(resources)], kind == 0, logger, environment)
+        instantiate(name, guid, resources, kind == 0, log.map_or(Logger::None, Logger::Two), environment)
     }
 }
 

@@ -1,9 +1,7 @@
 //! FMI 3.0: co-simulation and model exchange. Functions have the names of the standard.
 #![allow(unsafe_code, non_snake_case, clippy::missing_safety_doc)]
 
-use crate::abi::{
-    ANY, fill, free, free_state, given, instantiate, is_able, keep, put, revive, room, state, text, with,
-};
+use crate::abi::{ANY, fill, free, free_state, given, instantiate, keep, put, revive, room, state, with};
 use crate::fmi2::{EXCHANGE, common, functions, no};
 use crate::instance::{ALIVE, FmiStatus, FmuInstance, KeptState, Logger, Phase, RUNNING};
 use crate::model::{StateQuantity, check_length};
@@ -20,28 +18,6 @@ pub extern "C" fn fmi3GetVersion() -> *const c_char {
     c"3.0".as_ptr()
 }
 
-/// Makes an instance.
-unsafe fn made(
-    [name, token, resources]: [*const c_char; 3],
-    environment: *mut c_void,
-    log: Option<Log>,
-    outside: bool,
-) -> Component {
-    // SAFETY: the standard requires valid pointers of the tool.
-    unsafe {
-        let tell = |message| {
-            if let Some(log) = log {
-                log(environment, FmiStatus::Error as c_int, c"logStatusError".as_ptr(), message);
-            }
-        };
-        if !is_able(tell) {
-            return ptr::null_mut();
-        }
-        let logger = log.map_or(Logger::None, Logger::Three);
-        instantiate([text(name), text(token), text(resources)], outside, logger, environment)
-    }
-}
-
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn fmi3InstantiateModelExchange(
     name: *const c_char,
@@ -53,7 +29,7 @@ pub unsafe extern "C" fn fmi3InstantiateModelExchange(
     log: Option<Log>,
 ) -> Component {
     // SAFETY: the standard requires valid pointers of the tool.
-    unsafe { made([name, token, resources], environment, log, true) }
+    unsafe { instantiate(name, token, resources, true, log.map_or(Logger::None, Logger::Three), environment) }
 }
 
 #[unsafe(no_mangle)]
@@ -73,13 +49,15 @@ pub unsafe extern "C" fn fmi3InstantiateCoSimulation(
     _update: *const c_void,
 ) -> Component {
     // SAFETY: the standard requires valid pointers of the tool.
-    unsafe { made([name, token, resources], environment, log, false) }
+    unsafe {
+        instantiate(name, token, resources, false, log.map_or(Logger::None, Logger::Three), environment)
+    }
 }
 
 #[unsafe(no_mangle)]
 #[allow(clippy::too_many_arguments)]
 pub unsafe extern "C" fn fmi3InstantiateScheduledExecution(
-    _name: *const c_char,
+    name: *const c_char,
     _token: *const c_char,
     _resources: *const c_char,
     _visible: bool,
@@ -90,11 +68,9 @@ pub unsafe extern "C" fn fmi3InstantiateScheduledExecution(
     _lock: *const c_void,
     _unlock: *const c_void,
 ) -> Component {
-    if let Some(log) = log {
-        let message = c"scheduled execution is not possible: use co-simulation or model exchange".as_ptr();
-        // SAFETY: the tool's callback, used as the standard requires.
-        unsafe { log(environment, FmiStatus::Error as c_int, c"logStatusError".as_ptr(), message) }
-    }
+    let message = c"scheduled execution is not possible: use co-simulation or model exchange";
+    // SAFETY: the standard requires valid pointers of the tool.
+    unsafe { log.map_or(Logger::None, Logger::Three).send(environment, name, FmiStatus::Error, message) }
     ptr::null_mut()
 }
 

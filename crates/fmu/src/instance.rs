@@ -3,7 +3,7 @@
 use crate::model::FmuModel;
 use crate::plan::FmuPlan;
 use crate::refusal::{CallRefusal, refuse};
-use std::ffi::{CString, c_char, c_int, c_void};
+use std::ffi::{CStr, CString, c_char, c_int, c_void};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
 
@@ -56,29 +56,40 @@ pub fn c_text(text: &str) -> CString {
     CString::new(text.split('\0').next().unwrap_or_default()).expect("it does not end with a zero")
 }
 
+impl Logger {
+    /// Sends a text to the tool; for FMI 2.0, it is a format string.
+    ///
+    /// # Safety
+    /// `environment` is that of the tool, and `name` ends with a zero.
+    #[allow(unsafe_code)]
+    pub unsafe fn send(
+        self,
+        environment: *mut c_void,
+        name: *const c_char,
+        status: FmiStatus,
+        message: &CStr,
+    ) {
+        let (category, status) = (c"logStatusError".as_ptr(), status as c_int);
+        // SAFETY: the tool's callback, used as its standard requires. All texts live until it returns.
+        unsafe {
+            match self {
+                Logger::None => {}
+                Logger::Two(log) => log(environment, name, status, category, message.as_ptr()),
+                Logger::Three(log) => log(environment, status, category, message.as_ptr()),
+            }
+        }
+    }
+}
+
 impl Listener {
     /// Sends a message to the tool.
     pub fn tell(&self, status: FmiStatus, message: &str) {
-        let (category, status) = (c"logStatusError", status as c_int);
-        match self.logger {
-            Logger::None => {}
-            // FMI 2.0 expects a format string, not a plain message.
-            Logger::Two(log) => {
-                let message = c_text(&message.replace('%', "%%"));
-                // SAFETY: the tool's callback, used as FMI 2.0 requires. All texts live until it returns.
-                #[allow(unsafe_code)]
-                unsafe {
-                    log(self.environment, self.name.as_ptr(), status, category.as_ptr(), message.as_ptr());
-                }
-            }
-            Logger::Three(log) => {
-                let message = c_text(message);
-                // SAFETY: as above, for FMI 3.0.
-                #[allow(unsafe_code)]
-                unsafe {
-                    log(self.environment, status, category.as_ptr(), message.as_ptr());
-                }
-            }
+        let is_format = matches!(self.logger, Logger::Two(_));
+        let message = c_text(&if is_format { message.replace('%', "%%") } else { message.into() });
+        // SAFETY: the environment came with the logger.
+        #[allow(unsafe_code)]
+        unsafe {
+            self.logger.send(self.environment, self.name.as_ptr(), status, &message);
         }
     }
 }
@@ -93,8 +104,6 @@ pub struct KeptState {
 /// An instance.
 pub struct FmuInstance {
     pub kept: KeptState,
-    /// Whether the tool integrates (model exchange).
-    pub outside: bool,
     pub listener: Listener,
     /// Last message.
     pub message: CString,
@@ -126,7 +135,7 @@ impl FmuInstance {
             return refuse("a controller is for co-simulation: it has no states that a tool could integrate");
         }
         let kept = KeptState { model: FmuModel::new(Arc::new(plan), outside), phase: Phase::Instantiated };
-        Ok(FmuInstance { kept, outside, listener, message: CString::default() })
+        Ok(FmuInstance { kept, listener, message: CString::default() })
     }
 
     /// Runs an operation in one of the allowed phases. An error is reported and becomes a status.
@@ -167,7 +176,7 @@ impl FmuInstance {
     /// Starts the run.
     pub fn begin(&mut self) -> Result<(), CallRefusal> {
         self.kept.model.begin()?;
-        self.pass_to(if self.outside { Phase::Event } else { Phase::Step })
+        self.pass_to(if self.kept.model.outside { Phase::Event } else { Phase::Step })
     }
 
     /// Changes to another mode of model exchange.

@@ -78,8 +78,8 @@ pub struct FmuModel {
     values: Vec<f64>,
     t0: f64,
     rtol: f64,
-    /// Whether the tool integrates.
-    outside: bool,
+    /// Whether the tool integrates (model exchange).
+    pub outside: bool,
     begun: bool,
     running: Option<Running>,
     /// Controller, instead of a session.
@@ -324,18 +324,13 @@ impl FmuModel {
         finite_at(session, rates.into_iter().enumerate())?;
         let mut changes =
             session.state().iter().zip(&*origin).map(|(y, origin)| y - origin).zip(session.scale());
-        Ok(changes.any(|(change, size)| change.abs() > MOST_CHANGE * size) || self.is_due()?)
+        let has_grown = changes.any(|(change, size)| change.abs() > MOST_CHANGE * size);
+        Ok(has_grown || session.is_due_now() || session.events().iter().any(|value| *value <= 0.0))
     }
 
     /// Returns the event functions.
     pub fn events(&mut self) -> Result<Vec<f64>, CallRefusal> {
         Ok(self.running()?.session.events())
-    }
-
-    /// Returns whether a mode must change now.
-    pub fn is_due(&mut self) -> Result<bool, CallRefusal> {
-        let session = &mut self.running()?.session;
-        Ok(session.is_due_now() || session.events().iter().any(|value| *value <= 0.0))
     }
 
     /// Applies pending commands and changes invalid modes. Changes of the states are counted from here.
