@@ -1,6 +1,6 @@
 //! Circuits under controllers.
 
-use crate::convert::{Table, Teller, detached, parse, to_python, watched};
+use crate::convert::{Table, Teller, parse, to_python, watched};
 use crate::network::PyCircuit;
 use circuit::{Error, Look};
 use control::export::{Language, RESULTS, STATUS, program};
@@ -136,7 +136,7 @@ pub fn control_feasibility<'py>(
     let spec: Controller = parse(spec)?;
     let reference = parse::<ReferenceForm>(motion)?.0;
     let (own, _) = controller(&spec, 0.0).map_err(to_python)?;
-    let (is, factor) = detached(py, |stop| {
+    let (is, factor) = watched(py, None, |stop| {
         let mut stopped = None;
         let mut ask = |t| {
             stopped = stopped.or_else(|| stop(t).then_some(t));

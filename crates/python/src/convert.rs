@@ -65,14 +65,6 @@ pub fn watched<T: Send>(
     }
 }
 
-/// Does the same without a callback.
-pub fn detached<T: Send>(
-    py: Python<'_>,
-    work: impl Send + FnOnce(&mut dyn FnMut(f64) -> bool) -> Result<T, Error>,
-) -> PyResult<T> {
-    watched(py, None, work)
-}
-
 pub fn ledger<'py>(py: Python<'py>, balance: &Balance) -> PyResult<Bound<'py, PyDict>> {
     let out = PyDict::new(py);
     out.set_item("mass_error", balance.mass_error)?;

@@ -1,6 +1,6 @@
 //! Friction laws: the list, custom laws, steady sliding.
 
-use crate::convert::{Table, detached, parse, to_python};
+use crate::convert::{Table, parse, to_python, watched};
 use circuit::{friction_law, own_law, specification, steady_sensitivity};
 use math::Dual;
 use numpy::{PyArray1, PyArrayMethods, PyReadonlyArray1};
@@ -140,7 +140,8 @@ pub fn steady_friction_sensitivity<'py>(
         .zip(conditions)
         .map(|((v, x), (gauge_a, gauge_b))| At { v, x, ..At::at_rest() }.pressed(gauge_a, gauge_b))
         .collect();
-    let (forces, derivatives) = detached(py, |_| steady_sensitivity(&json, &parameters, &names, &places))?;
+    let (forces, derivatives) =
+        watched(py, None, |_| steady_sensitivity(&json, &parameters, &names, &places))?;
     let table = PyArray1::from_vec(py, derivatives).reshape([n, names.len()])?;
     Ok((PyArray1::from_vec(py, forces), table))
 }
