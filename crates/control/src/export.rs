@@ -9,7 +9,7 @@ mod traced;
 use crate::adaptation::Adaptation;
 use crate::types::{Sample, State};
 pub use guard::STATUS;
-use guard::{GUARD, Guard, GuardInputs, Limits};
+use guard::{GUARD, Guard, GuardInputs};
 pub use print::Language;
 pub use traced::{LawGraph, Node, Traced, record};
 
@@ -17,7 +17,7 @@ use crate::controller::Controller;
 use crate::course::Course;
 use crate::follower::{Ahead, Answer, Follower, Takeover};
 use crate::hold::Hold;
-use crate::law::{AnyLaw, Law};
+use crate::law::{AnyLaw, Fuzzy, Inversion, Law, Pid, Sliding, SuperTwisting};
 use crate::number::{Memory, set_to};
 use crate::observer::Observer;
 use crate::reference::{Reference, between, blend};
@@ -113,7 +113,7 @@ pub fn program(controller: &Controller, with_pressures: bool) -> Result<LawProgr
     macro_rules! any {
         ($($law:ident),*) => {
             match &controller.law {
-                $(AnyLaw::$law(law) => Ok(LawRecorder { controller, with_pressures }.program(|gain| law.in_numbers(gain)),),)*
+                $(AnyLaw::$law(_) => Ok(LawRecorder { controller, with_pressures }.program($law::of)),)*
                 AnyLaw::Nmpc(_) => Err(
                     "nmpc cannot be exported: its search for limits of the moves depends on numbers. Export inversion or \
                      super-twisting, or call the compiled core".into(),
@@ -210,10 +210,8 @@ impl LawRecorder<'_> {
         }
     }
 
-    fn program<L: Law<Traced>>(
-        &self,
-        law: impl Fn(&mut dyn FnMut(&'static str, f64) -> Traced) -> L,
-    ) -> LawProgram {
+    /// Returns the program of a law that is made of its gains.
+    fn program<L: Law<Traced>>(&self, law: impl Fn(&[Traced]) -> Option<L>) -> LawProgram {
         let is_input = |own: &ExportVariable| self.with_pressures || own.1 != "Pa";
         let inputs: Vec<_> = INPUTS.into_iter().filter(is_input).collect();
         let mut any = self.controller.law.clone();
@@ -223,10 +221,12 @@ impl LawRecorder<'_> {
         let of_limits = parameters.len();
         parameters.extend(limits(self.controller));
         let settled = self.settled();
+        let follower = |parameters: &[Traced], observer| {
+            self.traced(law(parameters).expect("the gains come first"), observer)
+        };
         let memory = settled.each_ref().map(|observer| {
-            let mut own = self.traced(law(&mut |_, value| Traced::c(value)), observer);
             let mut count = 0;
-            own.numbers(&mut |_| count += 1);
+            follower(&vec![Traced::zero(); of_limits], observer).numbers(&mut |_| count += 1);
             count
         });
         let piece = |piece: Piece| {
@@ -237,14 +237,10 @@ impl LawRecorder<'_> {
             };
             record(inputs.len() + parameters.len() + remembers, |given| {
                 let (sample, rest) = given.split_at(inputs.len());
-                let (of_gains, remembered) = rest.split_at(parameters.len());
-                let mut of_gain = |key: &'static str, _| {
-                    let place = parameters.iter().position(|(own, _)| own.0 == key);
-                    of_gains[place.expect("a gain of the law")]
-                };
-                let mut own = self.traced(law(&mut of_gain), observer);
+                let (parameters, remembered) = rest.split_at(parameters.len());
+                let mut own = follower(parameters, observer);
                 if piece == Piece::Begin {
-                    let mut before = self.traced(law(&mut of_gain), &settled[0]);
+                    let mut before = follower(parameters, &settled[0]);
                     before.numbers(&mut set_to(remembered));
                     own.keep_learned(&mut before);
                 } else {
@@ -273,8 +269,7 @@ impl LawRecorder<'_> {
         record(inputs + parameters + GUARD + 1, |given| {
             let (sample, rest) = given.split_at(inputs);
             let (parameters, state) = rest.split_at(parameters);
-            let [low, high, speed, deceleration] = [0, 1, 2, 3].map(|place| parameters[of_limits + place]);
-            let limits = Limits { position: [low, high], speed, deceleration };
+            let limits = [0, 1, 2, 3].map(|place| parameters[of_limits + place]);
             let mut own = Guard::default();
             own.each(&mut set_to(&state[..GUARD]));
             let asked = GuardInputs::of(sample, self.with_pressures);

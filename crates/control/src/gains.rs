@@ -46,6 +46,12 @@ macro_rules! law {
             pub fn new($($gain: $number),*) -> Self {
                 $name { $($gain,)* $($memory: Default::default(),)* }
             }
+
+            /// Returns the law with gains in the order of its list; `None` if there are fewer.
+            pub fn of(gains: &[$number]) -> Option<Self> {
+                let [$($gain,)* ..] = *gains else { return None };
+                Some($name::new($($gain),*))
+            }
         }
 
         impl $name {
@@ -58,15 +64,6 @@ macro_rules! law {
             /// Its gains with their values.
             pub fn gains(&mut self) -> $crate::gains::GainValues<'_> {
                 Self::GAINS.iter().zip([$(&mut self.$gain),*]).collect()
-            }
-
-            /// The same law on another number type. The callback gets key and value of each gain; the state is not
-            /// copied.
-            pub fn in_numbers<$number: $crate::number::Number>(
-                &self,
-                mut gain: impl FnMut(&'static str, f64) -> $number,
-            ) -> $name<$number> {
-                $name::new($(gain(stringify!($gain), self.$gain)),*)
             }
         }
 

@@ -241,14 +241,10 @@ impl FmuModel {
         if !self.outside {
             return Ok(());
         }
-        let told = |role: fn(&VariableRole) -> bool| {
-            let place = self.plan.variables.iter().position(|own| role(&own.role));
+        let motion = [VariableRole::Position, VariableRole::Velocity].map(|role| {
+            let place = self.plan.variables.iter().position(|own| own.role == role);
             place.map_or(0.0, |place| self.values[place])
-        };
-        let motion = [
-            told(|role| matches!(role, VariableRole::Position)),
-            told(|role| matches!(role, VariableRole::Velocity)),
-        ];
+        });
         let Running { session, motion: axis, .. } = self.running()?;
         let mut y = session.state().to_vec();
         if let Some((_, first)) = axis {

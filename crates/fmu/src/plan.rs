@@ -50,7 +50,7 @@ pub struct Variable {
 }
 
 /// Role of a variable.
-#[derive(Clone, Debug, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(tag = "role", rename_all = "lowercase")]
 pub enum VariableRole {
     /// Time, s.

@@ -24,12 +24,7 @@ const NO_PRESSURE: f64 = 3.0;
 const REJECTED: f64 = 4.0;
 
 /// Limits that a caller may change: least and greatest position, m, speed, m/s, deceleration of a stop ramp, m/s2.
-#[derive(Clone, Copy, Debug)]
-pub struct Limits<S> {
-    pub position: [S; 2],
-    pub speed: S,
-    pub deceleration: S,
-}
+pub type Limits<S> = [S; 4];
 
 memory! {
     /// Inputs of the code for one sample, in their order.
@@ -170,9 +165,9 @@ impl<S: Number> Guard<S> {
         begins: S,
     ) -> S {
         let rounding = S::c(LIMIT_ROUNDING);
-        let [low, high] = limits.position;
+        let [low, high, fastest, _] = *limits;
         let within = |wanted: &Wanted<S>| {
-            let speed = limits.speed + rounding;
+            let speed = fastest + rounding;
             let far = S::c(f64::MAX);
             between(low - rounding, wanted.position, high + rounding)
                 * between(-speed, wanted.velocity, speed)
@@ -195,7 +190,7 @@ impl<S: Number> Guard<S> {
         let from =
             [either(begins, position, from[0]), either(begins, zero, from[1]), either(begins, zero, from[2])];
         let ahead = S::select(zero.lt(from[1]), S::c(own.model.stroke) - from[0], from[0]);
-        let (fade, end) = Fade::stop(zero, from, limits.deceleration, ahead - S::c(STOP_APART));
+        let (fade, end) = Fade::stop(zero, from, limits[3], ahead - S::c(STOP_APART));
         self.stops_for = either(stops, zero, self.stops_for);
         self.duration = either(stops, fade.duration, self.duration);
         for (from, new) in self.from.iter_mut().zip(fade.from) {
