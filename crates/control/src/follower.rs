@@ -13,7 +13,7 @@ use crate::observer::{Noise, Observer};
 use crate::own::Seen;
 use crate::reference::{Effort, Reference, Wanted};
 use crate::thresholds::{COUNT_DEVIATIONS, FARTHEST, LEAST_UNKNOWN, PUSH_BOUND, PUSH_SLIPS};
-use crate::types::{Coupled, Edges, Moment, Plant, Sample, State};
+use crate::types::{Coupled, Edges, Plant, Sample, State};
 use crate::valves::{Commands, Valves};
 pub(crate) use takeover::Takeover;
 
@@ -106,7 +106,7 @@ impl Follower {
     pub fn give(&mut self, time: f64, command: f64) -> Commands {
         let Follower { valves, model, observer, period, .. } = self;
         match observer {
-            Some(observer) => valves.open(model, observer, Moment { time, period: *period }, command),
+            Some(observer) => valves.open(model, observer, [time, *period], command),
             None => valves.shut(command),
         }
     }

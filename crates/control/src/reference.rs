@@ -281,10 +281,8 @@ impl Reference {
     pub fn others(&self, t: f64) -> &[[f64; 2]] {
         match self {
             Reference::Pieces { efforts: Some(own), .. } => {
-                let last = own.others.len().saturating_sub(1);
-                own.others
-                    .get(((t / own.period).round().max(0.0) as usize).min(last))
-                    .map_or(&[], Vec::as_slice)
+                let nearest = (t / own.period).round() as usize;
+                own.others.get(nearest).or(own.others.last()).map_or(&[], Vec::as_slice)
             }
             _ => &[],
         }

@@ -17,7 +17,7 @@ use crate::follower::{Answer, Follower};
 use crate::law::AnyLaw;
 use crate::reference::{Reference, Wanted};
 use crate::thresholds::{CLOCK_WITHIN, MODEL_TRUSTED, REFERENCE_JUMP};
-use crate::types::{Edges, Moment, Sample, State};
+use crate::types::{Edges, Sample, State};
 use brake::Braking;
 pub use event::{Event, EventKind, Log};
 use gas::Gas;
@@ -130,9 +130,8 @@ impl Supervisor {
         self.followed = Some(wanted);
         answer.command = self.guarded(own, &sample, answer.command);
         if !self.mode.is_shut() {
-            let at = Moment { time: sample.time, period: own.period };
             let moves = Moves { state, wanted, stands, no_air: self.gas.starved };
-            self.motion.watch(&self.rules.motion, &own.model, at, &moves, &mut self.log);
+            self.motion.watch(&self.rules.motion, own, sample.time, &moves, &mut self.log);
         }
         (self.command, self.is_held) = (answer.command, answer.holds);
         answer
@@ -171,19 +170,12 @@ impl Supervisor {
         let read = Read {
             reading: sample.position,
             jitter: self.inputs.jitter,
-            grain: own.grain(),
-            fastest: own.plant.speed,
             is_held: self.is_held,
             by_gas: sample.pressures.is_some() && !self.gas.is_lost(),
         };
-        let at = Moment { time: sample.time, period: own.period };
-        let believed = Believed { at, model: &own.model, last: &before, foreseen: &foreseen, edges };
+        let believed = Believed { own, time: sample.time, last: &before, foreseen: &foreseen, edges };
         let (position, free) = self.position.checked(&read, &believed, &mut self.log);
         sample.position = position;
-        if let (Some(free), Some(observer)) = (free, &mut own.observer) {
-            let gas = observer.state;
-            observer.state = State { pressures: gas.pressures, temperatures: gas.temperatures, ..free };
-        }
         let mut reactions = [
             (self.position.is_lost() && !was_lost)
                 .then_some(self.rules.on_position.at_speed(before.velocity)),
@@ -206,6 +198,10 @@ impl Supervisor {
                     reactions[1] = Some(reaction);
                 }
             }
+        }
+        if let (Some(free), Some(observer)) = (free, &mut own.observer) {
+            let gas = observer.state;
+            observer.state = State { pressures: gas.pressures, temperatures: gas.temperatures, ..free };
         }
         reactions
     }

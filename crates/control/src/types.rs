@@ -17,15 +17,6 @@ pub struct Sample<S = f64> {
     pub pressures: Option<[S; 2]>,
 }
 
-/// The time of a sample, and the period until the next one, s.
-#[derive(Clone, Copy, Debug)]
-pub struct Moment {
-    /// Time, s.
-    pub time: f64,
-    /// Period, s.
-    pub period: f64,
-}
-
 memory! {
     /// The state of a drive that a law receives.
     pub struct State<S> {

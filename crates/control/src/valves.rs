@@ -8,7 +8,7 @@ use crate::number::memory;
 use crate::observer::Observer;
 use crate::spool::Spool;
 use crate::thresholds::{STIFFNESS_RATE, STIFFNESS_WEIGHT};
-use crate::types::{Armature, Arrangement, MOST_VALVES, Moment, Plant, samples};
+use crate::types::{Armature, Arrangement, MOST_VALVES, Plant, samples};
 use physics::{above, at_least};
 use reach::Reach;
 
@@ -148,15 +148,14 @@ impl Valves {
         }
     }
 
-    /// Returns the commands for a command of one 5/3 valve at a sample, and passes them to the observer's spool.
+    /// Returns the commands for a command of one 5/3 valve at a time, for a period, s, and passes them to the observer's spool.
     pub(crate) fn open(
         &mut self,
         model: &Model,
         observer: &mut Observer,
-        at: Moment,
+        [time, period]: [f64; 2],
         command: f64,
     ) -> Commands {
-        let Moment { time, period } = at;
         let acts = time + model.valve.delay;
         if matches!(self, Valves::One) {
             observer.spool.command(acts, command);
@@ -199,7 +198,7 @@ impl Valves {
             Valves::Pulses(armature, pulses, own) => {
                 let wanted = reach.wanted(share, Some([own.stiffness, own.rate]));
                 let each = [0, 1].map(|i| reach.opening(i, wanted[i]));
-                own.pulse(each, armature, *pulses, spool, at)
+                own.pulse(each, armature, *pulses, spool, [time, period])
             }
         }
     }
@@ -293,9 +292,8 @@ impl Pulses {
         armature: &Armature,
         pulses: f64,
         spool: &mut Spool,
-        at: Moment,
+        [time, period]: [f64; 2],
     ) -> Commands {
-        let Moment { time, period } = at;
         let begins = ((time / pulses + 1e-9).floor() + 1.0) * pulses;
         let counts = begins <= time + period * (1.0 + 1e-9);
         let [on, off] = [false, true].map(|back| armature.at(back, 0.5));

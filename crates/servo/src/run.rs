@@ -119,13 +119,11 @@ impl Servo {
             |error: Error| Error::Specification(format!("the controller is for another drive: {error}"));
         let input =
             |session: &Session, name: String| session.assembly.variables.input(&name).map_err(foreign);
-        let mut columns = [0; 4];
-        for (column, of_cylinder) in
-            columns.iter_mut().zip(["position_m", "velocity_m_s", "a.pressure_pa", "b.pressure_pa"])
-        {
-            let name = format!("{}.{of_cylinder}", axis.cylinder);
-            *column = session.assembly.variables.column(&name).map_err(foreign)?;
-        }
+        let column = |name: &str| {
+            session.assembly.variables.column(&format!("{}.{name}", axis.cylinder)).map_err(foreign)
+        };
+        let [x, v, a, b] = ["position_m", "velocity_m_s", "a.pressure_pa", "b.pressure_pa"].map(column);
+        let columns = [x?, v?, a?, b?];
         let faults = Faults::new(setup);
         let forces: Vec<_> = setup.forces.iter().map(|&[t, force]| (t, Some(force))).collect();
         for (name, rows) in [

@@ -4,7 +4,6 @@ use super::event::{EventKind, Log};
 use super::rules::Believed;
 use crate::model::ConstantGas;
 use crate::thresholds::*;
-use crate::types::Moment;
 
 /// State of the check of a chamber's pressure.
 #[derive(Clone, Copy, Debug, Default)]
@@ -35,7 +34,8 @@ impl Chamber {
     /// or jumps by more than [`PRESSURE_OFF`] and a completely open valve explain. Returns the changes by flow, Pa:
     /// measured, by the model, and by the model on a fallen supply, or `None` if the reading is not credible or rests.
     fn read(&mut self, reading: f64, i: usize, by: &Believed, rates: [f64; 3]) -> Option<[f64; 3]> {
-        let Believed { at: Moment { period, .. }, model, last, foreseen, edges } = *by;
+        let Believed { own, last, foreseen, edges, .. } = *by;
+        let period = own.period;
         let [open, weak, shut] = rates;
         let measured = reading - self.last - shut * period;
         let is_same = reading == self.last;
@@ -43,7 +43,7 @@ impl Chamber {
         self.moved += open * period - self.moved * period / (period + PRESSURE_FOLLOWS);
         let before = std::mem::replace(&mut self.last, reading);
         // A jump is faster than any valve fills a chamber.
-        let most = PRESSURE_OFF + (model.most_rate(i, last.position) + shut.abs()) * period;
+        let most = PRESSURE_OFF + (own.model.most_rate(i, last.position) + shut.abs()) * period;
         let jumps = (reading - foreseen.pressures[i]).abs() > most;
         self.bad = if reading.is_finite() && !jumps { 0 } else { self.bad + 1 };
         let is_good = self.bad == 0 && !self.is_lost;
@@ -87,11 +87,11 @@ pub struct GasFindings {
 /// Returns the rates of both pressures by the model, Pa/s: with the openings of the valve, with these openings on a
 /// fallen supply, and with the valve shut.
 fn rates(believed: &Believed) -> [[f64; 2]; 3] {
-    let Believed { model, last, edges, .. } = *believed;
-    let supply = &model.supply;
+    let Believed { own, last, edges, .. } = *believed;
+    let supply = &own.model.supply;
     let fallen = ConstantGas { pressure: supply.pressure - SUPPLY_FALLEN, ..*supply };
     [(supply, edges), (&fallen, edges), (supply, [[0.0; 2]; 2])].map(|(supply, edges)| {
-        model.chambers_on(supply, [last.position, last.velocity], last.gas(), edges).pressure_rates
+        own.model.chambers_on(supply, [last.position, last.velocity], last.gas(), edges).pressure_rates
     })
 }
 
@@ -103,7 +103,7 @@ impl Gas {
 
     /// Replaces readings that are not credible by the prediction of the model.
     pub fn checked(&mut self, readings: &mut [f64; 2], believed: &Believed, log: &mut Log) -> GasFindings {
-        let Believed { at: Moment { time, period }, foreseen, .. } = *believed;
+        let (time, period, foreseen) = (believed.time, believed.own.period, believed.foreseen);
         let mut chambers = self.chambers.unwrap_or([Chamber { last: f64::NAN, ..Chamber::default() }; 2]);
         let rates = rates(believed);
         let mut found = GasFindings::default();
@@ -162,7 +162,7 @@ impl Gas {
         found: &mut GasFindings,
         log: &mut Log,
     ) {
-        let Believed { at: Moment { time, period }, model, .. } = *by;
+        let (time, period, model) = (by.time, by.own.period, &by.own.model);
         let [[filled, fills, weakly], [vented, vents, _]] = self.flown;
         let is_seen = fills > FLOW_SEEN && vents < -FLOW_SEEN;
         let is_idle = is_seen && filled < FLOW_LEAST * fills && vented > FLOW_LEAST * vents;

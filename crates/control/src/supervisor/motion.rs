@@ -1,10 +1,11 @@
 //! Whether the drive moves when it should move, and settles when it should rest.
 
 use super::event::{EventKind, Log};
+use crate::follower::Follower;
 use crate::model::Model;
 use crate::reference::Wanted;
 use crate::thresholds::{MOTION_AIR, MOTION_HELD, MOTION_MOVED, MOTION_SWING, MOTION_SWINGS};
-use crate::types::{Moment, State};
+use crate::types::State;
 use serde::Deserialize;
 
 /// When a motion is complete. A file has tolerance, time and limit as a list.
@@ -101,8 +102,8 @@ pub struct Moves {
 
 impl Motion {
     /// Advances by a period, s; a fault is reported once for each motion.
-    pub fn watch(&mut self, rules: &MotionRules, model: &Model, at: Moment, moves: &Moves, log: &mut Log) {
-        let Moment { time, period } = at;
+    pub fn watch(&mut self, rules: &MotionRules, own: &Follower, time: f64, moves: &Moves, log: &mut Log) {
+        let period = own.period;
         let Moves { state, wanted, stands, no_air } = *moves;
         let (x, e) = (state.position, wanted.position - state.position);
         let from = *self.from.get_or_insert(x);
@@ -131,7 +132,7 @@ impl Motion {
         }
         let [low, high] = self.range.unwrap_or([x; 2]);
         let (kind, value) = if self.waits >= rules.timeout {
-            held(model, &state, e, no_air)
+            held(&own.model, &state, e, no_air)
         } else if self.settled || self.stands < rules.timeout {
             return;
         } else if high - low > 2.0 * rules.tolerance {

@@ -4,7 +4,7 @@ use super::event::{EventKind, Log};
 use super::rules::Believed;
 use crate::model::Model;
 use crate::thresholds::*;
-use crate::types::{Moment, State};
+use crate::types::State;
 
 /// State of a position sensor.
 #[derive(Clone, Debug, Default)]
@@ -39,10 +39,6 @@ pub struct Read {
     pub reading: f64,
     /// Standard deviation of the time of a reading, s.
     pub jitter: f64,
-    /// Position resolution of the model, m.
-    pub grain: f64,
-    /// Highest speed, m/s.
-    pub fastest: f64,
     /// Whether holding was active at the last sample.
     pub is_held: bool,
     /// The model follows measured pressures.
@@ -70,15 +66,16 @@ impl Position {
     /// Second, the model moves by 20 counts while x rests. Third, a model with more friction, which advances without
     /// readings, is 2 mm away from x.
     pub fn checked(&mut self, read: &Read, believed: &Believed, log: &mut Log) -> (f64, Option<State>) {
-        let Read { reading, jitter, grain, fastest, .. } = *read;
-        let Believed { at: Moment { time, period }, model, last: seen, foreseen, edges } = *believed;
+        let Read { reading, jitter, .. } = *read;
+        let Believed { own, time, last: seen, foreseen, edges } = *believed;
+        let (model, period, grain) = (&own.model, own.period, own.grain());
         if self.is_lost() {
             return (foreseen.position, None);
         }
         let [level, _] = model.friction_levels([reading, 0.0], seen.pressures);
         self.count(read, believed, level);
         let mut miss = reading - foreseen.position;
-        let apart = (POSITION_SPEED * period).max(POSITION_JUMP * jitter) * fastest;
+        let apart = (POSITION_SPEED * period).max(POSITION_JUMP * jitter) * own.plant.speed;
         let jumps = miss.abs() > POSITION_JUMP * grain + apart;
         let gone = self.dead_reckoned(read, believed);
         miss = gone.map_or(miss, |gone| -gone);
@@ -110,27 +107,29 @@ impl Position {
 
     /// Counts the distance of the model since the reading changed. `level` is the breakaway friction, N.
     fn count(&mut self, read: &Read, believed: &Believed, level: f64) {
-        let Read { reading, grain, is_held, by_gas, .. } = *read;
-        let Believed { at: Moment { period, .. }, model, last: seen, foreseen, .. } = *believed;
+        let Read { reading, is_held, by_gas, .. } = *read;
+        let Believed { own, last: seen, foreseen, .. } = *believed;
         // A held contact may creep in the model and stick in reality: each reading corrects the model.
         let creeps = is_held || foreseen.velocity.abs() < POSITION_CREEPS[usize::from(!by_gas)];
         // The same holds for a contact that sticks in reality: its force is mistaken for a disturbance.
-        let force = model.gas_force(seen.pressures) + model.load;
+        let force = own.model.gas_force(seen.pressures) + own.model.load;
         let sticks = by_gas && self.stopped && force.abs() < POSITION_BEARS * level;
         if self.last == Some(reading) {
-            self.moved += if creeps || sticks { 0.0 } else { foreseen.velocity * period };
+            self.moved += if creeps || sticks { 0.0 } else { foreseen.velocity * own.period };
         } else {
             let v = foreseen.velocity;
             self.moved = 0.0;
-            self.stopped = 0.5 * model.mass * v * v < POSITION_BEARS * level * POSITION_STUCK * grain;
+            let bears = POSITION_BEARS * level * POSITION_STUCK * own.grain();
+            self.stopped = 0.5 * own.model.mass * v * v < bears;
         }
     }
 
     /// Advances the model with more friction while the reading rests. Returns its distance from the reading, m, if the
     /// drive must have moved.
     fn dead_reckoned(&mut self, read: &Read, believed: &Believed) -> Option<f64> {
-        let Read { reading, grain, is_held, by_gas, .. } = *read;
-        let Believed { at: Moment { period, .. }, model, last: seen, edges, .. } = *believed;
+        let Read { reading, is_held, by_gas, .. } = *read;
+        let Believed { own, last: seen, edges, .. } = *believed;
+        let (model, period) = (&own.model, own.period);
         // Without measured pressures, a law that holds drives its gas by the model alone while the drive rests.
         if self.last != Some(reading) || (is_held && !by_gas) {
             self.twin = None;
@@ -148,6 +147,7 @@ impl Position {
         twin.free = State { pressures: seen.pressures, temperatures: seen.temperatures, ..twin.free };
         let gone = twin.rubs.position - reading;
         let room = if gone > 0.0 { model.stroke - reading } else { reading };
-        (gone.abs() > POSITION_GONE.max(POSITION_STUCK * grain) && room > POSITION_AT_END).then_some(gone)
+        (gone.abs() > POSITION_GONE.max(POSITION_STUCK * own.grain()) && room > POSITION_AT_END)
+            .then_some(gone)
     }
 }

@@ -1,10 +1,10 @@
 //! Arguments of a supervisor: its rules, its inputs, and the prediction of the model for a sample.
 
 use super::motion::MotionRules;
-use crate::model::Model;
+use crate::follower::Follower;
 use crate::reference::Wanted;
 use crate::thresholds::{BLOCK_SLOW, LIMIT_ROUNDING};
-use crate::types::{Edges, Moment, State};
+use crate::types::{Edges, State};
 use physics::in_usual_unit;
 use serde::Deserialize;
 
@@ -127,10 +127,10 @@ impl Default for Inputs {
 /// Prediction of the model for a sample.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Believed<'a> {
-    /// Time of the sample, and the period before it.
-    pub at: Moment,
-    /// The model.
-    pub model: &'a Model,
+    /// The law with its model.
+    pub own: &'a Follower,
+    /// Time of the sample, s.
+    pub time: f64,
     /// The state at the last sample.
     pub last: &'a State,
     /// Predicted state.
