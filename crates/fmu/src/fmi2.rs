@@ -49,7 +49,13 @@ pub(crate) use functions;
 
 /// Defines the functions that both standards have, under their names.
 macro_rules! common {
-    ($exit:ident $terminate:ident $reset:ident $get_state:ident $set_state:ident $free_state:ident $size:ident $serialise:ident $revive:ident $enter_event:ident $enter_continuous:ident $set_time:ident $set_states:ident $states:ident $rates:ident $sizes:ident $indicators:ident) => { functions! {
+    ($flag:ident: $debug:ident $completed:ident $exit:ident $terminate:ident $reset:ident $get_state:ident $set_state:ident $free_state:ident $size:ident $serialise:ident $revive:ident $enter_event:ident $enter_continuous:ident $set_time:ident $set_states:ident $states:ident $rates:ident $sizes:ident $indicators:ident) => { functions! {
+        $debug(_instance, _on: $flag, _n: usize, _categories: *const *const c_char) in ANY => Ok(());
+        $completed(instance, _no_set: $flag, event: *mut $flag, terminate: *mut $flag) in &[Phase::Continuous] => {
+            put(event, $flag::from(instance.kept.model.is_due_behind_step()?));
+            put(terminate, $flag::from(false));
+            Ok(())
+        };
         $exit(instance) in &[Phase::Initialisation] => instance.begin();
         $terminate(instance) in RUNNING => instance.pass_to(Phase::Terminated);
         $reset(instance) in ANY => instance.reset();
@@ -119,6 +125,7 @@ pub unsafe extern "C" fn fmi2FreeInstance(component: Component) {
 }
 
 common! {
+    c_int: fmi2SetDebugLogging fmi2CompletedIntegratorStep
     fmi2ExitInitializationMode fmi2Terminate fmi2Reset fmi2GetFMUstate fmi2SetFMUstate fmi2FreeFMUstate
     fmi2SerializedFMUstateSize fmi2SerializeFMUstate fmi2DeSerializeFMUstate fmi2EnterEventMode
     fmi2EnterContinuousTimeMode fmi2SetTime fmi2SetContinuousStates fmi2GetContinuousStates
@@ -126,7 +133,6 @@ common! {
 }
 
 functions! {
-    fmi2SetDebugLogging(_instance, _on: c_int, _n: usize, _categories: *const *const c_char) in ANY => Ok(());
     fmi2SetupExperiment(instance, has_tolerance: c_int, tolerance: f64, start: f64, has_stop: c_int, stop: f64)
         in &[Phase::Instantiated] => {
             let [stop, tolerance] =
@@ -165,12 +171,6 @@ functions! {
             next_event_time_defined: c_int::from(update.next.is_some()),
             next_event_time: update.next.unwrap_or(0.0),
         });
-        Ok(())
-    };
-    fmi2CompletedIntegratorStep(instance, _no_set: c_int, event: *mut c_int, terminate: *mut c_int)
-        in &[Phase::Continuous] => {
-        put(event, c_int::from(instance.kept.model.is_due_behind_step()?));
-        put(terminate, 0);
         Ok(())
     };
 

@@ -81,6 +81,7 @@ pub unsafe extern "C" fn fmi3FreeInstance(instance: Component) {
 }
 
 common! {
+    bool: fmi3SetDebugLogging fmi3CompletedIntegratorStep
     fmi3ExitInitializationMode fmi3Terminate fmi3Reset fmi3GetFMUState fmi3SetFMUState fmi3FreeFMUState
     fmi3SerializedFMUStateSize fmi3SerializeFMUState fmi3DeserializeFMUState fmi3EnterEventMode
     fmi3EnterContinuousTimeMode fmi3SetTime fmi3SetContinuousStates fmi3GetContinuousStates
@@ -88,7 +89,6 @@ common! {
 }
 
 functions! {
-    fmi3SetDebugLogging(_instance, _on: bool, _n: usize, _categories: *const *const c_char) in ANY => Ok(());
     fmi3EnterInitializationMode(instance, has_tolerance: bool, tolerance: f64, start: f64, has_stop: bool, stop: f64)
         in &[Phase::Instantiated] => {
             instance.kept.model.set_up(start, has_stop.then_some(stop), has_tolerance.then_some(tolerance))?;
@@ -131,12 +131,6 @@ functions! {
         put(values, update.states_changed);
         put(has_next, update.next.is_some());
         put(next, update.next.unwrap_or(0.0));
-        Ok(())
-    };
-    fmi3CompletedIntegratorStep(instance, _no_set: bool, event: *mut bool, terminate: *mut bool)
-        in &[Phase::Continuous] => {
-        put(event, instance.kept.model.is_due_behind_step()?);
-        put(terminate, false);
         Ok(())
     };
     fmi3GetNumberOfEventIndicators(instance, n: *mut usize) in ANY => {

@@ -13,9 +13,10 @@ pub fn controller(spec: &specification::Controller, deviation: f64) -> Result<(C
         return refuse!("period = {period} s: it must lie within {LEAST_PERIOD} and {LONGEST_PERIOD} s");
     }
     let (model, axis) = belief(&spec.belief)?;
-    let Some(mut controller) = Controller::tuned(&spec.law, &model, period, deviation) else {
-        return refuse!("there is no law \"{}\"; there are {}", spec.law, LAWS.join(", "));
-    };
+    let no_law =
+        |key: &str| Error::Specification(format!("there is no law \"{key}\"; there are {}", LAWS.join(", ")));
+    let controller = Controller::tuned(&spec.law, &model, period, deviation);
+    let mut controller = controller.ok_or_else(|| no_law(&spec.law))?;
     let law = controller.law.key();
     set(&format!("the law {law}"), law, controller.law.gains(), &spec.gains)?;
     controller.scale(spec.factors).map_err(Error::Specification)?;
@@ -41,10 +42,8 @@ pub fn controller(spec: &specification::Controller, deviation: f64) -> Result<(C
     if let Some(own) = &mut controller.supervisor {
         own.rules = spec.supervision;
         if let Some(key) = &spec.standby {
-            let Some(standby) = AnyLaw::tuned(key, &model, &plant) else {
-                return refuse!("there is no law \"{key}\"; there are {}", LAWS.join(", "));
-            };
-            (own.standby, own.serves_own) = (standby, true);
+            own.standby = AnyLaw::tuned(key, &model, &plant).ok_or_else(|| no_law(key))?;
+            own.serves_own = true;
         }
     }
     Ok((controller, axis))

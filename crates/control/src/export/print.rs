@@ -62,6 +62,7 @@ impl Language {
             (Language::Single, "abs") => format!("fabsf({x})"),
             (Language::Single, "ln") => format!("logf({x})"),
             (Language::Single, _) => format!("{function}f({x})"),
+            (Language::St, "pow") => format!("EXPT({x})"),
             (Language::St, _) => format!("{}({x})", function.to_uppercase()),
         }
     }
@@ -78,13 +79,10 @@ impl Language {
             (_, Node::Subtract(a, b)) => pair(a, "-", b),
             (_, Node::Multiply(a, b)) => pair(a, "*", b),
             (_, Node::Divide(a, b)) => pair(a, "/", b),
-            (Language::St, Node::Power(a, b)) => format!("EXPT({}, {})", of(a), of(b)),
-            (Language::C, Node::Power(a, b)) => format!("pneudrive_pow({}, {})", of(a), of(b)),
-            (Language::Single, Node::Power(a, b)) => format!("powf({}, {})", of(a), of(b)),
+            (_, Node::Power(a, b)) => self.call("pow", &[a, b].map(of).join(", ")),
             // The core rounds once here. Structured text has no function for it.
             (Language::St, Node::Fused(a, b, c)) => format!("({} * {} + {})", of(a), of(b), of(c)),
-            (Language::C, Node::Fused(a, b, c)) => format!("pneudrive_fma({}, {}, {})", of(a), of(b), of(c)),
-            (Language::Single, Node::Fused(a, b, c)) => format!("fmaf({}, {}, {})", of(a), of(b), of(c)),
+            (_, Node::Fused(a, b, c)) => self.call("fma", &[a, b, c].map(of).join(", ")),
             (Language::St, Node::Select(a, b, c, d)) => {
                 format!("SEL({} < {}, {}, {})", of(a), of(b), of(d), of(c))
             }

@@ -234,11 +234,8 @@ impl Number for Traced {
         let (of_a, of_b) = (a(memory), b(&mut other));
         let mut others = Vec::new();
         other.each(&mut |own| others.push(*own));
-        let mut place = 0;
-        memory.each(&mut |own| {
-            *own = Traced::select(mask, *own, others[place]);
-            place += 1;
-        });
+        let mut others = others.into_iter();
+        memory.each(&mut |own| *own = others.next().map_or(*own, |other| Traced::select(mask, *own, other)));
         Traced::select(mask, of_a, of_b)
     }
 }
