@@ -144,7 +144,8 @@ impl Efforts {
     /// Returns mass and load at a time, s: between two entries the mass is linear and the load cubic. Outside, the
     /// nearest entry holds.
     fn at(&self, t: f64) -> Option<Effort> {
-        let place = (t / self.period).clamp(0.0, self.rows.len() as f64 - 1.0);
+        let last = self.rows.len().checked_sub(1)?;
+        let place = (t / self.period).clamp(0.0, last as f64);
         let one = self.rows.get(place as usize)?;
         let Some(next) = self.rows.get(place as usize + 1) else {
             return Some(Effort { load_rate: 0.0, ..*one });

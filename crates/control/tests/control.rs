@@ -3,9 +3,9 @@
 use approx::assert_abs_diff_eq;
 use control::spool::Spool;
 use control::{
-    Arrangement, COEFFICIENTS, ConstantGas, Controller, Coupled, Course, LAWS, Law, Model, Move, Noise,
-    Observer, Piece, Plant, Reference, Sample, Side, Slip, State, Tick, Valve, Wanted, blend, demand, export,
-    least_factor, sugeno,
+    Arrangement, COEFFICIENTS, ConstantGas, Controller, Coupled, Course, Efforts, LAWS, Law, Model, Move,
+    Noise, Observer, Piece, Plant, Reference, Sample, Side, Slip, State, Tick, Valve, Wanted, blend, demand,
+    export, least_factor, sugeno,
 };
 use physics::flow::{Iso6358, LINEAR_ABOVE};
 use physics::friction::{AnyLaw, Choices, Contact};
@@ -118,6 +118,14 @@ fn derivatives_of_references_are_their_slopes() {
             }
         }
     }
+}
+
+/// A reference without rows of efforts has none, at any time.
+#[test]
+fn efforts_without_rows_are_those_of_the_model() {
+    let efforts = Some(Efforts { period: 0.1, rows: vec![], others: vec![] });
+    let reference = Reference::Pieces { start: 0.2, pieces: vec![], efforts };
+    assert!(reference.effort(0.3).is_none() && reference.others(0.3).is_empty());
 }
 
 /// What a reference takes: opening and speed grow with the speed, and slowed by the factor that is found it takes the
