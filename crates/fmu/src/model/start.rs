@@ -51,13 +51,11 @@ impl FmuModel {
         let options = Options { rtol: self.rtol, ..Options::default() };
         let session = network.session_at(self.t0, &inputs, &start, age, options)?.of_description(&json);
         let places = self.places(&session)?;
-        let motion = match &self.plan.actuator {
-            None => None,
-            Some(start) => match session.axis(start) {
-                Some(axis) => Some(axis),
-                None => return refuse(format!("the circuit has no piston that starts at \"{start}\"")),
-            },
-        };
+        let axis = self.plan.actuator.as_ref().map(|start| {
+            let none = || refuse(format!("the circuit has no piston that starts at \"{start}\""));
+            session.axis(start).map_or_else(none, Ok)
+        });
+        let motion = axis.transpose()?;
         let origin = session.state().to_vec();
         Ok(Running { session, places, motion, origin, good: Vec::new() })
     }
@@ -71,17 +69,16 @@ impl FmuModel {
                     variables.input(of).ok().filter(|input| *discrete || session.is_continuous(*input))
                 }
                 VariableRole::Output { of } => variables.column(of).ok(),
-                VariableRole::State { of } | VariableRole::Change { of } | VariableRole::Rate { of } => state(of),
+                VariableRole::State { of } | VariableRole::Change { of } | VariableRole::Rate { of } => {
+                    state(of)
+                }
                 VariableRole::Event { of } => Some(*of),
                 _ => Some(0),
             };
-            place.ok_or_else(|| CallRefusal {
-                message: format!(
-                    "with these values the circuit has no place for {}, or it has a history. Export the drive with them",
-                    own.name
-                ),
-                discard: false,
-            })
+            let what = "with these values the circuit has no place for";
+            let why =
+                || refuse(format!("{what} {}, or it has a history. Export the drive with them", own.name));
+            place.map_or_else(why, Ok)
         });
         let places: Arc<[usize]> = each.collect::<Result<_, _>>()?;
         let motion = if self.plan.actuator.is_some() { 2 } else { 0 };
