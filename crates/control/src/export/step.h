@@ -12,7 +12,8 @@ typedef struct {
 } @name@_output;
 
 typedef struct {
-@parameters@} @name@_parameters;
+@parameters@    @real@ numbers[@count@];  /* of the drive, in the order of their use */
+} @name@_parameters;
 
 /* State: all zero before the first sample. */
 typedef struct {
@@ -20,7 +21,7 @@ typedef struct {
     @real@ kept[@kept@];
 } @name@_memory;
 
-/* Parameters that follow from the description of the drive. */
+/* Parameters that follow from the description of the drive: @name@_tuned.c. */
 extern const @name@_parameters @name@_tuned;
 
 void @name@_step(const @name@_parameters *parameters, @name@_memory *memory, const @name@_input *in, @name@_output *out);
