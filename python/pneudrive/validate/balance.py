@@ -321,10 +321,10 @@ def corrected(
         return recording, []
     delay_s = command_delay(sensors)
     present = [name for name, column in CHANNELS.items() if column in recording]
-    columns, said = dict(recording.columns), []
-    if delay_s is None or any(channel.free for channel in channels_of(present, sensors)):
+    columns, said, channels = dict(recording.columns), [], channels_of(present, sensors).values()
+    if delay_s is None or any(channel.free for channel in channels):
         raise FitError("validate fits no numbers", remedy="Fit free numbers by identify, and pass its fit to validate.")
-    for channel in channels_of(present, sensors):
+    for channel in channels:
         if channel.offset != 0.0 or channel.gain != 1.0:
             columns[channel.column] = (columns[channel.column] - channel.offset) / channel.gain
             factor, unit = readable(channel.unit)
@@ -460,7 +460,7 @@ class Scene:
         off_the_stops = ~near_stops(self.drive, self.signals)
         # At rest the pressures are as informative as in motion; an impact is too short.
         free = off_the_stops | ~_widened(self.signals.moving, self.signals.half)
-        if self.drive.lines:  # the flow through tubes and flow controls is not measured
+        if self.drive.tubing or self.drive.flow_control:  # the flow through tubes and flow controls is not measured
             free = np.zeros_like(free)
         width = 2 * self.half + 1
         masks = (_sliding(self.drive, self.signals) & off_the_stops, free, free)

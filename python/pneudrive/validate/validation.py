@@ -258,10 +258,11 @@ class Validation(Viewed):
         """Return the diagnosis of the residuals in sentences."""
         said = str(self.diagnosis()).splitlines()
         missed = any(v.met is False for v in self.verdicts)
-        if self.drive.lines:
+        has_lines = bool(self.drive.tubing or self.drive.flow_control)
+        if has_lines:
             said.append("only forces are balanced: the flow through tubes and flow controls is not measured")
         if missed and self.diagnosis().is_clean and not self.diagnosis().culprits:
-            left = "tubes, flow controls, valve and supply, " if self.drive.lines else ""
+            left = "tubes, flow controls, valve and supply, " if has_lines else ""
             said.append(
                 f"the error is not in the balances ({left}presliding, stops, impacts, the first state), "
                 "or in small errors that add up in the free run"
