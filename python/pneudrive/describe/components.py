@@ -13,7 +13,7 @@ from pydantic import BeforeValidator, ConfigDict, Field, create_model, model_val
 from pneudrive.describe import marks
 from pneudrive.describe.base import Described, inline
 from pneudrive.describe.files import sourced
-from pneudrive.describe.formulas.formula import ComponentFormula, formula_of
+from pneudrive.describe.formulas.written import ComponentFormula, formula_of
 from pneudrive.describe.kinds import COMMAND, FLOW, RATIO, STATED, acts, component_kinds, flow_keys, is_bare, is_needed
 from pneudrive.describe.marks import POSITIVE, Positions, Quantity, Signal, StatedPressure, parameter_quantity
 from pneudrive.describe.tables import valve_flow

@@ -192,7 +192,12 @@ def select_friction_law(
     rows, same = _distinct(rows)
     tried += same
     best = min(rows, key=lambda row: row.error_n)
-    good = [row for row in rows if (d := row.squares - best.squares).mean() <= d.std(ddof=1) / np.sqrt(d.size)]
+
+    def is_as_good(row: Compared) -> bool:
+        excess = row.squares - best.squares
+        return excess.mean() <= excess.std(ddof=1) / np.sqrt(excess.size)
+
+    good = [row for row in rows if is_as_good(row)]
     recommended = min(good, key=lambda row: (row.free, row.error_n))
     said = (*_statements(rows, best, recommended, held_out), *(row for row in tried if isinstance(row, str)))
     ordered = tuple(sorted(rows, key=lambda row: row.error_n))

@@ -296,7 +296,8 @@ class RoleSearch:
         a, b = a[both], b[both]
         if {first.index, second.index} & set(self.form.dates):  # dates count from the first one
             a, b = a - a[0], b - b[0]
-        quantum = max(float(np.min(steps[steps > 0], initial=np.inf)) for steps in (np.diff(a), np.diff(b)))
+        each = (np.diff(a), np.diff(b))
+        quantum = max(float(np.min(steps[steps > 0], initial=np.inf)) for steps in each)
         return bool(np.abs(b - a).max() <= 1.01 * quantum)
 
     def _position(self) -> None:

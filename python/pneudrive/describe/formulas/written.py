@@ -6,7 +6,7 @@ The core reads, checks and runs the formulas.
 from __future__ import annotations
 
 import json
-from functools import cached_property, lru_cache
+from functools import cached_property, lru_cache, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, TypeVar
 
@@ -251,3 +251,93 @@ def _refused(error: ValueError, outputs: tuple[str, ...]) -> DescriptionError:
     out = DescriptionError(f"{full}: {what}", value=value, remedy=remedy or None)
     out.key = full
     return out
+
+
+# --- Formula of a component: a mass flow or a force with parameters.
+
+#: Guide to formulas of components, and their outputs.
+COMPONENT_GUIDE, COMPONENT_OUTPUTS = "own-component.md", ("mass_flow", "force")
+
+
+class ComponentFormula(Written):
+    """Formula that is the equation of a component.
+
+    Frozen. Formulas are text in SI; ``pneudrive components KIND`` lists the available names, and
+    `docs/guide/own-component.md` has examples.
+
+    Parameters
+    ----------
+    kind : str
+        Kind of component: "restriction/formula" or "force/formula".
+    name : str
+        Name in messages.
+    output : str
+        Formula of the kind's output: a mass flow, kg/s, or a force, N.
+    parameters, let, title, source
+        As in `pneudrive.FrictionLaw`.
+
+    Raises
+    ------
+    DescriptionError
+        Wrong syntax, unknown names, wrong units or a possible division by zero; the message gives formula and column.
+
+    Examples
+    --------
+    >>> spring = ComponentFormula(
+    ...     kind="force/formula",
+    ...     name="soft-wall",
+    ...     parameters={"stiffness": {"unit": "N/m", "above": 0}, "wall": {"unit": "m"}},
+    ...     output="-stiffness*max(x - wall, 0)",
+    ... )
+    >>> [one["key"] for one in spring.entry["parameters"]]
+    ['stiffness', 'wall']
+    """
+
+    called: ClassVar[str] = "formula"
+    kind: str
+    output: str
+
+    @classmethod
+    def of(cls, tables: Plain, entry: Keyed) -> ComponentFormula:
+        """Make the formula from the tables of its file; `entry` is the core's entry of the component's kind.
+
+        Raises
+        ------
+        DescriptionError
+            The tables are not valid; the message gives formula and column.
+        """
+        wanted = entry["formula"]["output"]
+        own = cls.from_tables(tables, (wanted,), entry["formula"]["unit"])
+        return cls.model_validate(own | {"kind": entry["kind"], "output": own.pop(wanted)})
+
+    @cached_property
+    def entry(self) -> Plain:
+        """Entry of the component in the form of `component_kinds`, with the parameters of the formula."""
+        return core_entry("formula_component", COMPONENT_OUTPUTS, self.kind, json.dumps(self.core()))
+
+    def core(self) -> Plain:
+        """Return the formula in the core's form, in SI."""
+        return super().core() | {"output": self.output}
+
+    def to_dict(self) -> Plain:
+        """Return the tables of the formula's file."""
+        return super().to_dict() | {"output": {self.entry["formula"]["output"]: self.output}}
+
+    __hash__ = Written.__hash__
+
+
+def formula_of(given: object, *, entry: Keyed) -> ComponentFormula:
+    """Return the formula of a component, given as a formula, its tables, or ``file:NAME.toml``.
+
+    Raises
+    ------
+    DescriptionError
+        The value has none of these forms, or the formula is not valid.
+    """
+    if isinstance(given, ComponentFormula) and given.kind == entry["kind"]:
+        return given
+    found = written_as(given, "formula", partial(ComponentFormula.of, entry=entry), COMPONENT_GUIDE)
+    if found is None:
+        what = "formula is missing" if given is None else f"formula = {given!r} is not a formula of a {entry['kind']}"
+        raise wrong("formula", what, remedy='Write formula = "file:NAME.toml", or a table [components.NAME.formula].')
+    return found

@@ -208,7 +208,8 @@ def _describe(points: CurvePoints, title: str, condition: Condition | None, memb
     known = np.isfinite(rows)
     count = known.sum(axis=0)
     mean = np.where(known, rows, 0.0).sum(axis=0) / np.maximum(count, 1)
-    deviation = np.sqrt((np.where(known, rows - mean, 0.0) ** 2).sum(axis=0) / np.maximum(count - 1, 1))
+    squares = np.where(known, rows - mean, 0.0) ** 2
+    deviation = np.sqrt(squares.sum(axis=0) / np.maximum(count - 1, 1))
     half = np.array([student(n - 1) for n in count]) * deviation / np.sqrt(np.maximum(count, 1))
     width = float(position[1] - position[0])
     length = position.size * width

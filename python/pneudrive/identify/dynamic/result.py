@@ -279,8 +279,10 @@ def model_errors(drive: Drive | Circuit, solved: Solved) -> NamedNumbers:
     held = [replace(p, value=own.get(p.core)) for p in numbers_of(drive).values() if p.core not in known]
     held = [p for p in held if p.value != 0.0 and not p.name.startswith(("gas.", "valve.linear_above"))]
     family = family_of(drive, [*free, *held])
-    values = np.array([p.value for p in (*free, *held)])
-    steps = MODEL_SHARE * np.array([max(abs(p.value), p.size if np.isinf(p.lower) else 0.0) for p in (*free, *held)])
+    numbers = (*free, *held)
+    values = np.array([p.value for p in numbers])
+    sizes = [max(abs(p.value), p.size if np.isinf(p.lower) else 0.0) for p in numbers]
+    steps = MODEL_SHARE * np.array(sizes)
     try:
         every = [_balances(solved, index, family, values) for index in range(len(solved.problem.experiments))]
         scale = np.sqrt([sum(np.sum(terms[b] ** 2) for _, _, terms in every) for b in range(3)])

@@ -10,8 +10,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pneudrive.campaign.storage.control import write_whole
+from pneudrive.campaign.storage.folder import recording_of
+from pneudrive.characterise import SourcePaper, characterise_recordings
+from pneudrive.characteristics import campaign_friction
 from pneudrive.errors import CampaignError, package_table
 from pneudrive.files.content import read_json
+from pneudrive.friction.friction_map import BOTH
+from pneudrive.friction.strokes import moving_average
 from pneudrive.rig.interface import Move, Step
 
 if TYPE_CHECKING:
@@ -19,6 +24,8 @@ if TYPE_CHECKING:
 
     from pneudrive.arrays import Array, Columns, Keyed, NamedNumbers, Plain
     from pneudrive.campaign.storage.folder import Campaign
+    from pneudrive.characteristics import CampaignCharacteristics
+    from pneudrive.friction.campaign.result import AirShare
     from pneudrive.rig import Envelope, Identity
     from pneudrive.rig.machine import Machine, Past
     from pneudrive.rig.motion import Motion
@@ -215,3 +222,225 @@ class PaperFigure:
         claims = claims_of(str(number), verdicts, numbers)
         measured = texts["measured"].format(**readable(numbers))
         return cls(number, texts["title"], claims, measured, found, columns, texts.get("assumed", ""), rig)
+
+
+# --- Figures 5, 6 and 8: friction over time, speed and pressure, from campaigns.
+
+#: Travel after the turn within which the peak must lie, as a fraction of the stroke.
+PEAK_WITHIN = 0.02
+#: Factor by which the peak must exceed every other peak of the stroke.
+CLEAR = 2.0
+#: Fraction of the stroke at each end that does not belong to its steady part.
+ENDS = 0.1
+#: Samples of the paper's moving average.
+AVERAGE = SourcePaper().average_samples
+#: Limit between low and high speeds in the checks, m/s.
+LOW_M_S = 2e-3
+#: Fraction of neighbouring curves in the order of pressure that is required for "holds in part".
+ORDERED_IN_PART = 0.8
+HIGH_M_S = 20e-3
+
+
+def figure_5(run: Campaign) -> PaperFigure:
+    """Return friction over time through one cycle at 2 mm/s: largest right after the turn.
+
+    Parameters
+    ----------
+    run : Campaign
+        Campaign with one cycle, out and back.
+
+    Returns
+    -------
+    PaperFigure
+        Columns of the stroke after the turn: time since the turn, position, friction as read and with the moving
+        average of five samples, and mean friction of the rest.
+    """
+    file = next(run.cycles())
+    recording = recording_of(file, run.identity, file.samples())[0]
+    result = characterise_recordings([recording]).results[0]
+    stroke = next(s for s in result.strokes if s.index > 0)
+    time_s = result.recording.time_s
+    turn = int(np.searchsorted(time_s, time_s[stroke.start] - stroke.dwell_s))
+    part = slice(min(turn, stroke.start), stroke.stop)  # with the rest before the stroke
+    time = time_s[part] - time_s[part.start]
+    raw = stroke.direction * (result.balance_n[part] - result.levels[0].offset_n)
+    smooth = moving_average(raw, AVERAGE)
+    share = np.abs(result.recording.position_m[part] - stroke.from_m) / abs(stroke.to_m - stroke.from_m)
+    rest = raw[(share > ENDS) & (share < 1.0 - ENDS)]
+    top = int(np.argmax(smooth))
+    excess = smooth[top] - rest.mean()
+    # noise and the barrel cause peaks elsewhere, too
+    elsewhere = smooth[share > PEAK_WITHIN].max() - rest.mean()
+    travel = share[top] * abs(stroke.to_m - stroke.from_m)
+    early = share[top] < PEAK_WITHIN
+    return PaperFigure.make(
+        5,
+        {"largest": judge(excess > CLEAR * elsewhere and early, part=early)},
+        {
+            "peak_n": smooth[top],
+            "excess_n": excess,
+            "elsewhere_n": elsewhere,
+            "travel_at_peak_m": travel,
+        },
+        {
+            "time_s": time,
+            "position_m": result.recording.position_m[part],
+            "friction_n": raw,
+            "friction_smoothed_n": smooth,
+            "friction_mean_n": np.full(time.shape, rest.mean()),
+        },
+        excess_share=excess / rest.mean(),
+    )
+
+
+def figure_6(run: Campaign) -> PaperFigure:
+    """Return mean friction over speed by the paper's protocol: largest at the lowest speeds.
+
+    Parameters
+    ----------
+    run : Campaign
+        Campaign with several speeds, without pressure.
+
+    Returns
+    -------
+    PaperFigure
+        Columns over speed: the sensor's force by the paper's protocol, the seal's friction with its 95 % band, the
+        truth of each cycle, and the force of the air.
+    """
+    (paper,) = _shares(campaign_friction(run, SourcePaper()))
+    settled = campaign_friction(run)
+    (share,) = _shares(settled)
+    curve = next(c for c in settled.curves if c.direction == BOTH)
+    low_n, high_n = (values[curve.measured] for values in (curve.low_n, curve.high_n))
+    speed, seal, air = share["speed_m_s"], share["seal_n"], share["air_n"]
+    by_paper, truth = paper["total_n"], _truths(run)
+    low, high = speed <= LOW_M_S, speed >= HIGH_M_S
+    lead = by_paper[low].min() - by_paper[high].max()
+    biggest = speed[np.argmax(by_paper)]
+    error = by_paper - (truth + air)
+    worst = int(np.argmax(np.abs(error)))
+    (whole,) = _shares(campaign_friction(run, SourcePaper(dropped_share=0.0)))
+    undropped = np.max(np.abs(whole["total_n"] - (truth + air)))
+    lowest = int(np.argmin(by_paper))
+    scatter = np.max(high_n - low_n)
+    fall, rise = by_paper[0] - by_paper[lowest], by_paper[-1] - by_paper[lowest]
+    left = abs(error[worst])
+    return PaperFigure.make(
+        6,
+        {
+            "biggest": judge(biggest <= LOW_M_S and lead > scatter, part=biggest <= LOW_M_S),
+            "stribeck": judge(min(fall, rise) < CLEAR * scatter, part=rise < CLEAR * scatter),
+            "dropped": judge(left < 0.5 * undropped, part=left < undropped),
+        },
+        {
+            "biggest_at_m_s": biggest,
+            "biggest_n": by_paper.max(),
+            "lead_n": lead,
+            "air_at_top_n": air[-1],
+            "protocol_error_n": error[worst],
+            "protocol_error_at_m_s": speed[worst],
+            "settled_error_n": np.max(np.abs(seal - truth)),
+        },
+        {
+            "speed_m_s": speed,
+            "friction_n": by_paper,
+            "friction_settled_n": seal,
+            "low_n": low_n,
+            "high_n": high_n,
+            "friction_true_n": truth,
+            "air_n": air,
+        },
+        low_m_s=LOW_M_S,
+        high_m_s=HIGH_M_S,
+        fastest_n=by_paper[-1],
+        fastest_m_s=speed[-1],
+        fall_n=fall,
+        rise_n=rise,
+        lowest_at_m_s=speed[lowest],
+        scatter_n=scatter,
+        undropped_n=undropped,
+        dropped_n=left,
+    )
+
+
+def figure_8(run: Campaign) -> PaperFigure:
+    """Return unfiltered friction over speed at 0.1 to 1.5 bar gauge in both chambers.
+
+    Parameters
+    ----------
+    run : Campaign
+        Campaign with the same speeds at each pressure.
+
+    Returns
+    -------
+    PaperFigure
+        Columns: speeds (m,) and gauge pressures (k,). The sensor's force, its parts from air and seal, and the seal's
+        truth have shape (k, m).
+    """
+    found = campaign_friction(run, SourcePaper(average_samples=1))
+    shares = _shares(found)
+    gauge = np.array([share.condition.pressure_a_pa for share in _by_pressure(found)])
+    gauge -= run.identity.ambient_pressure_pa
+    mean_speed = shares[0]["speed_m_s"]
+    speed = np.array([max(v for v, _ in strokes) for strokes in true_strokes(run)])[: mean_speed.size]
+    total, air, seal = (np.array([share[name] for share in shares]) for name in ("total_n", "air_n", "seal_n"))
+    truth = _truths(run).reshape(total.shape)
+    rises = np.diff(total, axis=0)
+    lowest = total[:, 0]
+    slope = np.polyfit(gauge, lowest, 1)[0]
+    dip = lowest / total.min(axis=1) - 1.0
+    inner = np.argmin(total, axis=1)
+    has_minimum = (inner > 0) & (inner < speed.size - 1)
+    more = bool(np.all(has_minimum >= has_minimum[0]) and np.all(np.diff(dip) > 0.0))
+    ordered = np.mean(rises > 0.0)
+    low_rises = slope > 0.0 and np.all(rises[:, 0] > 0.0)
+    return PaperFigure.make(
+        8,
+        {
+            "order": judge(ordered == 1.0, part=ordered > ORDERED_IN_PART),
+            "stribeck": judge(more and not has_minimum[0], part=more),
+            "seal": judge(False, part=low_rises),
+        },
+        {
+            "ordered_share": ordered,
+            "low_speed_slope_n_pa": slope,
+            "air_at_lowest_pressure_n": air[0, -1],
+            "air_at_highest_pressure_n": air[-1, -1],
+        },
+        {
+            "speed_m_s": speed,
+            "mean_speed_m_s": mean_speed,
+            "gauge_pa": gauge,
+            "friction_n": total,
+            "air_n": air,
+            "seal_n": seal,
+            "friction_true_n": truth,
+        },
+        slowest_m_s=speed[0],
+        fastest_m_s=speed[-1],
+        fastest_mean_m_s=mean_speed[-1],
+        first_pa=gauge[0],
+        last_pa=gauge[-1],
+        first_dip_share=dip[0],
+        last_dip_share=dip[-1],
+        first_total_n=total[0, -1],
+        last_total_n=total[-1, -1],
+        already="; but our curve is a full Stribeck curve even at the lowest pressure" if has_minimum[0] else "",
+    )
+
+
+def _by_pressure(found: CampaignCharacteristics) -> list[AirShare]:
+    return sorted(found.air, key=lambda share: share.condition.pressure_a_pa)
+
+
+def _shares(found: CampaignCharacteristics) -> list[Columns]:
+    """Return forces of sensor, air and seal at the measured speeds, in the order of pressure."""
+    measured = {c.condition: c.measured for c in found.curves if c.direction == BOTH}
+    names = ("speed_m_s", "total_n", "air_n", "seal_n")
+    return [{name: getattr(s, name)[measured[s.condition]] for name in names} for s in _by_pressure(found)]
+
+
+def _truths(run: Campaign) -> Array:
+    """Return the true friction of each cycle, mean of both directions, N."""
+    each = [[friction for _, friction in strokes if friction is not None] for strokes in true_strokes(run)]
+    return np.asarray(each, dtype=float).mean(axis=1)

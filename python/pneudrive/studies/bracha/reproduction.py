@@ -22,19 +22,9 @@ from pneudrive.report.layout_figure import rig_diagram
 from pneudrive.report.page import Addition, Paragraph, Topic, figure_of, plural, sections_of, sentence
 from pneudrive.report.strokes import motion_figures, motion_panels, recovered, recovered_part
 from pneudrive.rig import SimulatedRig, shipped_rigs, sweep
+from pneudrive.studies.bracha import figure as bracha
 from pneudrive.studies.bracha import stick_slip as slips
-from pneudrive.studies.bracha.figure import (
-    EXPERIMENTS,
-    SEED,
-    TEXTS,
-    Claim,
-    PaperFigure,
-    claims_of,
-    judge,
-    readable,
-    run_experiments,
-)
-from pneudrive.studies.bracha.friction_curves import figure_5, figure_6, figure_8
+from pneudrive.studies.bracha.figure import SEED, Claim, PaperFigure, figure_5, figure_6, figure_8, judge
 from pneudrive.views import ShownFigure
 
 if TYPE_CHECKING:
@@ -203,7 +193,7 @@ def general_claims(chambers: ChamberComparison, figures: Mapping[int, PaperFigur
         "predictive_m": predictive,
         "usual_m": usual_law,
     }
-    return claims_of("general", verdicts, numbers)
+    return bracha.claims_of("general", verdicts, numbers)
 
 
 def followed(law: str) -> float:
@@ -425,11 +415,12 @@ def reproduce(into: str | Path) -> Reproduction:
     CampaignError
         If the folder cannot be used.
     """
-    runs = run_experiments(into)
+    runs = bracha.run_experiments(into)
     rig = SimulatedRig.default()
-    recordings = sweep(rig, np.geomspace(*RECOVERY_SPEEDS_M_S), RECOVERY_GAUGES_PA, count=RECOVERY_CYCLES, seed=SEED)
+    speeds_m_s = np.geomspace(*RECOVERY_SPEEDS_M_S)
+    recordings = sweep(rig, speeds_m_s, RECOVERY_GAUGES_PA, count=RECOVERY_CYCLES, seed=SEED)
     found = characterise_recordings(recordings)
-    names = dict.fromkeys(name for _, name in EXPERIMENTS.values())
+    names = dict.fromkeys(name for _, name in bracha.EXPERIMENTS.values())
     rigs = rig.description, *(SimulatedRig.load(shipped_rigs()[name]).description for name in names)
     figures, chamber_laws = paper_figures(runs), compare_chamber_laws()
     claims = tuple(claim for figure in figures.values() for claim in figure.claims)
@@ -454,7 +445,7 @@ def verdict(made: Reproduction, *, alone: bool) -> Iterator[str]:
         return
     yield f"{first}."
     yield f"{truth[:1].upper()}{truth[1:]}, U with k = 2."
-    yield topic.say("slip", **readable(made.figures[2].quantities))
+    yield topic.say("slip", **bracha.readable(made.figures[2].quantities))
     c = made.chambers
     yield topic.say(
         "chambers",
@@ -482,7 +473,7 @@ def count_verdicts(claims: Sequence[Claim]) -> str:
 
 def paper(topic: Topic, made: Reproduction) -> Blocks:
     """Show all verdicts and figures 4 to 9. The section on stick-slip has figures 1 to 3."""
-    unchecked, claims, figures = Topic(TEXTS, "unchecked").texts, made.claims, made.figures
+    unchecked, claims, figures = Topic(bracha.TEXTS, "unchecked").texts, made.claims, made.figures
     failed = any(c.verdict == "does not hold" for c in claims)
     yield topic.text()
     yield Paragraph(sentence(count_verdicts(claims)), "fails" if failed else "holds")

@@ -190,7 +190,10 @@ def _fit(curve: DwellCurve, form: DwellForm, whitener: Array, reference_s: float
             designs = np.concatenate([designs, own * psi[:, :, None]], axis=2)
         return mixed.Scan(shapes, whitener @ designs, whitener @ increment)
 
-    limits = {"s": (dwell.min() / form.reach[0], dwell.max() * form.reach[1]), "": (EXPONENTS[0], np.inf)}
+    limits = {
+        "s": (dwell.min() / form.reach[0], dwell.max() * form.reach[1]),
+        "": (EXPONENTS[0], np.inf),
+    }
     count = fixed.shape[1] + (conditions if form.growth else 0) + len(form.units) + 1
     freedom = max(n - count + 1, 1)
     low, high = limits["s"]

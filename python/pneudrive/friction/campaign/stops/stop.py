@@ -474,7 +474,9 @@ def find_breakaway(
     value, stderr, at, width = _height(time, friction, noise)
     # A wide parabola is off the corner by its own width.
     first, last = np.searchsorted(time, (at - width, at + width)).tolist()
-    top = first + int(np.argmax(_quick(friction[first:last]))) if last > first else int(np.argmin(np.abs(time - at)))
+    inside = friction[first:last]
+    nearest = int(np.argmin(np.abs(time - at)))
+    top = first + int(np.argmax(_quick(inside))) if inside.size else nearest
     corner = corner_height(friction, top, value - running_n, noise.total, noise.of_many())
     if corner is not None:
         # The loss by smoothing is corrected, and is part of the uncertainty.
@@ -652,7 +654,8 @@ def _height(time: Array, friction: Array, noise: Noise) -> tuple[float, float, f
         at = float(np.mean([place[k][tops[k]] for k in (0, 1)]))
         chosen.append((value, stderr, at, 4.0 * w * step))
     value, stderr, at, width = chosen[-1]
-    bias = max((abs(value - v) for v, _, _, _ in chosen[-3:-1] if len(chosen) > 3), default=0.0)
+    others = chosen[-3:-1] if len(chosen) > 3 else ()
+    bias = max((abs(value - v) for v, _, _, _ in others), default=0.0)
     return value, np.hypot(stderr, bias), at, width
 
 
