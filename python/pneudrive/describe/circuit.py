@@ -15,7 +15,7 @@ from pneudrive.describe.circuit_tables import completed, read_components
 from pneudrive.describe.components import Component, within_component
 from pneudrive.describe.connections import Part, Wiring
 from pneudrive.describe.files import toml
-from pneudrive.describe.formulas import formula, law, written
+from pneudrive.describe.formulas import law, written
 from pneudrive.describe.kinds import COMMAND, component_kinds
 from pneudrive.describe.short import Short
 from pneudrive.describe.system import DRIVE_NAMES, PISTON, DescribedSystem, System
@@ -168,7 +168,7 @@ class Circuit(DescribedSystem):
                     key, entry = f"components.{name}", component_kinds().get(str(table.get("kind")))
                     written.read_file(table.get("friction"), "law", f"{key}.friction", law.law_of, path)
                     if entry is not None and entry["formula"]:
-                        written.read_file(table, "formula", key, partial(formula.formula_of, entry=entry), path)
+                        written.read_file(table, "formula", key, partial(written.formula_of, entry=entry), path)
             return cls.model_validate(tables)
 
     def replace(self, changes: Plain) -> Circuit:
