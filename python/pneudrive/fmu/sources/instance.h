@@ -37,7 +37,7 @@ typedef struct {
 
 /* The structures hold doubles only. */
 typedef char pneudrive_input_size[sizeof(model_input) == MODEL_INPUTS * sizeof(double) ? 1 : -1];
-typedef char pneudrive_parameter_size[offsetof(model_parameters, numbers) == MODEL_PARAMETERS * sizeof(double) ? 1 : -1];
+typedef char pneudrive_parameter_size[sizeof(model_parameters) == MODEL_PARAMETERS * sizeof(double) ? 1 : -1];
 typedef char pneudrive_output_size[sizeof(model_output) == MODEL_OUTPUTS * sizeof(double) ? 1 : -1];
 
 static instance pneudrive_pool[PNEUDRIVE_INSTANCES];
