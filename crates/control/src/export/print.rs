@@ -140,29 +140,14 @@ impl Language {
 /// Statements, and their number of locals.
 type Piece = (String, usize);
 
-/// Sizes of numbers that stand in the code. C reads all others from its parameters, so that drives share the code.
-const WRITTEN: [f64; 4] = [0.0, 0.5, 1.0, 2.0];
-
-/// Returns the statements that compute the results of a graph. Numbers are added to `numbers`, if the code reads them.
-fn statements(
-    graph: &LawGraph,
-    language: Language,
-    inputs: &[String],
-    results: &[String],
-    mut numbers: Option<&mut Vec<f64>>,
-) -> Piece {
+/// Returns the statements that compute the results of a graph.
+fn statements(graph: &LawGraph, language: Language, inputs: &[String], results: &[String]) -> Piece {
     let mut uses = vec![0; graph.nodes.len()];
     graph.nodes.iter().flat_map(Node::arguments).for_each(|place| uses[place as usize] += 1);
     let (mut text, mut locals) = (String::new(), 0);
     let mut written: Vec<String> = Vec::with_capacity(graph.nodes.len());
     for (node, uses) in graph.nodes.iter().zip(uses) {
-        let mut expression = match (node, &mut numbers) {
-            (Node::Number(bits), Some(own)) if !WRITTEN.contains(&f64::from_bits(*bits).abs()) => {
-                own.push(f64::from_bits(*bits));
-                format!("parameters->numbers[{}]", own.len() - 1)
-            }
-            _ => language.expression(node, inputs, &written),
-        };
+        let mut expression = language.expression(node, inputs, &written);
         let is_plain = matches!(node, Node::Number(_) | Node::Input(_));
         if !is_plain && (uses != 1 || expression.len() > LONGEST) {
             let local = language.local(locals);
@@ -191,9 +176,8 @@ impl LawProgram {
         inputs.chain(parameters).chain(numbered(remembers.0, remembers.1)).collect()
     }
 
-    /// Returns the pieces of a step: check, begin, observe, command; and the numbers that they read.
-    fn pieces(&self, language: Language) -> ([Piece; 4], Vec<f64>) {
-        let mut numbers = Vec::new();
+    /// Returns the pieces of a step: check, begin, observe, command.
+    fn pieces(&self, language: Language) -> [Piece; 4] {
         let [kept, seen] = self.memory;
         let [result, checked, to] = match language {
             Language::St => ["", "", "checked_"],
@@ -205,17 +189,15 @@ impl LawProgram {
         let of_command = RESULTS.iter().map(|own| format!("{result}{}", own.0)).chain(numbered("kept", kept));
         let of_command: Vec<String> = of_command.collect();
         let of_sample: Vec<String> = numbered("seen", seen).collect();
-        let mut piece = |graph: &LawGraph, is_checked: bool, remembers: (&str, usize), results: &[String]| {
-            let read = (language != Language::St).then_some(&mut numbers);
-            statements(graph, language, &self.names(language, is_checked, remembers), results, read)
+        let piece = |graph: &LawGraph, is_checked: bool, remembers: (&str, usize), results: &[String]| {
+            statements(graph, language, &self.names(language, is_checked, remembers), results)
         };
-        let pieces = [
+        [
             piece(&self.check, false, ("before", GUARD + 1), &of_check),
             piece(&self.begin, true, ("kept", kept), &of_sample),
             piece(&self.observe, true, ("kept", kept), &of_sample),
             piece(&self.command, true, ("seen", seen), &of_command),
-        ];
-        (pieces, numbers)
+        ]
     }
 
     /// Returns the texts of all gaps that do not depend on the pieces. The caller supplies `about`.
@@ -253,28 +235,24 @@ impl LawProgram {
         ]
     }
 
-    /// C99 files, name and text each: header, source, parameters, and elementary functions. They allocate nothing and open no file.
-    /// In double precision, they need two functions of a C library, `fma` and `sqrt`, which IEEE 754 rounds correctly. Drives with
-    /// equal headers and sources differ in the parameters only.
+    /// C99 files, name and text each: header, source, and elementary functions. They allocate nothing and open no file. In double
+    /// precision, they need two functions of a C library, `fma` and `sqrt`, which IEEE 754 rounds correctly.
     ///
     /// # Panics
     ///
     /// The language is structured text.
-    pub fn c(&self, language: Language, about: &str) -> [(String, String); 4] {
+    pub fn c(&self, language: Language, about: &str) -> [(String, String); 3] {
         let (name, mut gaps) = (&self.name, self.gaps(language, about));
-        let (pieces, numbers) = self.pieces(language);
-        let list = |own: &mut dyn Iterator<Item = f64>| -> String {
-            own.map(|value| format!("{}, ", language.constant(value))).collect()
-        };
-        for (piece, (text, _)) in ["check", "begin", "observe", "command"].into_iter().zip(pieces) {
+        let values: Vec<String> = self.parameters.iter().map(|own| language.constant(own.1)).collect();
+        for (piece, (text, _)) in
+            ["check", "begin", "observe", "command"].into_iter().zip(self.pieces(language))
+        {
             let unused = ["in", "parameters"].into_iter().filter(|own| !text.contains(&format!("{own}->")));
             let unused: String = unused.map(|own| format!("    (void){own};\n")).collect();
             gaps.push((piece, unused + &text));
         }
         gaps.extend([
-            ("count", numbers.len().to_string()),
-            ("values", list(&mut self.parameters.iter().map(|own| own.1))),
-            ("numbers", list(&mut numbers.into_iter())),
+            ("values", values.join(", ")),
             ("rests", RESULTS.iter().map(|own| format!("        out->{} = 0;\n", own.0)).collect()),
             ("move", a_move(language, numbered("wanted", 4).collect()).0),
         ]);
@@ -286,7 +264,6 @@ impl LawProgram {
         [
             (format!("{name}.h"), filled(include_str!("step.h"), &gaps)),
             (format!("{name}.c"), filled(include_str!("step.c"), &gaps)),
-            (format!("{name}_tuned.c"), filled(include_str!("tuned.c"), &gaps)),
             ("pneudrive_math.h".into(), functions.into()),
         ]
     }
@@ -294,7 +271,7 @@ impl LawProgram {
     /// Function blocks in structured text of IEC 61131-3: the controller, and a move of a reference.
     pub fn st(&self, about: &str) -> String {
         let mut gaps = self.gaps(Language::St, about);
-        let (pieces, _) = self.pieces(Language::St);
+        let pieces = self.pieces(Language::St);
         let locals = pieces.iter().map(|own| own.1).max().unwrap_or(0);
         let indented = |text: &str, by: usize| {
             text.lines().map(|line| format!("{}{line}\n", "    ".repeat(by))).collect::<String>()
@@ -325,7 +302,7 @@ impl LawProgram {
 const WANTED: [&str; 4] = ["position", "velocity", "acceleration", "jerk"];
 
 fn a_move(language: Language, results: Vec<String>) -> Piece {
-    statements(&along_a_move(), language, &MOVE.map(String::from), &results, None)
+    statements(&along_a_move(), language, &MOVE.map(String::from), &results)
 }
 
 /// `name[0]`, `name[1]`, and so on.

@@ -1,6 +1,8 @@
 #include "@name@.h"
 #include "pneudrive_math.h"
 
+const @name@_parameters @name@_tuned = { @values@ };
+
 typedef struct {
     @name@_input in;
     @real@ opens;

@@ -12,8 +12,7 @@ typedef struct {
 } @name@_output;
 
 typedef struct {
-@parameters@    @real@ numbers[@count@];  /* of the drive, in the order of their use */
-} @name@_parameters;
+@parameters@} @name@_parameters;
 
 /* State: all zero before the first sample. */
 typedef struct {
@@ -21,7 +20,7 @@ typedef struct {
     @real@ kept[@kept@];
 } @name@_memory;
 
-/* Parameters that follow from the description of the drive: @name@_tuned.c. */
+/* Parameters that follow from the description of the drive. */
 extern const @name@_parameters @name@_tuned;
 
 void @name@_step(const @name@_parameters *parameters, @name@_memory *memory, const @name@_input *in, @name@_output *out);
