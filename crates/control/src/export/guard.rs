@@ -190,7 +190,8 @@ impl<S: Number> Guard<S> {
         let from =
             [either(begins, position, from[0]), either(begins, zero, from[1]), either(begins, zero, from[2])];
         let ahead = S::select(zero.lt(from[1]), S::c(own.model.stroke) - from[0], from[0]);
-        let (fade, end) = Fade::stop(zero, from, limits[3], ahead - S::c(STOP_APART));
+        let [.., deceleration] = *limits;
+        let (fade, end) = Fade::stop(zero, from, deceleration, ahead - S::c(STOP_APART));
         self.stops_for = either(stops, zero, self.stops_for);
         self.duration = either(stops, fade.duration, self.duration);
         for (from, new) in self.from.iter_mut().zip(fade.from) {

@@ -235,7 +235,8 @@ impl Number for Traced {
         let mut others = Vec::new();
         other.each(&mut |own| others.push(*own));
         let mut others = others.into_iter();
-        memory.each(&mut |own| *own = others.next().map_or(*own, |other| Traced::select(mask, *own, other)));
+        memory
+            .each(&mut |own| *own = Traced::select(mask, *own, others.next().expect("a number of the copy")));
         Traced::select(mask, of_a, of_b)
     }
 }

@@ -29,7 +29,7 @@ impl Component for Bare {
             ("position_m", "m", "position"),
             ("velocity_m_s", "m/s", "velocity"),
             ("acceleration_m_s2", "m/s2", "acceleration"),
-            ("friction_force_n", "N", "friction force, positive where it opposes v > 0"),
+            ("friction_force_n", "N", "friction force, positive if it opposes v > 0"),
             ("a.pressure_pa", "Pa", "absolute pressure in chamber a"),
             ("a.temperature_k", "K", "temperature in chamber a"),
             ("b.pressure_pa", "Pa", "absolute pressure in chamber b"),

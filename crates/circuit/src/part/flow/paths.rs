@@ -1,4 +1,4 @@
-//! Flow paths without states: each passes the fraction of its law that its opening gives.
+//! Flow paths without states.
 
 use crate::ground::{Between, GasId, Net, Part, clip, gathered, inputs, one_path};
 use math::{Lane, Over};

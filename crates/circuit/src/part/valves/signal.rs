@@ -1,4 +1,4 @@
-//! Positions of a valve's edges: signals between parts.
+//! Signals between parts: positions of a valve's edges, and a commanded pressure.
 
 use crate::ground::{Common, Given, Net, Own, OwnMut, Part, State, first_is_a_signal, gathered, inputs};
 use math::{Lane, Over, Real};
