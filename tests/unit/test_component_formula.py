@@ -67,6 +67,7 @@ def test_written_and_read_back_without_the_file(folder):
     wider = circuit.replace({"components.path.conductance": "2 dm3/(s bar)"})
     assert wider.components["path"].conductance_m3_s_pa == 2e-8
     assert wider.description_hash != circuit.description_hash
+    assert pn.export_fmu(wider, folder / "own.fmu").path.is_file()
 
 
 def test_what_is_wrong_is_told_with_its_place(folder):

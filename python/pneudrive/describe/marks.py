@@ -153,7 +153,7 @@ class Quantity(Mark):
 
     @property
     def ends(self) -> Interval:
-        """Lower and upper bound, SI."""
+        """Lower and upper bound, as `bounds` states them."""
         return self.bounds.ends
 
     def read(self, given: object) -> float:

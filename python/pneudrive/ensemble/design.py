@@ -536,6 +536,8 @@ class EnsembleDesign(Shown):
             return Rows.table(list(columns), np.column_stack(list(columns.values())))
         if self.method == "grid":
             return Rows.grid({name: axis.in_si(variation.reader(name).value) for name, axis in self.each.items()})
+        if self.method not in SAMPLERS:
+            raise CommandError(f'there is no design "{self.method}"', remedy=nearest(self.method, SAMPLERS))
         size, names = self._size(), tuple(self.names)
         quantiles, of = self._marginals(variation) if self.fit is None else self._posterior(variation)
 

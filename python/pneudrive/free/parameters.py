@@ -59,6 +59,8 @@ def component_numbers(form: Plain) -> Iterator[tuple[str, str, float, Plain]]:
         own, kind = component["name"], component_kinds()[component["kind"]]
         rows = {row["key"]: row | {"discrete": row["key"] in kind["discrete"]} for row in kind["parameters"]}
         for key, value in component["numbers"].items():
+            if key not in rows:  # a parameter of the user's formula
+                continue
             name = f"{_NUMBERS['tables'].get(own, own)}.{_NUMBERS['keys'].get(key, key)}"
             yield name, f"{own}.{key}", value, rows[key]
 

@@ -487,8 +487,10 @@ def run(topic: Topic, found: CampaignCharacteristics) -> Blocks:
     counts = ", ".join(f"{plural(n, kind)} ({KINDS.get(kind, kind)})" for kind, n in kinds.items())
     yield topic.text("simulated", "note") if found.synthetic else topic.text("measured")
     yield topic.text("counts", counts=counts or "none")
-    with suppress(RigError):
+    envelope = None
+    with suppress(RigError):  # a rig that states none
         envelope = envelope_of(about.get("envelope"), "")
+    if envelope is not None:
         yield topic.figure("campaign-rig", rig_diagram(rig, envelope))
     labels = {**rig.labels, **about.get("labels", {})}
     values = {
@@ -553,6 +555,14 @@ def sources(topic: Topic, found: CampaignCharacteristics) -> Blocks:
     yield from topic.listed(page.references(topic.texts["cites"]), "sources")
 
 
-_FIGURED = (curves, air, pressure, position, stops, drift, loops, stick_slip)
 #: Parts with figures by the key of their section.
-FIGURED: dict[str, page.Part] = {part.__name__.replace("_", "-"): part for part in _FIGURED}
+FIGURED: dict[str, page.Part] = {
+    "curves": curves,
+    "air": air,
+    "pressure": pressure,
+    "position": position,
+    "stops": stops,
+    "drift": drift,
+    "loops": loops,
+    "stick-slip": stick_slip,
+}

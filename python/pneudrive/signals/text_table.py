@@ -457,15 +457,20 @@ def _sample(tail: Lines) -> Lines:
 
 
 def _candidates(sample: Lines) -> list[TextForm]:
-    """Return the possible formats. Numbers contain the delimiter only inside quotes."""
+    """Return the possible formats. Numbers contain the delimiter only inside quotes.
+
+    A sign can separate both thousands and decimals only if a field has it twice.
+    """
     forms, has_quotes = [], any('"' in line for line in sample)
     for delimiter in DELIMITERS:
         fields = [text for line in sample for text in split_row(line, delimiter)]
         grouped = {m.group(1) for text in fields if (m := _GROUPED.match(text))}
         marks = sorted({" " if mark.isspace() else mark for mark in grouped})
-        decimals, separators = ([sign for sign in signs if sign != delimiter or has_quotes] for signs in (".,", marks))
+        decimals = [sign for sign in ".," if sign != delimiter or has_quotes]
         for decimal in decimals:
-            forms += [TextForm(delimiter, decimal=decimal, thousands=mark) for mark in (None, *separators)]
+            usual = [mark for mark in marks if mark not in (delimiter, decimal) or (mark == delimiter and has_quotes)]
+            both = [decimal] if decimal in marks and any(text.count(decimal) > 1 for text in fields) else []
+            forms += [TextForm(delimiter, decimal=decimal, thousands=mark) for mark in (None, *usual, *both)]
     return forms
 
 

@@ -60,7 +60,9 @@ def cycle_count(protocol: Protocol) -> int:
     return points * len(protocol.pressure.levels) * protocol.repeats * blocks
 
 
-_move_s = lru_cache(maxsize=4096)(lambda *values: move(*values).duration_s)
+@lru_cache(maxsize=4096)
+def _move_s(distance_m: float, speed_m_s: float, limits: Limits) -> float:
+    return move(distance_m, speed_m_s, limits).duration_s
 
 
 def axis_use(cycle: Cycle, limits: Limits) -> tuple[float, int]:

@@ -216,25 +216,39 @@ def _drawn(strokes: Sequence[Keyed], right: float = 0.0) -> Iterator[Shape]:
 
 
 def _plain(entry: Keyed) -> tuple[list[Shape], list[Place]]:
-    """Return a box with a title and named ports: one gas port below, other gas ports above, the rest to the right.
+    """Return a box with a title: inlets below, outlets above, other ports to the right.
 
-    The core's own components have symbols.
+    A component without gas is on the right of an actuator: its first port is on the left.
     """
-    title, ports = entry["title"].partition(",")[0], entry["ports"]
-    gas = [port["name"] for port in ports if port["kind"] == "gas"]
-    others = [port["name"] for port in ports if port["kind"] != "gas"]
-    names = max((text_width(name, TEXT_PT) for name in others), default=0.0)
-    width = max(6, math.ceil(text_width(title, TEXT_PT) + 2 * names) + 2, 2 * len(gas))
-    height = max(4, 2 * len(others) + 2)
-    places: dict[str, Place] = {name: (2 * k + 1, height + 1 if k else -1) for k, name in enumerate(gas)}
-    places |= {name: (width + 1, 2 * k + 2) for k, name in enumerate(others)}
-    strokes = [Shape("line", ((0, 0), (0, height), (width, height), (width, 0), (0, 0)))]
+    title = entry["title"].partition(",")[0]
+    sides: dict[str, list[str]] = {"down": [], "up": [], "left": [], "right": []}
+    volumes = sum(port["holds"] == "volume" for port in entry["ports"])
+    has_gas = any(port["kind"] == "gas" for port in entry["ports"])
+    for port in entry["ports"]:
+        feeds = port["holds"] == "pressure" or (sides["down"] and not (port["holds"] == "volume" and volumes > 1))
+        other = "right" if has_gas or sides["left"] else "left"
+        side = other if port["exhaust"] or port["kind"] != "gas" else "up" if feeds else "down"
+        sides[side].append(port["name"])
+    names = max((text_width(name, TEXT_PT) for name in sides["right"] + sides["left"]), default=0.0)
+    least = [2 * len(sides[side]) + 2 for side in ("up", "down")]
+    width = max(6, math.ceil(text_width(title, TEXT_PT) + 2 * names) + 2, *least)
+    width, height = width + width % 2, max(4, 2 * len(sides["right"]) + 2)
+    corners = (0, 0), (0, height), (width, height), (width, 0), (0, 0)
+    strokes = [Shape("line", corners)]
     strokes.append(Shape("text", ((0.5 * width, 0.5 * height),), size=TEXT_PT, text=title))
-    for name, (x, y) in places.items():
-        inner = min(x, width), min(max(y, 0), height)
-        text = (x, min(max(y, 0.7), height - 0.7)) if name in gas else (width - 0.3 - 0.5 * names, y)
-        strokes += [Shape("line", ((x, y), inner)), Shape("text", (text,), size=TEXT_PT, text=name)]
-    return strokes, [places[port["name"]] for port in ports]
+    places: dict[str, Place] = {}
+    for side, ports in sides.items():
+        for number, name in enumerate(ports):
+            along = 2 * number - len(ports) + 1
+            if side in ("left", "right"):
+                rim, out = (width, 1) if side == "right" else (0, -1)
+                places[name] = x, y = rim + out, height // 2 - along
+                inner, text = (rim, y), (rim - out * (0.3 + 0.5 * text_width(name, TEXT_PT)), y)
+            else:
+                places[name] = x, y = width // 2 + along, (height + 1 if side == "up" else -1)
+                inner, text = (x, min(max(y, 0), height)), (x, height - 0.7 if side == "up" else 0.7)
+            strokes += [Shape("line", ((x, y), inner)), Shape("text", (text,), size=TEXT_PT, text=name)]
+    return strokes, [places[port["name"]] for port in entry["ports"]]
 
 
 def bounds(points: Iterable[Point], room: float = 0.0) -> Box:
