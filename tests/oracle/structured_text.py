@@ -129,17 +129,15 @@ class FunctionBlock:
         return f"{left} < {self._sum()}" if self._taken("<") else left
 
     def _sum(self) -> str:
-        text = self._product()
-        while self._next() in ("+", "-"):
-            sign = self._any("sign")
-            text = f"({text} {sign} {self._product()})"
-        return text
+        return self._chain(self._product, ("+", "-"))
 
     def _product(self) -> str:
-        text = self._factor()
-        while self._next() in ("*", "/"):
-            sign = self._any("sign")
-            text = f"({text} {sign} {self._factor()})"
+        return self._chain(self._factor, ("*", "/"))
+
+    def _chain(self, part: Any, signs: tuple[str, str]) -> str:
+        text = part()
+        while self._next() in signs:
+            text = f"({text} {self._any('sign')} {part()})"
         return text
 
     def _factor(self) -> str:

@@ -128,8 +128,7 @@ def test_it_is_listed_and_described(folder, printed):
     out = printed(["components", "restriction/formula"])
     assert "p_up" in out
     assert "file:NAME.toml" in out
-    card = repr(load(folder))
-    assert "path" in card
+    assert "path" in repr(load(folder))
 
 
 # --- Components that take points: how they are written, read back and refused.

@@ -179,9 +179,8 @@ def test_speed_and_pressure_that_change_together_from_level_to_level_are_confoun
         slow, fast = (make(gauge_b=p, speed=v, seed=seed, name=f"{seed}") for p, v in ((1e5, 0.005), (5e5, 0.02)))
         columns = {name: np.r_[getattr(slow, name), getattr(fast, name)] for name in names}
         recordings.append(replace(slow, time_s=np.r_[slow.time_s, slow.time_s[-1] + 0.01 + fast.time_s], **columns))
-    assert any(
-        "rises as pressure rises (correlation +1.00" in note for note in characterise_recordings(recordings).notes
-    )
+    notes = characterise_recordings(recordings).notes
+    assert any("rises as pressure rises (correlation +1.00" in note for note in notes)
 
 
 def test_confounded_speed_is_said():
