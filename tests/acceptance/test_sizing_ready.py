@@ -51,7 +51,10 @@ LIFT: dict[str, Any] = {
 LIFT["exclude"] += ["smc-tu0[48]*", "smc-tu1*", "smc-sy[357]*"]
 #: A transfer by one cylinder, whose sheet has neither side load nor life.
 TRANSFER: dict[str, Any] = {
-    **{"name": "transfer", "mass": "2 kg", "stroke": "100 mm", "time": "0.5 s"},
+    "name": "transfer",
+    "mass": "2 kg",
+    "stroke": "100 mm",
+    "time": "0.5 s",
     "supply": {"pressure": "6 bar gauge"},
     "exclude": ["parker*", "pneumax*", "smc-[cm]*", "ckd*", "festo-gr*", "smc-tu0[48]*", "smc-tu1*", "smc-sy[579]*"],
 }

@@ -99,9 +99,7 @@ def _of_move(
     }
 
 
-def _steady_n(
-    machine: Machine, past: Past, friction: dict[str, Any], velocity_m_s: float, way_m: tuple[float, float]
-) -> float:
+def _steady_n(machine: Machine, past: Past, friction: Any, velocity_m_s: float, way_m: tuple[float, float]) -> float:
     """Return the steady friction at a velocity and the set pressures, its mean along a move if it depends on x."""
     if friction.get("position") is None:
         return machine.steady_n(past, friction, velocity_m_s)
@@ -160,7 +158,6 @@ def telling(session: RigSession) -> RigSession:
 
     session.observe = lambda *step: steps.append(truth_of_step(*step))
     session.acquire = anew
-    session.truth = lambda: truth_of_cycle(
-        session.rig.description, session.past, session._instruments.force, list(steps)
-    )
+    d = session.rig.description
+    session.truth = lambda: truth_of_cycle(d, session.past, session._instruments.force, list(steps))
     return session

@@ -122,8 +122,7 @@ def test_a_force_from_python_brakes_a_slide():
 
 
 def test_it_is_listed_and_described(folder, printed):
-    jsonschema = pytest.importorskip("jsonschema")
-    tomllib = pytest.importorskip("tomllib")
+    jsonschema, tomllib = map(pytest.importorskip, ("jsonschema", "tomllib"))
     jsonschema.Draft202012Validator(circuit_schema()).validate(tomllib.loads(OWN))
     out = printed(["components", "restriction/formula"])
     assert "p_up" in out

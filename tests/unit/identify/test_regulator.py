@@ -36,6 +36,7 @@ def test_gain_and_both_lags_return():
     for name, value in zip(fit.values, (5e5, 1.2e5, 0.2, 0.3), strict=True):
         low, high = fit.intervals[name]
         assert low - 0.03 * value <= value <= high + 0.03 * value
+    assert max(fit.statistics[key] for key in ("rms", "predicted")) < 0.02
     with pytest.raises(FitError, match=r"a fit of a regulator has no profile likelihood"):
         fit.profile()
 

@@ -111,7 +111,7 @@ def suspicions(cycles: CycleTable, accuracy: Mapping[str, float], ambient_pa: fl
         return say(kind, count=doubtful.sum(), keys=named(cycles["key"][doubtful]), **values)
 
     ratio, ambient = cycles.over_sides("velocity_m_s") / cycles["set_speed_m_s"], ambient_pa / PA_PER_BAR
-    off = np.abs(np.log(ratio)) > np.log(OTHER_SPEED)
+    off = np.isfinite(ratio) & (ratio > 0) & ~((ratio >= 1.0 / OTHER_SPEED) & (ratio <= OTHER_SPEED))
     if off.any():
         yield of("data.other_speed", off, ratio=np.median(ratio[off]))
     for side in "ab":

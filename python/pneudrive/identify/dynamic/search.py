@@ -186,7 +186,7 @@ def judge(problem: FitProblem, point: Iterate, shots: list[Shot]) -> Misfit:
 
 
 def linearise(problem: FitProblem, point: Iterate, shots: list[Shot]) -> Joined:
-    """Return the normal equations of all recordings, from runs with derivatives; parameters as for `judge`.
+    """Return the normal equations of all recordings, from runs with derivatives.
 
     Raises
     ------

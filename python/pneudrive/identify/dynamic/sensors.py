@@ -140,11 +140,11 @@ def channel(name: str, sensor: Sensor | Keyed) -> Channel:
     """
     unit, known = meaning(CHANNELS[name])[1], [field.name for field in fields(Sensor)]
     properties = vars(sensor) if isinstance(sensor, Sensor) else sensor
+    if unknown := [key for key in properties if key not in known]:
+        raise FitError(f"sensor {name}: {unknown[0]} is not known", remedy=nearest(str(unknown[0]), known))
     free = frozenset(key for key, given in properties.items() if given == "free" and key in START)
     values = {key: START[key] for key in free}
     for key, given in properties.items():
-        if key not in known:
-            raise FitError(f"sensor {name}: {key} is not known", remedy=nearest(str(key), known))
         if given is not None and key not in free:
             least = -np.inf if key in ("offset", "gain") else 0.0
             values[key] = _si(given, {"gain": "", "lag": "s"}.get(key, unit), f"{name}.{key}", least)
