@@ -219,7 +219,8 @@ def identify(
             how = options.rtol, options.threads, options.delay_s or 0.0, watcher.watch
             experiments.append(FittedRecording(record, own, starts, family, noise, *how))
             states.append(start_states(experiments[-1], drive, start))
-        free_sensors = sensing.sensor_parameters(described.values(), experiments, delay=options.delay_s is None)
+        recorded = [(one.recording.name, one.channels) for one in experiments]
+        free_sensors = sensing.sensor_parameters(described.values(), recorded, delay=options.delay_s is None)
         transforms = transforms_of(parameters, free_sensors, drive)
         problem = FitProblem(parameters, free_sensors, transforms, experiments)
         first = transforms.internal(np.r_[start, [sensing.START[s.kind] for s in free_sensors]])

@@ -20,7 +20,6 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
 
     from pneudrive.arrays import Array, Keyed
-    from pneudrive.identify.dynamic.problem import FittedRecording
     from pneudrive.signals.drive_recording import DriveRecording
 
 #: Channel -> column of a recording and of the core.
@@ -214,20 +213,20 @@ class SensorParameter:
 
 
 def sensor_parameters(
-    channels: Iterable[Channel], experiments: Sequence[FittedRecording], *, delay: bool
+    channels: Iterable[Channel], recordings: Sequence[tuple[str, list[Channel]]], *, delay: bool
 ) -> list[SensorParameter]:
     """Return the free parameters of the sensors: offsets for each recording with the channel; gain and lag once.
 
-    With `delay`, also return the delay of each recording's command.
+    Recordings are pairs of their names and channels. With `delay`, also return the delay of each recording's command.
     """
-    which = [f" [{one.recording.name}]" if len(experiments) > 1 else "" for one in experiments]
+    which = [f" [{name}]" if len(recordings) > 1 else "" for name, _ in recordings]
     out = [
         SensorParameter("delay", "command", i, f"command.delay{of}", "s", DELAY_SIZE_S, np.inf)
         for i, of in enumerate(which if delay else ())
     ]
     for channel in channels:
         for i, of in enumerate(which):
-            if "offset" in channel.free and channel in experiments[i].channels:
+            if "offset" in channel.free and channel in recordings[i][1]:
                 name, sizes = f"{channel.name}.offset{of}", (channel.offset_spread, channel.offset_uncertainty)
                 out.append(SensorParameter("offset", channel.name, i, name, channel.unit, *sizes))
         for kind, unit in (("gain", "1"), ("lag", "s")):
