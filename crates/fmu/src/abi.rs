@@ -115,7 +115,7 @@ fn folder(location: &str) -> PathBuf {
     PathBuf::from(String::from_utf8_lossy(&bytes).into_owned())
 }
 
-/// Creates an instance. On failure, and if the processor cannot run the library, it sends a message and returns null.
+/// Creates an instance. It returns null and sends a message if that fails, or if the processor cannot run the library.
 ///
 /// # Safety
 /// The texts are null or end with a zero, and `environment` is that of the logger.

@@ -415,7 +415,7 @@ def sections_of(
     found: Any,  # noqa: ANN401 - any result
     synthetic: bool | None = None,
 ) -> list[Section]:
-    """Return the sections of a result. A part yields the blocks of its section; without blocks there is no section."""
+    """Return the sections of a result. A part yields the blocks of its section. An empty section is left out."""
     filled = ((topic := Topic(page, key), tuple(part(topic, found))) for key, part in parts.items())
     return [topic.section(*blocks, synthetic=synthetic) for topic, blocks in filled if blocks]
 

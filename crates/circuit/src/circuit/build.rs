@@ -326,7 +326,7 @@ where
 }
 
 impl Circuit<f64> {
-    /// A servo axis. The inputs of its part are its jerk, m/s3, and whether it gives way.
+    /// A servo axis. The inputs of its part are its jerk, m/s3, and whether it yields.
     pub fn servo(&mut self, carriage: Carriage<f64>) -> (AxisId, PartId) {
         let axis = self.driven();
         (axis, self.add(Carriage { node: axis.0, ..carriage }))

@@ -62,7 +62,7 @@ def has_origin(given: Any) -> TypeIs[Plain]:  # noqa: ANN401
 
 
 def is_inner(given: Any) -> TypeIs[Plain]:  # noqa: ANN401
-    """Return whether a table has keys of its own, and is not a value with its origin."""
+    """Return whether a value is a table, but not a value with its origin."""
     return isinstance(given, dict) and not has_origin(given)
 
 
