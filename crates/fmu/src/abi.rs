@@ -115,7 +115,7 @@ fn folder(location: &str) -> PathBuf {
     PathBuf::from(String::from_utf8_lossy(&bytes).into_owned())
 }
 
-/// Creates an instance. It returns null and sends a message if that fails, or if the processor cannot run the library.
+/// Creates an instance, or sends a message and returns null.
 ///
 /// # Safety
 /// The texts are null or end with a zero, and `environment` is that of the logger.

@@ -125,7 +125,8 @@ class Documents:
 SAMPLE_BYTES, CYCLE_BYTES = 60, 100_000
 #: Errors of a lost or unresponsive connection. Up to Python 3.10, the three timeouts are different types.
 LOST = (ConnectionLostError, ConnectionError, TimeoutError, asyncio.TimeoutError, concurrent.futures.TimeoutError)
-#: Attempts at a cycle before the campaign ends, and cycles in a row with serious flags, because a sensor is broken.
+#: Attempts at a cycle before the campaign ends, and cycles in a row with serious flags, because a sensor is broken
+#: (both assumed).
 MOST_ATTEMPTS, MOST_BAD = 5, 3
 #: Results of a run without an error.
 DONE, ENDED = "done", "ended"
