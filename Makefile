@@ -51,22 +51,22 @@ test-page: setup $(VENV)/.page  ## the page in a browser: PNEUDRIVE_CHROMIUM, el
 COUNT ?= 10000
 SEED ?= 1
 trials: setup  ## long random trials from SEED=1, COUNT=10000 drives, circuits, foreign files; fewer of what takes longer
-	$(PY) tests/oracle/random_runs.py --count $(COUNT) --seed $(SEED)
-	$(PY) tests/oracle/random_circuits.py --count $(COUNT) --seed $(SEED)
-	$(PY) tests/oracle/foreign_trials.py --count $(COUNT) --seed $(SEED)
-	$(PY) tests/oracle/random_drives.py --count $$(( $(COUNT) / 100 )) --seed $(SEED)
-	$(PY) tests/oracle/random_drives.py --remembers --count $$(( $(COUNT) / 200 )) --seed $(SEED)
-	$(PY) tests/oracle/fit_coverage.py --count $$(( $(COUNT) / 10 )) --seed $(SEED)
-	$(PY) tests/oracle/circuit_coverage.py --count $$(( $(COUNT) / 200 )) --seed $(SEED)
-	$(PY) tests/oracle/chain_coverage.py --count $$(( $(COUNT) / 100 )) --seed $(SEED)
-	$(PY) tests/oracle/campaign_coverage.py --count $$(( $(COUNT) / 50 )) --seed $(SEED)
-	$(PY) tests/oracle/hidden_truths.py --count $$(( $(COUNT) / 100 )) --first $(SEED)
-	$(PY) tests/oracle/campaign_comparisons.py --count $$(( $(COUNT) / 50 )) --seed $(SEED)
-	$(PY) tests/oracle/stop_coverage.py --count $$(( $(COUNT) / 100 )) --seed $(SEED)
-	$(PY) tests/oracle/diagnosis_hits.py --count $$(( $(COUNT) / 1000 )) --seed $(SEED)
-	$(PY) tests/oracle/profile_coverage.py drives --count $$(( $(COUNT) / 250 )) --first $(SEED)
-	$(PY) tests/oracle/profile_coverage.py tubes --count $$(( $(COUNT) / 250 )) --first $(SEED)
-	$(PY) tests/oracle/sizing_enumerated.py --count $$(( $(COUNT) / 200 )) --seed $(SEED)
+	$(PY) -m trials.random_runs --count $(COUNT) --seed $(SEED)
+	$(PY) -m trials.random_circuits --count $(COUNT) --seed $(SEED)
+	$(PY) -m trials.foreign_trials --count $(COUNT) --seed $(SEED)
+	$(PY) -m trials.random_drives --count $$(( $(COUNT) / 100 )) --seed $(SEED)
+	$(PY) -m trials.random_drives --remembers --count $$(( $(COUNT) / 200 )) --seed $(SEED)
+	$(PY) -m trials.fit_coverage --count $$(( $(COUNT) / 10 )) --seed $(SEED)
+	$(PY) -m trials.circuit_coverage --count $$(( $(COUNT) / 200 )) --seed $(SEED)
+	$(PY) -m trials.chain_coverage --count $$(( $(COUNT) / 100 )) --seed $(SEED)
+	$(PY) -m trials.campaign_coverage --count $$(( $(COUNT) / 50 )) --seed $(SEED)
+	$(PY) -m trials.hidden_truths --count $$(( $(COUNT) / 100 )) --first $(SEED)
+	$(PY) -m trials.campaign_comparisons --count $$(( $(COUNT) / 50 )) --seed $(SEED)
+	$(PY) -m trials.stop_coverage --count $$(( $(COUNT) / 100 )) --seed $(SEED)
+	$(PY) -m trials.diagnosis_hits --count $$(( $(COUNT) / 1000 )) --seed $(SEED)
+	$(PY) -m trials.profile_coverage drives --count $$(( $(COUNT) / 250 )) --first $(SEED)
+	$(PY) -m trials.profile_coverage tubes --count $$(( $(COUNT) / 250 )) --first $(SEED)
+	$(PY) -m trials.sizing_enumerated --count $$(( $(COUNT) / 200 )) --seed $(SEED)
 	PNEUDRIVE_DAMAGED=$(COUNT) $(PY) -m pytest -q tests/acceptance/test_damaged_files.py
 	PNEUDRIVE_KILLS=$$(( $(COUNT) / 100 )) $(PY) -m pytest -q tests/campaign/test_killed.py
 

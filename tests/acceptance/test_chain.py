@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 
 import pneudrive as pn
-from oracle.chain_coverage import WIDEST, hits
 from oracle.rig_faults import with_friction
 from pneudrive.cli.main import run
 from pneudrive.rig import SimulatedRig, sweep
+from trials.chain_coverage import WIDEST, hits
 
 LAW = {
     "coulomb": "14 N",

@@ -6,9 +6,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 import xarray as xr
-from benches.control_results import random_axis
 
 import pneudrive as pn
+from benches.control_results import random_axis
 from pneudrive.control.mismatch import Mismatch
 from pneudrive.control.setup import read_setup
 

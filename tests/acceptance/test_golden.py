@@ -16,9 +16,9 @@ from pathlib import Path
 import numpy as np
 import polars as pl
 import pytest
-from benches.servo import READS, controller, follow_sine
 
 import pneudrive as pn
+from benches.servo import READS, controller, follow_sine
 from oracle.compare import difference, outside_impact, simulated
 from oracle.integrate import COLUMNS
 from pneudrive.cli.main import run

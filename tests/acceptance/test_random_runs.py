@@ -1,4 +1,4 @@
-"""Random drives of every law, sensible ones and corners, keep the rules of `oracle.random_runs`.
+"""Random drives of every law, sensible ones and corners, keep the rules of `trials.random_runs`.
 
 Some of each kind here; 10,000 by ``make trials``.
 """
@@ -16,8 +16,8 @@ import pytest
 
 from oracle.compare import difference, simulated
 from oracle.integrate import run
-from oracle.random_drives import random_case, remembering_case
-from oracle.random_runs import ENERGY_CLOSES, ENERGY_RTOL, LAWS, MOST_SECONDS, broken, case, outcome
+from trials.random_drives import random_case, remembering_case
+from trials.random_runs import ENERGY_CLOSES, ENERGY_RTOL, LAWS, MOST_SECONDS, broken, case, outcome
 
 SEED = 20_000
 #: Corners that may stop: of this few, three times the share of the whole sweep.

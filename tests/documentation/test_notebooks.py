@@ -7,9 +7,9 @@ from pathlib import Path
 import nbformat
 import pytest
 from nbclient import NotebookClient
-from tools.notebooks import NOTEBOOKS, notebook
 
 from page.conftest import ROOT
+from tools.notebooks import NOTEBOOKS, notebook
 
 
 @pytest.mark.parametrize("page", NOTEBOOKS)

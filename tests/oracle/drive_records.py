@@ -5,9 +5,9 @@ from __future__ import annotations
 import warnings
 
 import numpy as np
-from benches.servo import controller, follow_sine
 
 import pneudrive as pn
+from benches.servo import controller, follow_sine
 from pneudrive.errors import PneudriveWarning
 from pneudrive.signals.drive_recording import DriveRecording, drive_recording
 

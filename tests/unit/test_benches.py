@@ -1,4 +1,4 @@
-"""Benches, tools and oracles find what they import; the page of results of control has its measured values."""
+"""Benches, tools, oracles and trials find what they import; the page of results of control has its measured values."""
 
 import ast
 import json
@@ -7,6 +7,7 @@ from importlib.util import find_spec
 from pathlib import Path
 
 import pytest
+
 from benches import ensemble
 from benches.control_results import PAGE, VALUES, page
 
@@ -22,7 +23,7 @@ def imported(folder: str) -> set[tuple[str, str]]:
     return {(module, name.name) for module, names in own if module != "pneudrive._core" for name in names}
 
 
-@pytest.mark.parametrize("folder", ["benches", "tools", "tests/oracle"])
+@pytest.mark.parametrize("folder", ["benches", "tools", "tests/oracle", "trials"])
 def test_what_is_imported_exists(folder):
     names = imported(folder)
     assert names

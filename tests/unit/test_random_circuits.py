@@ -1,14 +1,14 @@
-"""Random circuits of all kinds of component keep the rules of `oracle.random_circuits`.
+"""Random circuits of all kinds of component keep the rules of `trials.random_circuits`.
 
-A few here; 2,000 by ``python tests/oracle/random_circuits.py --count 2000``.
+A few here; 2,000 by ``python -m trials.random_circuits --count 2000``.
 """
 
 from __future__ import annotations
 
 from collections import Counter
 
-from oracle.random_circuits import NOT_DRAWN, case, outcome
 from pneudrive.describe.kinds import component_kinds
+from trials.random_circuits import NOT_DRAWN, case, outcome
 
 SEED, COUNT = 20_000, 100
 

@@ -13,11 +13,11 @@ import polars as pl
 import pytest
 
 import pneudrive as pn
-from oracle.fit_coverage import CASES, hits, hits_of_shapes
 from pneudrive.describe import Drive
 from pneudrive.describe.files.provenance import values
 from pneudrive.errors import DescriptionError, FitError
 from pneudrive.identify.identified import Identified, apply_identified
+from trials.fit_coverage import CASES, hits, hits_of_shapes
 
 RUNS = 8
 

@@ -12,9 +12,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from benches.servo import controller, follow_sine
 
 import pneudrive as pn
+from benches.servo import controller, follow_sine
 from oracle.bootstrap import drive_bootstrap, intervals_of_draws
 from pneudrive.errors import DescriptionError, FitError, PneudriveWarning
 from pneudrive.free.parameters import numbers_of

@@ -10,9 +10,9 @@ import tomllib
 
 import numpy as np
 import pytest
-from benches.servo import controller, follow_sine
 
 import pneudrive as pn
+from benches.servo import controller, follow_sine
 from oracle.drive_records import record
 from pneudrive.errors import Cancelled, FitError, PneudriveWarning
 from pneudrive.free.parameters import chosen, family_of

@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 
 from oracle.foreign_files import judge, make
-from oracle.foreign_trials import trials
 from pneudrive.characterise import Layout, characterise_recordings
 from pneudrive.errors import PneudriveWarning, RecordingError
 from pneudrive.signals.drive_recording import read_volume_recordings
 from pneudrive.signals.proposal import propose_layout
+from trials.foreign_trials import trials
 
 FRICTION_N, SPEED_M_S, RATE = 12.0, 0.015, 50.0
 NAMES = ["Time", "Position", "Force", "Pressure A", "Pressure B"]

@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 
-from oracle.diagnosis_hits import CASES
 from oracle.drive_records import drive, record
 from oracle.faulty_circuits import faulty_record
 from pneudrive.signals.drive_recording import drive_recording
 from pneudrive.validate import diagnose, validate
 from pneudrive.validate.balance import Scene, Signals
 from pneudrive.validate.causes import causes
+from trials.diagnosis_hits import CASES
 
 BY_NAME = {case.name: case for case in CASES}
 #: Seeded case -> (amount in SI that the model lacks). All cases and other seeds stand in ``make trials``.

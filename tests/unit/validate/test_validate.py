@@ -12,12 +12,12 @@ import polars as pl
 import pytest
 
 import pneudrive as pn
-from oracle.diagnosis_hits import Case
 from oracle.drive_records import drive, record
 from pneudrive.errors import Cancelled, FitError, LayoutError, RecordingError
 from pneudrive.signals.drive_recording import drive_recording
 from pneudrive.validate import validate
 from pneudrive.validate.balance import Signals, cross_correlations, metrics, run_model, whiteness
+from trials.diagnosis_hits import Case
 
 
 def test_the_true_model_passes_and_a_wrong_one_does_not():

@@ -9,14 +9,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from oracle.campaign_comparisons import SMALL
-from oracle.campaign_coverage import RIGS, Tally, rig_world, tally
 from oracle.campaigns import BAR, Friction, World, write_campaign
 from oracle.stop_campaigns import StopWorld, write_stops
 from pneudrive.characteristics import campaign_friction
 from pneudrive.cli.main import run
 from pneudrive.friction.campaign import compare
 from pneudrive.friction.campaign.compare import compare_campaigns, compare_curves
+from trials.campaign_comparisons import SMALL
+from trials.campaign_coverage import RIGS, Tally, rig_world, tally
 
 
 def campaign(folder, world, seed):

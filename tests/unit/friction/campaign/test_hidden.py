@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from oracle.campaigns import BAR, Friction, gauges, hits
-from oracle.hidden_truths import Hidden, hidden_world, mean_state
 from pneudrive.friction.campaign.smooth import CurveData, wild_cycles
+from trials.hidden_truths import Hidden, hidden_world, mean_state
 
 MOVING = Hidden("tanh", 20.0, 14.0, 0.012, 30.0, 1.0, 1.0, moves_per_bar=0.25)
 PLAN = {

@@ -1,6 +1,6 @@
 """Foreign files at random: every one is read right or asked about, and a damaged one ends in one message.
 
-    python tests/oracle/foreign_trials.py --count 10000 --seed 1
+    python -m trials.foreign_trials --count 10000 --seed 1
 
 A file of `foreign_files.make` is changed in ways that keep its truth (remarks, empty lines, line ends, further columns,
 a footer), or damaged (cut off, bytes exchanged, lines lost or doubled). The exit status is 1 if a file that holds its
@@ -18,10 +18,8 @@ from pathlib import Path
 
 import numpy as np
 
-sys.path.insert(0, str(Path(__file__).parents[1]))
-
 from oracle.foreign_files import Truth, judge, make
-from oracle.shares import options
+from trials.shares import options
 
 Lines = list[str]
 Rng = np.random.Generator

@@ -1,6 +1,6 @@
 """How often the intervals of numbers identified in a circuit contain the truth.
 
-    python tests/oracle/circuit_coverage.py --count 43 --seed 1
+    python -m trials.circuit_coverage --count 43 --seed 1
 
 A valve with spool, dead time, hysteresis and overlap moves a piston under steps of the command, through tubes of either
 model, with Stribeck or LuGre friction. Position and pressures carry noise. The search begins 10 to 30 % beside the
@@ -16,13 +16,11 @@ from pathlib import Path
 
 import numpy as np
 
-sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
-
 import pneudrive as pn
-from oracle.shares import is_within, options
 from pneudrive.free.parameters import numbers_of
+from trials.shares import is_within, options
 
-BASE = Path(__file__).parents[1] / "data" / "servo_circuit.toml"
+BASE = Path(__file__).parents[1] / "tests" / "data" / "servo_circuit.toml"
 LUGRE = {"law": "lugre", "bristle_stiffness": "2e6 N/m", "bristle_damping": "400 N s/m"}
 #: Number that is drawn and identified -> smallest and largest value, and unit.
 FREE = {

@@ -1,6 +1,6 @@
 """Random small tasks, each sized by the pruned search and by full enumeration: the winners have to be the same.
 
-    python tests/oracle/sizing_enumerated.py --count 50 --seed 1
+    python -m trials.sizing_enumerated --count 50 --seed 1
 
 A task draws two cylinders, two valves, two tubes and a flow control of the catalogue, which may also be left out.
 Enumeration tunes every combination and simulates 1,024 draws of it, also of those that the search prunes by bounds of
@@ -11,20 +11,17 @@ sheet forbids (another stroke, a coupling that gives way) no simulation sees; bo
 from __future__ import annotations
 
 import sys
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
-
-from oracle.shares import options
 from pneudrive.describe.files.catalogue import entries
 from pneudrive.sizing.checks import PROBABILITY, SizedDrive, simulated
 from pneudrive.sizing.prune import SafeBounds
 from pneudrive.sizing.search import size
 from pneudrive.sizing.strokes import RTOL, DriveStrokes, Setting, points, tune
 from pneudrive.sizing.task import SLOTS, SizingTask, choices, combined
+from trials.shares import options
 
 DRAWS, FIRST = 1024, 64
 BOUNDS = ("force", "time")

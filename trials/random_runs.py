@@ -1,6 +1,6 @@
 """Random drives of every law, sensible ones and corners, and what each run of them must keep.
 
-``python tests/oracle/random_runs.py [--count 20000] [--seed 1] [--first 0]`` runs them through `pneudrive.simulate`,
+``python -m trials.random_runs [--count 20000] [--seed 1] [--first 0]`` runs them through `pneudrive.simulate`,
 prints what broke a rule and a table by law. A run is given by (seed, number): the odd numbers are corners.
 ``--lines`` gives a third of the drives tubes or flow controls. ``--compared 20`` runs every 20th sensible drive at a
 hundredth of its tolerance too; the runs differ by at most `MOST_APART`.
@@ -21,12 +21,9 @@ import time
 import warnings
 from collections import Counter
 from dataclasses import dataclass, field, replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
-
-sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
 from pneudrive import Drive, Initial
 from pneudrive.errors import PneudriveWarning, SimulationError

@@ -1,6 +1,6 @@
 """How often two campaigns of one contact are called different: 3 to 7 % of pairs.
 
-    python tests/oracle/campaign_comparisons.py --count 200 --seed 1
+    python -m trials.campaign_comparisons --count 200 --seed 1
 
 The pairs have drift, more scatter, fewer cycles, or two pressures. The exit status is 1 if the fraction lies outside.
 """
@@ -14,12 +14,10 @@ from pathlib import Path
 
 import numpy as np
 
-sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
-
 from oracle.campaigns import BAR, World, write_campaign
-from oracle.shares import is_within, options
 from pneudrive.characteristics import campaign_friction
 from pneudrive.friction.campaign.compare import compare_campaigns
+from trials.shares import is_within, options
 
 SMALL = World(speeds_m_s=tuple(np.geomspace(2e-3, 0.3, 6)), samples=300, repeats=3, sentinel_every=6, correlated_n=0.2)
 KINDS = (

@@ -1,6 +1,6 @@
 """Campaigns of hidden truth: shapes of no law of the package, wild cycles, a Stribeck speed that moves with pressure.
 
-``python tests/oracle/hidden_truths.py [--count 40] [--first 0]`` prints one line for each folder: what was done to it,
+``python -m trials.hidden_truths [--count 40] [--first 0]`` prints one line for each folder: what was done to it,
 share of the measured points whose truth lies in the band, median half width over friction, and what the result warns
 of; then the shares over all, and whether each folder below 90 % names the cause. Nothing is repeated in them but
 sentinels. ``--law tanh`` takes one plan and law instead, whose Stribeck speed moves with pressure (or not,
@@ -18,11 +18,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
-
 from oracle.campaigns import BAR, World, gauges, write_campaign
-from oracle.shares import is_within
 from pneudrive.characteristics import campaign_friction
+from trials.shares import is_within
 
 Array = NDArray[np.float64]
 GAUGES = (

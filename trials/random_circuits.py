@@ -1,6 +1,6 @@
 """Random circuits of all kinds of component, and what each run of them must keep.
 
-``python tests/oracle/random_circuits.py [--count 2000] [--seed 1] [--first 0]`` draws components, joins their ports at
+``python -m trials.random_circuits [--count 2000] [--seed 1] [--first 0]`` draws components, joins their ports at
 random, runs them and prints what broke a rule. A circuit is given by (seed, number).
 
 Rules: what is drawn is a circuit, or refused as a `DescriptionError`; it runs to its end; every sample is finite, every
@@ -24,13 +24,11 @@ from typing import Any
 
 import numpy as np
 
-sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
-
-from oracle.random_runs import Draw, q
 from pneudrive import Circuit, _core
 from pneudrive.describe.connections import AMBIENT
 from pneudrive.describe.kinds import component_kinds, is_needed
 from pneudrive.errors import DescriptionError, PneudriveWarning
+from trials.random_runs import Draw, q
 
 MASS_CLOSES, ENERGY_CLOSES = 1e-12, 1e-6
 RTOL, RATE, AMBIENT_PA = 1e-9, 200.0, 101325.0

@@ -1,6 +1,6 @@
 """How often the intervals of a fit to noisy recordings of the simulated rig contain the rig's truth.
 
-    python tests/oracle/chain_coverage.py --count 100 --seed 1
+    python -m trials.chain_coverage --count 100 --seed 1
 
 Recordings with the noise of the sensors are characterised and fitted. Each of Fc, Fs, vs and Fv lies inside its 95 %
 interval in at least 35 of 40 runs. The median half-width is at most 1.5 times the Cramer-Rao bound, which is computed
@@ -10,16 +10,13 @@ here from the sensors' noise alone. The exit status is 1 if one of both does not
 from __future__ import annotations
 
 import sys
-from pathlib import Path
 
 import numpy as np
 
-sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
-
 import pneudrive as pn
-from oracle.cramer_rao import half_widths
-from oracle.shares import is_within, options
 from pneudrive.rig import SimulatedRig
+from trials.cramer_rao import half_widths
+from trials.shares import is_within, options
 
 NAMES = ("coulomb", "breakaway", "stribeck_velocity", "viscous")
 SPEED = np.geomspace(1e-3, 0.45, 12)

@@ -1,4 +1,4 @@
-"""How often profile intervals of hidden tubes and drives hold the truth: ``tests/oracle/profile_coverage.py drives``.
+"""How often profile intervals of hidden tubes and drives hold the truth: ``trials/profile_coverage.py drives``.
 
 Every tube and drive has hidden values, a start value that is off by up to a third, and white noise of its sensors.
 Tubes are discharges and fills of a tank by the independent model, half of them without a linear region of flow. Hoses
@@ -13,13 +13,10 @@ import argparse
 import sys
 import warnings
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 from scipy.stats import binom
-
-sys.path.extend(map(str, Path(__file__).resolve().parents[1:3]))  # tests, and benches
 
 import pneudrive as pn
 from oracle.drive_records import drive, record

@@ -1,6 +1,6 @@
 """How often the band of a campaign's curve holds the truth, over many worlds drawn at random.
 
-``python tests/oracle/campaign_coverage.py [--count 200] [--seed 1]`` prints a table: share of the measured points, of
+``python -m trials.campaign_coverage [--count 200] [--seed 1]`` prints a table: share of the measured points, of
 those between them, of curves of one direction, of the rows of the map; and the error as a share of what the band says.
 A sixth as many campaigns of each rig in `RIGS` follow. The exit status is 1 if the band contains too few true points.
 """
@@ -15,11 +15,9 @@ from pathlib import Path
 
 import numpy as np
 
-sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
-
 from oracle.campaigns import AMBIENT_PA, BAR, LAWS, Friction, World, gauges, random_world, write_campaign
-from oracle.shares import Hits, by_group, is_within, options
 from pneudrive.characteristics import campaign_friction
+from trials.shares import Hits, by_group, is_within, options
 
 NORMAL_95 = 1.96
 SAMPLES = {800: 400, 2000: 1200}  # of a stroke: enough, and twice as fast

@@ -1,6 +1,6 @@
 """Random sensible drives, and the core against the oracle on them.
 
-``python tests/oracle/random_drives.py [--count 20] [--seed 1]`` prints one line a drive and the worst.
+``python -m trials.random_drives [--count 20] [--seed 1]`` prints one line a drive and the worst.
 """
 
 from __future__ import annotations
@@ -9,11 +9,8 @@ import argparse
 import math
 import sys
 import time
-from pathlib import Path
 
 import numpy as np
-
-sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
 from oracle.cases import AMBIENT_PA, ROOM_K, at, lugre, motion, reference_drive, stribeck
 from oracle.compare import difference, simulated

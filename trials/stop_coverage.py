@@ -1,6 +1,6 @@
 """How often the intervals of slopes per decade of stop duration hold the truth, over many campaigns drawn at random.
 
-``python tests/oracle/stop_coverage.py [--count 150] [--seed 1]`` prints a table: share of campaigns whose slope at the
+``python -m trials.stop_coverage [--count 150] [--seed 1]`` prints a table: share of campaigns whose slope at the
 reference duration, mean slope, and slopes at single conditions lie in their 95 % intervals; half width over the true
 slope of the log law at 15 s; share in which the law that made the data has support. The exit status is 1 if one of the
 first two shares, or the last one, is too small.
@@ -16,13 +16,11 @@ from pathlib import Path
 
 import numpy as np
 
-sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
-
-from oracle.shares import Hits, by_group, is_within, options
 from oracle.stop_campaigns import AMBIENT_PA, LAWS, StopWorld, random_stop_world, write_stops
 from pneudrive.campaign.storage.folder import Campaign
 from pneudrive.friction.campaign.stops.dwell_law import fit_dwell
 from pneudrive.friction.campaign.stops.stop import find_stops
+from trials.shares import Hits, by_group, is_within, options
 
 #: The law of the product that is the one by which a world was made.
 MADE_BY = {

@@ -1,4 +1,4 @@
-"""How often the diagnosis names the cause that was seeded: ``python tests/oracle/diagnosis_hits.py --count 3``.
+"""How often the diagnosis names the cause that was seeded: ``python -m trials.diagnosis_hits --count 3``.
 
 A true drive with one thing changed makes a record with sensor noise; the unchanged model is validated against it. A hit
 is the seeded cause in the first place; "among" counts causes that are named as not told apart from the first, too. The
@@ -10,18 +10,15 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 
-sys.path.extend(map(str, Path(__file__).resolve().parents[1:3]))  # tests, and benches
-
 from oracle.drive_records import drive, record
-from oracle.shares import is_within, options
 from pneudrive.signals.drive_recording import DriveRecording, drive_recording
 from pneudrive.validate import diagnose
 from pneudrive.validate.balance import Signals
 from pneudrive.validate.diagnosis import Diagnosis
+from trials.shares import is_within, options
 
 
 @dataclass(frozen=True)

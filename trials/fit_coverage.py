@@ -1,6 +1,6 @@
 """How often 95 % intervals of the static fit contain the truth, over maps with noise drawn at random.
 
-    python tests/oracle/fit_coverage.py --count 1000 --seed 1
+    python -m trials.fit_coverage --count 1000 --seed 1
 
 The truth is that of the Fisher table of the theory: Fc 30 N, Fs 40 N, vs 12 mm/s, Fv 60 N s/m; 20 speeds from 1 to
 450 mm/s in logarithmic steps; 0.5 N. The last case draws the truth too, with exponents of 0.5 to 2 and the Lorentzian:
@@ -14,18 +14,15 @@ import sys
 from collections import defaultdict
 from collections.abc import Callable
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 
-sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
-
-from oracle.cramer_rao import half_widths
 from oracle.friction_maps import TRUTH, make_map
-from oracle.shares import is_within, options
 from pneudrive import _core
 from pneudrive.identify import fit_friction
 from pneudrive.identify.static.result import FrictionFit
+from trials.cramer_rao import half_widths
+from trials.shares import is_within, options
 
 SPEED = np.geomspace(1e-3, 0.45, 20)
 NAMES = ("coulomb", "breakaway", "stribeck_velocity", "viscous")
