@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 
     from pneudrive.arrays import Keyed, NamedNumbers, Plain
     from pneudrive.describe.files.sourced import Value
-    from pneudrive.describe.marks import Positions, Signal
+    from pneudrive.describe.marks import Signal
     from pneudrive.describe.system import ShortNames
     from pneudrive.progress import Flag, Progress
     from pneudrive.simulation.command import Commands
@@ -200,9 +200,9 @@ class Circuit(DescribedSystem):
         return Wiring(parts, self.connections, self.plugged, {}, Problems())
 
     @property
-    def commandable(self) -> dict[str, Signal | Positions | None]:
-        """Components with a command, each with its switching positions or its described electrical input."""
-        return {name: one.command_input for name, one in self.components.items() if hasattr(one, COMMAND)}
+    def commandable(self) -> dict[str, Signal | None]:
+        """Components with a command, each with its described electrical input."""
+        return {name: getattr(one, COMMAND) for name, one in self.components.items() if hasattr(one, COMMAND)}
 
     #: Whether model errors are known: only those of a drive without lines.
     is_plain: ClassVar[bool] = False

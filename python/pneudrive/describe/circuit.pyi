@@ -22,7 +22,7 @@ from pneudrive.describe.files import toml as toml
 from pneudrive.describe.files.sourced import Value as Value
 from pneudrive.describe.formulas import law as law, written as written
 from pneudrive.describe.kinds import COMMAND as COMMAND, component_kinds as component_kinds
-from pneudrive.describe.marks import Positions as Positions, Signal as Signal
+from pneudrive.describe.marks import Signal as Signal
 from pneudrive.describe.short import Short as Short
 from pneudrive.describe.system import (
     DRIVE_NAMES as DRIVE_NAMES,
@@ -75,7 +75,7 @@ class Circuit(DescribedSystem):
     @cached_property
     def wiring(self) -> Wiring: ...
     @property
-    def commandable(self) -> dict[str, Signal | Positions | None]: ...
+    def commandable(self) -> dict[str, Signal | None]: ...
     is_plain: ClassVar[bool]
 
     @property

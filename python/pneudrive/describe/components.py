@@ -15,11 +15,11 @@ from pneudrive.describe.base import Described, inline
 from pneudrive.describe.files import sourced
 from pneudrive.describe.formulas.written import ComponentFormula, formula_of
 from pneudrive.describe.kinds import COMMAND, FLOW, RATIO, STATED, acts, component_kinds, flow_keys, is_bare, is_needed
-from pneudrive.describe.marks import POSITIVE, Positions, Quantity, Signal, StatedPressure, parameter_quantity
+from pneudrive.describe.marks import POSITIVE, Quantity, Signal, StatedPressure, parameter_quantity
 from pneudrive.describe.tables import valve_flow
 from pneudrive.describe.tables.friction import Friction
 from pneudrive.describe.tables.parts import FlowCoefficient
-from pneudrive.errors import DescriptionError, invalid, nearest, package_table, within, wrong
+from pneudrive.errors import DescriptionError, invalid, nearest, within, wrong
 from pneudrive.units import Pressure, UnitFloat, column_name
 
 if TYPE_CHECKING:
@@ -193,13 +193,6 @@ class Component(Described):
             **({} if formula is None else {"formula": formula.core()}),
             **({} if points is None else {"points": points}),
         }
-
-    @property
-    def command_input(self) -> Signal | Positions | None:
-        """Commands of a switching component, or the described electrical input."""
-        if self.kind in SWITCHED and _PULSES not in self.plain():
-            return Positions(tuple(SWITCHED[self.kind]), getattr(self, COMMAND))
-        return getattr(self, COMMAND)
 
     def to_dict(self) -> Plain:
         """Write the table, values with their origin if it is known."""
@@ -415,14 +408,11 @@ def component_class(kind: str, formula: ComponentFormula | None = None) -> type[
         if p["was"]
     )
     made.renamed = MappingProxyType({before: key for pairs in old for before, key in pairs})
-    made.elsewhere = dict.fromkeys(_SPOOL if kind in SWITCHED else (), _SWITCHES)
+    made.elsewhere = dict.fromkeys(_SPOOL if "time_on" in names else (), _SWITCHES)
     return made
 
 
-#: Kind of switching component -> its commands. Some also accept pulses, with any fraction as command.
-SWITCHED: dict[str, list[float]] = package_table(__file__, "switched.toml")
-_PULSES = "pwm_frequency"
-#: Keys of a spool.
+#: Keys of a spool, and a remedy for such a key of a switching component.
 _SPOOL = ("frequency", "damping_ratio", "stroke_time", "delay", "hysteresis", "overlap", "leakage")
 _SWITCHES = 'The valve switches, after time_on and time_off. A spool belongs to kind = "valve/proportional-5/3".'
 

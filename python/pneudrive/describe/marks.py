@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from itertools import pairwise
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, NamedTuple
 
 from pydantic_core import core_schema
@@ -449,13 +448,12 @@ class PureNumber(Quantity):
 
 @dataclass(frozen=True)
 class PointRows(Quantity):
-    """Annotation of a field for points: a list of tables, stored as rows in SI.
+    """Annotation of a field for points: a list of tables, stored as rows in SI. The core checks number and order.
 
     Parameters
     ----------
     columns : tuple
-        Key, annotation and default of each column; no default (None) for a required column. Values of the first column
-        must increase.
+        Key, annotation and default of each column; no default (None) for a required column.
     most : int
         Largest number of points.
     """
@@ -473,15 +471,7 @@ class PointRows(Quantity):
         example = "{ " + ", ".join(f"{key} = ..." for key, *_ in self.columns) + " }"
         if not isinstance(given, list | tuple) or not all(isinstance(one, dict) for one in given):
             raise DescriptionError(f"{given!r} is not a list of points", remedy=f"Write [{example}, {example}].")
-        if not 2 <= len(given) <= self.most:
-            raise DescriptionError(f"{len(given)} points", rule=f"2 to {self.most} points")
-        rows = tuple(self._row(dict(one), number, example) for number, one in enumerate(given, start=1))
-        key, first, _ = self.columns[0]
-        for before, after in pairwise(rows):
-            if after[0] <= before[0]:
-                what = f"{key} = {first.show(after[0])} follows {first.show(before[0])}"
-                raise DescriptionError(what, rule=f"{key} must increase from point to point")
-        return rows
+        return tuple(self._row(dict(one), number, example) for number, one in enumerate(given, start=1))
 
     def _row(self, table: Plain, number: int, example: str) -> tuple[float, ...]:
         if not set(self.needed) <= set(table) <= {key for key, *_ in self.columns}:
@@ -571,25 +561,6 @@ class Signal(NamedTuple):
             raise CommandError(f"command = {text} is outside the valve's range", rule=f"valve.command = {self}")
         opening = (2.0 * value - self.low - self.high) / (self.high - self.low)
         return min(max(opening, -1.0), 1.0)  # rounding
-
-
-class Positions(NamedTuple):
-    """Commands of a switching component, and its electrical input if one is described."""
-
-    values: tuple[float, ...]
-    signal: Signal | None = None
-
-    def check(self, value: float, what: str, where: str | None = None) -> None:
-        """Reject a command between the positions.
-
-        Raises
-        ------
-        CommandError
-            The command is not one of the positions.
-        """
-        if value not in self.values:
-            *first, last = (f"{one:g}" for one in self.values)
-            raise CommandError.of("describe.switches", where=where, what=what, first=", ".join(first), last=last)
 
 
 def _signal(given: object) -> Signal:

@@ -80,9 +80,9 @@ def compiled(core_json: str, names: ShortNames | None = None) -> _core.Circuit:
     try:
         return _core.Circuit(core_json, names)
     except ValueError as error:
-        refusal = DescriptionError(str(error))
-        known = [one["name"] for one in json.loads(core_json)["components"]]
-        named = re.match(rf"({'|'.join(map(re.escape, known))})\b(?:\.(\w+))?", str(error))
+        refusal, text = DescriptionError(str(error)), str(error)
+        known = "|".join(re.escape(one["name"]) for one in json.loads(core_json)["components"])
+        named = re.match(rf"({known})\b(?:\.(\w+))?", text) or re.search(rf"\b({known})\.(\w+)", text)
         if named and named[1]:
             refusal.key = f"components.{named[1]}.{named[2] or ''}".rstrip(".")
         raise refusal from None

@@ -19,7 +19,7 @@ import numpy as np
 from pneudrive import __version__
 from pneudrive.ensemble.design import EnsembleDesign, Rows, design_of
 from pneudrive.ensemble.outputs import SignalNames, member_plans, parted_starts, reductions
-from pneudrive.ensemble.variation import DONE, CircuitVariation, Variation, run_members
+from pneudrive.ensemble.variation import DONE, Variation, run_members
 from pneudrive.errors import CommandError, SimulationError, warn
 from pneudrive.files import seal
 from pneudrive.files.writing import make_result_folder
@@ -619,9 +619,8 @@ def study_of(
     plans = member_plans(command, duration, drive.commandable)
     design = design_of(vary)
     for_all, each = parted_starts(initial)
-    of = Variation if drive.system.names else CircuitVariation
     begun = {f"{INITIAL}{key}": values for key, values in each.items()}
-    variation = of(drive, [*design.names, *begun], for_all)
+    variation = Variation(drive, [*design.names, *begun], for_all)
     rows = design.rows(variation)
     if begun:
         beside = EnsembleDesign.table(begun).rows(variation)
@@ -629,7 +628,11 @@ def study_of(
             raise CommandError(f"initial has {beside.size} rows, and there are {rows.size} members")
         rows = rows.wider(beside)
     plans.check(rows.size)
-    columns = [variable.name for variable in start(drive, for_all).variables if variable.kind == "output"]
+    session = start(drive, for_all)
+    for name, each in plans.steps.items():
+        for value in {value for _, values in each for value in values}:
+            session.set(name, value)  # a component that switches accepts its positions only
+    columns = [variable.name for variable in session.variables if variable.kind == "output"]
     signals = SignalNames(columns, plans.moves_up)
     if drive.system.names is None:
         states = [meaning(name)[0] for name in drive.system.compiled().start_names]

@@ -23,7 +23,8 @@ from pneudrive.simulation.trajectory import meaning
 
 if TYPE_CHECKING:
     from pneudrive.arrays import Array, Columns, Plain
-    from pneudrive.simulation.command import CommandInput, Steps
+    from pneudrive.describe.marks import Signal
+    from pneudrive.simulation.command import Steps
 
     EachSteps = list[Steps]
     OwnReduction = Callable[[dict[str, Array], Array], Array | float]
@@ -116,7 +117,7 @@ def _digest(given: Any) -> Plain:  # noqa: ANN401 - plain data
     return {"members": len(given), "sha256": hashlib.sha256(json.dumps(given).encode()).hexdigest()}
 
 
-def member_plans(command: Any, duration: Any, commandable: Mapping[str, CommandInput]) -> MemberPlans:  # noqa: ANN401
+def member_plans(command: Any, duration: Any, commandable: Mapping[str, Signal | None]) -> MemberPlans:  # noqa: ANN401
     """Read the commands of the members of a drive or a circuit.
 
     Parameters
@@ -150,7 +151,7 @@ def member_plans(command: Any, duration: Any, commandable: Mapping[str, CommandI
     return MemberPlans({commands.input_of(name): each for name, each in rows.items()}, _durations(duration))
 
 
-def read_rows(given: Any, signal: CommandInput) -> EachSteps:  # noqa: ANN401
+def read_rows(given: Any, signal: Signal | None) -> EachSteps:  # noqa: ANN401
     """Read one command for all members, or a list of commands, one for each.
 
     Raises

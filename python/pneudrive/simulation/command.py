@@ -12,14 +12,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, TypeAlias, cast
 
 from pneudrive import units
-from pneudrive.describe.marks import Positions, Signal
+from pneudrive.describe.marks import Signal
 from pneudrive.errors import CommandError, naming, nearest
 from pneudrive.files.content import exists, read_text
 
 if TYPE_CHECKING:
     import numpy as np
-
-    CommandInput: TypeAlias = Signal | Positions | None
 
 Pairs: TypeAlias = Sequence[tuple[float | str, float | str]]
 Steps: TypeAlias = tuple[tuple[float, ...], tuple[float, ...]]
@@ -31,7 +29,7 @@ Commands: TypeAlias = "Command | Mapping[str, Command] | Sequence[str] | None"
 FORMS = 'a number (0.5), "0 s: 0.6, 1 s: -0.6", pairs [(0.0, 0.6), (1.0, -0.6)], a CSV file or a function of time'
 
 
-def steps(command: Command, times: Sequence[float] | None = None, signal: CommandInput = None) -> Steps:
+def steps(command: Command, times: Sequence[float] | None = None, signal: Signal | None = None) -> Steps:
     """Read a command as steps: times and values.
 
     Parameters
@@ -61,16 +59,16 @@ def steps(command: Command, times: Sequence[float] | None = None, signal: Comman
     ((0.0, 1.0), (0.6, -0.6))
     """
     if isinstance(command, Path):
-        return _from_file(command, signal)
+        return _from_file(command)
     if isinstance(command, str):
         # `isfile` is False for a text that is no name of a file.
         is_file = command.lower().endswith(".csv") or (":" not in command and os.path.isfile(command))  # noqa: PTH113
-        return _from_file(Path(command), signal) if is_file else _from_text(command, signal)
+        return _from_file(Path(command)) if is_file else _from_text(command, signal)
     if isinstance(command, Real):
-        return _checked([(0.0, _number(command, "command"))], signal)
+        return _checked([(0.0, _number(command, "command"))])
     if callable(command):
         pairs = [(time, _number(command(time), f"command at {time:g} s:")) for time in times or (0.0,)]
-        return _checked(pairs, signal)
+        return _checked(pairs)
     if not isinstance(command, Iterable):
         raise CommandError(f"the command is a {type(command).__name__}", remedy=f"Give {FORMS}.")
     pairs = []
@@ -80,11 +78,11 @@ def steps(command: Command, times: Sequence[float] | None = None, signal: Comman
         except (TypeError, ValueError):
             raise CommandError.of("simulation.command-entry", number=number + 1, pair=pair, forms=FORMS) from None
         pairs.append((_time(time) if isinstance(time, str) else _number(time, "time"), _opening(value, signal)))
-    return _checked(pairs, signal)
+    return _checked(pairs)
 
 
 def plans(
-    given: Commands, commandable: Mapping[str, CommandInput], times: Sequence[float] | None = None
+    given: Commands, commandable: Mapping[str, Signal | None], times: Sequence[float] | None = None
 ) -> list[tuple[str, Steps]]:
     """Read the commands of a circuit.
 
@@ -142,7 +140,7 @@ def plans(
 
 
 def inputs(
-    given: Commands, commandable: Mapping[str, CommandInput], times: Sequence[float] | None = None
+    given: Commands, commandable: Mapping[str, Signal | None], times: Sequence[float] | None = None
 ) -> list[tuple[str, Steps]]:
     """Read the commands of a drive or a circuit like `plans`, by the names of the inputs.
 
@@ -180,22 +178,22 @@ def _named(given: Command) -> tuple[str, Command]:
 
 
 @lru_cache(maxsize=64)
-def _from_text(text: str, signal: CommandInput) -> Steps:
+def _from_text(text: str, signal: Signal | None) -> Steps:
     entries = [entry.strip() for entry in re.split("[,;]", text)]
     if not text.strip():
         raise CommandError("the command is empty", remedy='Write for instance "0 s: 0.6, 1 s: -0.6".')
     pairs = []
     if len(entries) == 1 and ":" not in text:
-        return _checked([(0.0, _opening(text.strip(), signal))], signal)
+        return _checked([(0.0, _opening(text.strip(), signal))])
     for entry in entries:
         time, colon, value = entry.rpartition(":")
         if not colon or not time.strip():
             raise CommandError.of("simulation.entry-without-time", entry=entry)
         pairs.append((_time(time.strip()), _opening(value.strip(), signal)))
-    return _checked(pairs, signal)
+    return _checked(pairs)
 
 
-def _from_file(path: Path, signal: CommandInput) -> Steps:
+def _from_file(path: Path) -> Steps:
     if not exists(path):
         raise CommandError(f"there is no command file {path}")
     text = read_text(path, CommandError)
@@ -215,10 +213,10 @@ def _from_file(path: Path, signal: CommandInput) -> Steps:
         places.append(where)
     if not pairs:
         raise CommandError(f"{path} holds no entries", rule="the first entry is at 0 s")
-    return _checked(pairs, signal, places)
+    return _checked(pairs, places)
 
 
-def _checked(pairs: Sequence[tuple[float, float]], signal: CommandInput, places: Sequence[str] | None = None) -> Steps:
+def _checked(pairs: Sequence[tuple[float, float]], places: Sequence[str] | None = None) -> Steps:
     if not pairs:
         raise CommandError("the command is empty", rule="the first entry is at 0 s")
     before = -math.inf
@@ -230,8 +228,6 @@ def _checked(pairs: Sequence[tuple[float, float]], signal: CommandInput, places:
             raise CommandError(f"{time:g} s follows {before:g} s in the command", where=where, rule="times rise")
         if not abs(value) <= 1.0:
             raise CommandError.of("simulation.command-out-of-range", where=where, given=value, time=time)
-        if isinstance(signal, Positions):
-            signal.check(value, f"command = {value:g} at {time:g} s", where)
         before = time
     times, values = zip(*pairs, strict=True)
     return times, values
@@ -242,13 +238,11 @@ def _time(text: str) -> float:
         return units.parse(text, "s")
 
 
-def _opening(given: object, signal: CommandInput) -> float:
+def _opening(given: object, signal: Signal | None) -> float:
     """Read one command: a number, or a voltage or current if the valve describes its electrical input."""
     unit = given.split()[1:] if isinstance(given, str) else []
     if not unit:
         return _number(given, "command")
-    if isinstance(signal, Positions):
-        signal = signal.signal
     if signal is None:
         raise CommandError.of("simulation.no-electrical-input", given=given)
     return signal.opening(str(given))
