@@ -12,6 +12,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from functools import lru_cache
 from itertools import groupby, product
+from pathlib import Path
 from typing import Any, TypeVar
 
 from pneudrive.batching import many_objects
@@ -22,6 +23,7 @@ from pneudrive.campaign.planning.protocol import VENTED, AxisPosition, Pair, Pro
 from pneudrive.constants import STANDARD_GRAVITY_M_S2
 from pneudrive.errors import ProtocolError
 from pneudrive.files.bounds import within
+from pneudrive.files.content import rendered
 from pneudrive.numbers import duration
 from pneudrive.repr_tables import aligned
 from pneudrive.rig.interface import Envelope, Hold, Identity, Move, Sampling, Step, as_json, identity_of
@@ -32,6 +34,8 @@ T = TypeVar("T")
 POINTS = ("sweep", "stop")
 #: End of the key of a cycle that occurs several times in a block: repeats of a point, and control runs.
 NUMBERED = dict.fromkeys(POINTS, "/r{}") | {"sentinel": "/n{}"}
+#: Text of the summary.
+TEMPLATE = Path(__file__).with_name("plan.txt.j2")
 
 
 def _sweep_levels(protocol: Protocol) -> list[tuple[str, float]]:
@@ -345,11 +349,18 @@ def _stop(
 
 def show(plan: Plan) -> str:
     """Return the summary: blocks with their content and time, and the result of the pre-flight check."""
-    rig = f'on "{plan.identity.name}"{" (simulated: its data are synthetic)" if plan.identity.synthetic else ""}'
-    limits = preflight.margins(plan)
-    used = [f"{name} {value:.4g} of {limit:.4g} {unit}" for name, (value, limit, unit) in limits.items()]
-    lines = [f"{plan.protocol.name}, {rig}", "", _blocks(plan), "", *_contents(plan), ""]
-    return "\n".join([*lines, f"pre-flight: passed ({', '.join(used)})", *(f"note: {note}" for note in plan.notes)])
+    text = rendered(
+        TEMPLATE,
+        {"duration": duration, "size": size, "levels": _range, "pressures": _pressures},
+        plan=plan,
+        p=plan.protocol,
+        blocks=_blocks(plan),
+        kinds=Counter(planned.cycle.kind for planned in plan.planned),
+        bytes=size_of(plan.planned),
+        bytes_per_sample=preflight.BYTES_PER_SAMPLE,
+        margins=preflight.margins(plan),
+    )
+    return text.rstrip("\n")
 
 
 def size(count: float) -> str:
@@ -373,31 +384,6 @@ def _blocks(plan: Plan) -> str:
         time = f"{minutes // 60}:{minutes % 60:02d}"
         rows.append([str(block or "all"), set_up, *map(str, counts), time, size(size_of(group))])
     return aligned(rows if len(groups) > 1 else rows[:2], right_from=2, indent="")
-
-
-def _contents(plan: Plan) -> list[str]:
-    p = plan.protocol
-    kinds = Counter(planned.cycle.kind for planned in plan.planned)
-    operator_s = sum(planned.wait_s for planned in plan.planned if planned.cycle.kind == "operator")
-    settling_s = sum(planned.wait_s for planned in plan.planned) - operator_s
-    axis_s = sum(planned.axis_s for planned in plan.planned)
-    seed = f" (seed {p.seed})" if p.order.kind == "randomised" else ""
-    each = f"{p.pressure.settling_s:g} s each, assumed"
-    waits = f", settling after changes of pressure {duration(settling_s)} ({each})" if settling_s else ""
-    hands = f", operator {duration(operator_s)} (assumed)" if operator_s else ""
-    speeds = [] if p.speed is None else [f"speed    {_range(p.speed.levels_m_s, 1e3, 'mm/s')}"]
-    if p.stop is not None:
-        speeds.append(f"stop     {_range(p.stop.durations_s, 1.0, 's')}")
-        speeds.append(f"restart  {_range(p.stop.restart_speed_m_s, 1e3, 'mm/s')}")
-    return [
-        f"cycles   {', '.join(f'{kind} {count}' for kind, count in kinds.items())}",
-        *speeds,
-        f"pressure {_pressures(p.pressure.levels)}",
-        f"order    {p.order.kind}{seed}; repeats {p.repeats}, replicates {p.order.replicates}",
-        f"time     {duration(plan.time_s)}: axis {duration(axis_s)}{waits}{hands}",
-        f"data     {sum(planned.samples for planned in plan.planned)} samples, {size(size_of(plan.planned))} "
-        f"({preflight.BYTES_PER_SAMPLE:g} bytes per sample, measured on files of the simulated rig)",
-    ]
 
 
 def _pressures(levels: Sequence[Pair]) -> str:

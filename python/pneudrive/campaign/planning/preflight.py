@@ -138,14 +138,9 @@ ROUNDING = 1e-9
 SAME_PRESSURE_PA = 0.1
 #: Largest number of violations in a message.
 SHOWN = 5
-#: Remedy for each contribution to an excessive force.
-LESS_FORCE = {
-    "inertia": "Lower the speed.",
-    "known weight": "Take a smaller weight.",
-}
-#: Name of the violated limit, value and limit as text, and remedy. The names are ``speed``, ``ramp``, ``acceleration``,
-#: ``stroke``, ``force``, ``release``, ``pressure`` and ``manifold``.
-Violation = tuple[str, str, str]
+_TEXTS = package_table(__file__, "preflight.toml")
+#: Name of a violated limit or of a caution in ``preflight.toml``, and the values of its text.
+Finding = tuple[str, dict[str, Any]]
 
 
 def check(plan: Plan) -> tuple[str, ...]:
@@ -168,14 +163,17 @@ def check(plan: Plan) -> tuple[str, ...]:
     broken = [(cycles, found) for cycles in _alike(plan) if (found := list(violations(cycles[0], plan)))]
     if not broken:
         return cautions(plan)
-    first: dict[str, tuple[str, str, str]] = {}  # of each limit: the first cycle that violates it
+    first: dict[str, tuple[str, dict[str, Any]]] = {}  # of each limit: the first cycle that violates it
     counts: Counter[str] = Counter()
     for cycles, found in broken:
-        for item, text, remedy in found:
-            first.setdefault(item, (cycles[0].key, text, remedy))
-        counts.update({item: len(cycles) for item, _, _ in found})
-    shown = list(first.items())[:SHOWN]
-    lines = [f"{item}: cycle {key}: {text} ({_cycles(counts[item])})" for item, (key, text, _) in shown]
+        for limit, values in found:
+            first.setdefault(limit, (cycles[0].key, values))
+        counts.update({limit: len(cycles) for limit, _ in found})
+    lines, remedies = [], []
+    for limit, (key, values) in list(first.items())[:SHOWN]:
+        text, remedy = (text.format(**values) for text in _TEXTS["limits"][limit].values())
+        lines.append(f"{limit}: cycle {key}: {text} ({_cycles(counts[limit])})")
+        remedies.append(remedy)
     count = sum(len(cycles) for cycles, _ in broken)
     raise ProtocolError(
         f'the rig "{plan.identity.name}" cannot run this protocol:  '
@@ -183,7 +181,7 @@ def check(plan: Plan) -> tuple[str, ...]:
         where=plan.protocol.origin,
         value="\n    ".join(lines),
         rule="the rig's envelope, tightened by [limits]",
-        remedy=" ".join(dict.fromkeys(remedy for _, (_, _, remedy) in shown)),
+        remedy=" ".join(dict.fromkeys(remedies)),
     )
 
 
@@ -259,53 +257,43 @@ def check_levels(protocol: Protocol, rig: Rig) -> None:
                 )
 
 
-def violations(cycle: Cycle, plan: Plan) -> Iterator[Violation]:
+def violations(cycle: Cycle, plan: Plan) -> Iterator[Finding]:
     """Return the violations by one cycle."""
     return chain(_motion(cycle, plan), _pressures(cycle, plan), _force(cycle, plan))
 
 
-def _motion(cycle: Cycle, plan: Plan) -> Iterator[Violation]:
-    low, high = plan.allowed.position_m
+def _motion(cycle: Cycle, plan: Plan) -> Iterator[Finding]:
+    (low, high), top_m_s, top_m_s2 = plan.allowed.position_m, plan.allowed.speed_m_s, plan.allowed.acceleration_m_s2
     moves = list(_moves(cycle))
     for distance, step, _ in moves:
-        speed = step.speed_m_s
         if not low - ROUNDING <= step.to_m <= high + ROUNDING:
-            remedy = "Change [stop] position, approach or recovery." if cycle.kind == "stop" else "Change [position]."
-            yield "stroke", f"{millimetres(step.to_m)}; from {millimetres(low)} to {millimetres(high)}", remedy
-        if speed > plan.allowed.speed_m_s * (1.0 + ROUNDING):
-            yield "speed", f"{_mm_s(speed)}; at most {_mm_s(plan.allowed.speed_m_s)}", "Lower the speed."
-        peak = peak_acceleration_m_s2(plan, distance, speed)
-        top = plan.allowed.acceleration_m_s2
-        if peak > top * (1.0 + ROUNDING):
-            remedy = "Lower the speed: the rig ramps with its own acceleration, which a protocol cannot change."
-            yield "acceleration", f"{peak:.4g} m/s2; at most {top:.4g} m/s2", remedy
+            keys = "[stop] position, approach or recovery" if cycle.kind == "stop" else "[position]"
+            yield "stroke", {"at": 1e3 * step.to_m, "low": 1e3 * low, "high": 1e3 * high, "keys": keys}
+        if step.speed_m_s > top_m_s * (1.0 + ROUNDING):
+            yield "speed", {"speed": 1e3 * step.speed_m_s, "most": 1e3 * top_m_s}
+        peak = peak_acceleration_m_s2(plan, distance, step.speed_m_s)
+        if peak > top_m_s2 * (1.0 + ROUNDING):
+            yield "acceleration", {"peak": peak, "most": top_m_s2}
     for distance, step, is_before_hold in moves if cycle.kind in MEASURING else ():
         speed, reached = step.speed_m_s, plan.limits.top_speed_m_s(distance)
         if (is_before_hold or speed == cycle.speed_m_s) and speed > reached * (1.0 + ROUNDING):  # others only return
-            ramps = millimetres(2.0 * plan.limits.ramp_distance_m(speed))
-            limit = f"at most {_mm_s(reached)}, because starting and stopping take {ramps}"
-            yield (
-                "ramp",
-                f"{_mm_s(speed)} within {millimetres(distance)}; {limit}",
-                "Lower the speed, or use more of the stroke.",
-            )
+            ramps = 1e3 * (2.0 * plan.limits.ramp_distance_m(speed))
+            yield "ramp", {"speed": 1e3 * speed, "way": 1e3 * distance, "reached": 1e3 * reached, "ramps": ramps}
 
 
 #: Kinds of cycles whose moves must reach their speed.
 MEASURING = ("sweep", "stop", "sentinel", "blank")
 
 
-def _pressures(cycle: Cycle, plan: Plan) -> Iterator[Violation]:
+def _pressures(cycle: Cycle, plan: Plan) -> Iterator[Finding]:
     low, high = plan.allowed.pressure_pa
     a, b = cycle.pressure_a_pa, cycle.pressure_b_pa
     for chamber, value in (("a", a), ("b", b)):
         if not low * (1.0 - ROUNDING) <= value <= high * (1.0 + ROUNDING):
             limit = f"{_bar(low)} to {_bar(high)}" if low < high else f"the chambers are open to ambient, {_bar(low)}"
-            yield "pressure", f"{_bar(value)} in chamber {chamber}; {limit}", "Change [pressure]."
+            yield "pressure", {"value": value / 1e5, "chamber": chamber, "limit": limit}
     if not plan.allowed.separate_pressures and abs(a - b) > SAME_PRESSURE_PA:
-        limit = "the same pressure in both chambers, because they share a common manifold"
-        remedy = "Give the pressures as [pressure] both, or use a rig with a regulator for each chamber."
-        yield "manifold", f"{_bar(a)} and {_bar(b)}; {limit}", remedy
+        yield "manifold", {"a": a / 1e5, "b": b / 1e5}
 
 
 def _balance(rig: Identity) -> str:
@@ -316,22 +304,18 @@ def _balance(rig: Identity) -> str:
     return f"Bring the gauge pressure of chamber a closer to {ratio:.3g} times that of chamber b (areas differ)"
 
 
-def _force(cycle: Cycle, plan: Plan) -> Iterator[Violation]:
-    rig = plan.identity
+def _force(cycle: Cycle, plan: Plan) -> Iterator[Finding]:
+    rig, balance = plan.identity, _balance(plan.identity)
     push = abs(pressure_force_n(cycle, rig) - weight_n(rig))
     holds = plan.allowed.expected_friction_n
     if push > holds > 0.0 and any(isinstance(step, Hold) and step.released for step in cycle.steps):
-        limit = f"only friction holds a released axis, with at most {holds:.3g} N"
-        remedy = f'{_balance(rig)}, or [stop] axis = "held"; do not release an inclined rig for its tare.'
-        yield "release", f"pressure and weight push with {push:.3g} N; {limit}", remedy
+        yield "release", {"push": push, "holds": holds, "balance": balance}
     parts = forces_n(cycle, plan)
     total = sum(parts.values())
     if total > plan.allowed.force_n * (1.0 + ROUNDING):
         shown = " + ".join(f"{value:.3g} N {name}" for name, value in parts.items() if value > 0.0)
-        largest = max(parts, key=lambda name: parts[name])
-        less = LESS_FORCE | {"difference of the pressure forces": f"{_balance(rig)}."}
-        remedy = less.get(largest, "Use a rig whose force sensor has a greater range.")
-        yield "force", f"{total:.4g} N ({shown}); at most {plan.allowed.force_n:.4g} N", remedy
+        less = _TEXTS["less"][max(parts, key=lambda name: parts[name])].format(balance=balance)
+        yield "force", {"total": total, "parts": shown, "most": plan.allowed.force_n, "less": less}
 
 
 def _moves(cycle: Cycle) -> Iterator[tuple[float, Move, bool]]:
@@ -352,10 +336,6 @@ def millimetres(value_m: float) -> str:
     return f"{1e3 * value_m:.5g} mm"
 
 
-def _mm_s(value_m_s: float) -> str:
-    return f"{1e3 * value_m_s:.4g} mm/s"
-
-
 def _bar(value_pa: float) -> str:
     return f"{value_pa / 1e5:.4g} bar abs"
 
@@ -370,17 +350,13 @@ BURST_RATE_HZ = 5000.0
 BASE_RATE_HZ = 100.0
 
 
-#: Key of ``cautions.toml``, and the values of its text.
-Caution = tuple[str, dict[str, Any]]
-
-
 def cautions(plan: Plan) -> tuple[str, ...]:
     """Return warnings: effects that a plan shows poorly or not at all, and notes on its rig, time and tables."""
-    texts = package_table(__file__, "cautions.toml")
+    texts = _TEXTS["cautions"]
     return tuple(texts[key].format(**values) for key, values in (*_of_samples(plan), *_of_design(plan)))
 
 
-def _of_samples(plan: Plan) -> Iterator[Caution]:
+def _of_samples(plan: Plan) -> Iterator[Finding]:
     """Yield the effects that the samples and strokes of a plan cannot show."""
     protocol, samples, speeds = plan.protocol, plan.protocol.samples, plan.protocol.speed
     burst = samples.burst_rate_hz if samples.burst_after_s > 0.0 else 0.0
@@ -403,7 +379,7 @@ def _of_samples(plan: Plan) -> Iterator[Caution]:
         yield "settled", {"speed": 1e3 * top, **strokes}
 
 
-def _of_design(plan: Plan) -> Iterator[Caution]:
+def _of_design(plan: Plan) -> Iterator[Finding]:
     """Yield the effects that the design of a plan cannot separate, and notes on rig, time and tables of the plan."""
     protocol = plan.protocol
     envelope = plan.envelope
