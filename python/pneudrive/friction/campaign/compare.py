@@ -386,11 +386,9 @@ def write_comparison(compared: Comparison, path: str | Path) -> Path:
         "statement": compared.statements,
     }
     if compared.curves is not None:
-        columns = compared.curves.points.select("speed_m_s", "gauge_a_pa", "gauge_b_pa", "first_n", "second_n")
-        tables["curves"] = columns.to_dict(as_series=False)
-        for name, of in {"relative_difference": "value", "low": "low", "high": "high"}.items():
-            tables["curves"][name] = [getattr(estimate, of) for estimate in compared.curves.difference]
-        tables["curves"]["corrected_p"] = compared.curves.points["corrected_p"].to_list()
+        ends = [(e.value, e.low, e.high) for e in compared.curves.difference]
+        differences = pl.DataFrame(ends, schema=("relative_difference", "low", "high"), orient="row")
+        tables["curves"] = compared.curves.points.drop("title").hstack(differences).to_dict(as_series=False)
     return write_tables(tables, path)
 
 
@@ -432,9 +430,9 @@ def _tests(both: Both, curves: CurveComparison | None, dwell: Pairs) -> Iterator
         span = f"mean from {low:.3g} to {high:.3g} s"
         yield Test("breakaway after a stop", level, level.p, note=f"{a.name}, at {at:.3g} s")
         yield Test("slope of breakaway per decade of stop", slope, slope.p, note=f"{a.name}, {span}")
-    before, after = (found.drift.per_hour if found.drift is not None else None for found in both)
-    if before is not None and after is not None:
-        difference = after - before
+    drifts = [found.drift.per_hour for found in both if found.drift and found.drift.per_hour]
+    if len(drifts) == 2:
+        difference = drifts[1] - drifts[0]
         yield Test("drift over time", difference, difference.p, note="change of friction, linear in time")
 
 

@@ -25,7 +25,6 @@ if TYPE_CHECKING:
     from pneudrive.arrays import Array, Bools, Interval, Ints, Row
     from pneudrive.friction.campaign.cycles import Loop
     from pneudrive.friction.campaign.stops.dwell_law import DwellSeries
-    from pneudrive.friction.campaign.stops.dwell_models import DwellLawFit
     from pneudrive.friction.sentences import Statement
     from pneudrive.rig.interface import Identity
 
@@ -519,8 +518,7 @@ def write_characteristics(found: CampaignCharacteristics, folder: str | Path) ->
 
 def write_curves_and_effects(found: CampaignCharacteristics, folder: Path) -> list[Path]:
     """Write curves.parquet, and effects, intervals, budget and statements as effects.toml; without curves only this."""
-    tables: Row = {key: attrgetter(name)(found) for key, name in TABLES["effects"].items()}
-    tables["cycles"], tables["dwell"] = len(found.cycles), [_series(series) for series in found.dwell]
+    tables = _entries(found, "effects") | {"cycles": len(found.cycles), "dwell": [_series(s) for s in found.dwell]}
     effects = write_tables(tables, folder / "effects.toml")
     return [_write_table(_curves_frame(found), folder / "curves.parquet"), effects] if found.curves else [effects]
 
@@ -569,32 +567,20 @@ def _plain(value: Any) -> Any:  # noqa: ANN401 - any of the results' dataclasses
     return [_plain(each) for each in value] or None if isinstance(value, list | tuple) else value
 
 
+def _entries(found: object, table: str) -> Row:
+    """Return the entries of a table of files, which names their attributes."""
+    return {key: attrgetter(path)(found) for key, path in TABLES[table].items()}
+
+
 def _series(s: DwellSeries) -> Row:
     """Return a series as plain data for files."""
     durations = s.stops["dwell_s"].to_list()
-    of_condition = zip(s.conditions, s.slopes, s.mean_slopes, strict=False)
-    named = {"series": s.name, "speed_m_s": s.speed_m_s, "released": s.released}
-    named |= {"stops": len(s.stops), "left_out": s.left_out}
-    return {
-        **named,
-        "shortest_s": min(durations, default=np.nan),
-        "longest_s": max(durations, default=np.nan),
-        **{name: getattr(s, name) for name in TABLES["stops"]["series"]},
-        "pressure": s.pressure,
-        "condition": [
-            {"pressure_a_pa": c.pressure_a_pa, "pressure_b_pa": c.pressure_b_pa, "slope": slope, "mean_slope": mean}
-            for c, slope, mean in of_condition
-        ],
-        "law": [_law(law) for law in s.laws],
-    }
-
-
-def _law(law: DwellLawFit) -> Row:
-    return {
-        "name": law.name,
-        "formula": law.form.formula,
-        "source": law.form.source,
-        "delta_aicc": law.delta,
-        **{name: getattr(law, name) for name in TABLES["stops"]["law"]},
-        "shape": {name: [value, *law.shape_intervals[name]] for name, value in law.shape.items()},
-    }
+    row = _entries(s, "series") | {"stops": len(s.stops), "condition": [], "law": []}
+    row |= {"shortest_s": min(durations, default=np.nan), "longest_s": max(durations, default=np.nan)}
+    for c, slope, mean in zip(s.conditions, s.slopes, s.mean_slopes, strict=False):
+        pressures = {"pressure_a_pa": c.pressure_a_pa, "pressure_b_pa": c.pressure_b_pa}
+        row["condition"].append(pressures | {"slope": slope, "mean_slope": mean})
+    for law in s.laws:
+        shape = {name: [value, *law.shape_intervals[name]] for name, value in law.shape.items()}
+        row["law"].append(_entries(law, "law") | {"shape": shape})
+    return row

@@ -140,29 +140,23 @@ def _rest(cycle: Cycle, time_s: Array, position_m: Array, step: Ints) -> Phases:
     return max(found, key=lambda p: (not p.reversed, p.dwell_s))
 
 
-def steady_part(recording: Recording, part: slice) -> slice:
-    """Return the part of one move at constant speed, from the first to the last sample near its usual speed."""
+def steady_part(recording: Recording, part: slice) -> tuple[slice, float]:
+    """Return the part of one move near its usual speed, from the first sample to the last, and its mean velocity."""
     time_s, position_m = recording.time_s[part], recording.position_m[part]
-    share = _travelled(position_m)
+    share, ends = _travelled(position_m), np.array([0, time_s.size - 1])
     inner = np.flatnonzero((share > 0.2) & (share < 0.8))
     if inner.size >= FEWEST:
         (way_m,), (lasts_s,) = (np.diff(values[inner[[0, -1]]]) for values in (position_m, time_s))
         usual = float(way_m / lasts_s)
         steady = np.flatnonzero(np.abs(speed_of(time_s, position_m, abs(usual)) - usual) < STEADY * abs(usual))
-        if steady.size >= FEWEST:
-            return slice(part.start + int(steady[0]), part.start + int(steady[-1]) + 1)
-    return slice(part.start, part.start + time_s.size)
+        ends = steady[[0, -1]] if steady.size >= FEWEST else ends
+    (way_m,), (lasts_s,) = np.diff(position_m[ends]), np.diff(time_s[ends])
+    return slice(part.start + int(ends[0]), part.start + int(ends[1]) + 1), way_m / max(lasts_s, 1e-12)
 
 
 def _travelled(position_m: Array) -> Array:
     """Return the fraction of a move that is done at each sample."""
     return np.abs(position_m - position_m[0]) / max(abs(position_m[-1] - position_m[0]), 1e-12)
-
-
-def mean_velocity(recording: Recording, part: slice) -> float:
-    """Return the mean signed velocity of a part of a recording."""
-    time, position = recording.time_s[part], recording.position_m[part]
-    return (position[-1] - position[0]) / max(time[-1] - time[0], 1e-12)
 
 
 def _phases(time_s: Array, position_m: Array, step: Ints, hold: int) -> Phases | None:
@@ -232,8 +226,7 @@ def strokes_of(
     for begin, end in pairwise([*edges, step.size]):
         if (leave is not None and abs(int(step[begin]) - leave) <= 1) or end - begin < 4 * FEWEST:
             continue
-        part = steady_part(recording, slice(begin, end))
-        velocity = mean_velocity(recording, part)
+        part, velocity = steady_part(recording, slice(begin, end))
         other = planned is not None and abs(abs(velocity) - planned) > SAME_SPEED * planned
         if part.stop - part.start < 4 * FEWEST or velocity == 0.0 or other:
             continue
@@ -323,9 +316,8 @@ def running_level(
         Strokes of this cycle, and of others.
     condition : Condition
     """
-    steady = steady_part(recording, phases.restart)
-    at = float(recording.position_m[phases.restart.start])
-    speed = abs(mean_velocity(recording, steady))
+    steady, velocity = steady_part(recording, phases.restart)
+    at, speed = float(recording.position_m[phases.restart.start]), abs(velocity)
     approach = _approach(recording, phases, speed)
     end = float(recording.position_m[steady.stop - 1])
     low, high = sorted((float(recording.position_m[approach.start]) if approach else at, end))
@@ -357,8 +349,8 @@ def _approach(recording: Recording, phases: Phases, speed: float) -> slice | Non
     """Return the last part of an approach with the same direction and speed as the restart, or None."""
     if phases.reversed or phases.approach.stop - phases.approach.start < 4 * FEWEST:
         return None
-    steady = steady_part(recording, phases.approach)
-    if abs(abs(mean_velocity(recording, steady)) - speed) > SAME_SPEED * speed:
+    steady, velocity = steady_part(recording, phases.approach)
+    if abs(abs(velocity) - speed) > SAME_SPEED * speed:
         return None
     first = steady.start + int(np.argmax(_travelled(recording.position_m[steady]) >= 1.0 - LAST_SHARE))
     return slice(first, steady.stop) if steady.stop - first >= 2 * FEWEST else None

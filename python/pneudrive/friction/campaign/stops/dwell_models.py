@@ -167,7 +167,11 @@ def fit_forms(curve: DwellCurve, reference_s: float) -> tuple[DwellLawFit, ...]:
     """
     if most_durations(curve.data) < LEAST_DURATIONS:
         return ()
-    whitener = np.linalg.inv(np.linalg.cholesky(curve.scatter_covariance())).astype(float)
+    # The covariance of the stops without the bends, which the laws replace.
+    model = curve.fit.model
+    kept = [i for i, c in enumerate(model.components) if c.name not in BENDS]
+    scatter = replace(model, components=tuple(model.components[i] for i in kept)).covariance(curve.fit.sd[kept])
+    whitener = np.linalg.inv(np.linalg.cholesky(scatter)).astype(float)
     fits = sorted((_fit(curve, form, whitener, reference_s) for form in FORMS), key=lambda f: f.aicc)
     delta = [f.aicc - fits[0].aicc for f in fits]
     weight = np.exp(-0.5 * np.array(delta))
@@ -287,13 +291,6 @@ class DwellCurve:
         row = np.array([[-1.0, 1.0]]) / (high - low)
         rows = np.kron(np.eye(len(self.conditions)), row)
         return self.values(np.array([low, high])).combine(rows.astype(float))
-
-    def scatter_covariance(self) -> Array:
-        """Return the covariance of the stops without the bends, shape (n, n), for the comparison of laws."""
-        model = self.fit.model
-        kept = [i for i, c in enumerate(model.components) if c.name not in BENDS]
-        part = replace(model, components=tuple(model.components[i] for i in kept))
-        return part.covariance(self.fit.sd[kept])
 
     def values(self, log_s: Array, *, derivative: bool = False) -> mixed.Functionals:
         """Return the increment at log10 durations, or its derivative, N; condition by condition."""
@@ -420,8 +417,8 @@ def _first_scatter(data: dict[str, NDArray], x: Array) -> float:
     return float(np.sqrt(max(total - noise, 0.05 * total, 0.05 * noise, 1e-18 * (y @ y), 1e-300)))
 
 
-#: Number of candidate durations, in logarithmic steps, and digits of the proposed ones.
-DURATIONS, DIGITS = 120, 2
+#: Shortest and longest stop, s; number of candidate durations, in logarithmic steps; digits of the proposed ones.
+RANGE_S, DURATIONS, DIGITS = (0.1, 1000.0), 120, 2
 #: Samples of the log time constant over which the criterion is averaged, in standard deviations.
 DRAWS = np.linspace(-1.5, 1.5, 9)
 #: Assumed value of a free exponent: the middle of the values for slideways [kato1972].
@@ -469,20 +466,11 @@ class StopDesign(Shown):
         return toml.write({**head, "repeats": max(self.repeats), "stop": stops, "order": {"kind": "randomised"}})
 
 
-def design_stops(
-    form: str,
-    scale_s: float,
-    *,
-    stops: int = 12,
-    range_s: Interval = (0.1, 1000.0),
-    factor: float = 3.0,
-    increment_n: float = 1.0,
-    noise_n: float = 0.3,
-) -> StopDesign:
+def design_stops(form: str, scale_s: float, stops: int = 12, factor: float = 3.0, noise_n: float = 0.3) -> StopDesign:
     """Choose durations of stops that determine level, increment and time constant of a dwell law.
 
-    The design is D-optimal by exchange, averaged over a log-normal prior of the time constant. The model is linear in
-    the increment, so the size of the increment affects only the expected interval of the time constant.
+    The design is D-optimal by exchange, averaged over a log-normal prior of the time constant. The expected intervals
+    hold for an increment of 1 N.
 
     Parameters
     ----------
@@ -492,37 +480,35 @@ def design_stops(
         Guess of the time constant.
     stops : int
         Number of stops, including repeats.
-    range_s : (float, float)
-        Shortest and longest stop.
     factor : float
         Standard deviation of the guess, as a factor above 1.
-    increment_n, noise_n : float
-        Guess of the increment, and standard deviation of one breakaway force.
+    noise_n : float
+        Standard deviation of one breakaway force.
 
     Returns
     -------
     StopDesign
+
+    Raises
+    ------
+    FitError
+        If there is no such law.
     """
     laws = {one.name: one for one in FORMS if one.growth}
     if form not in laws:
         raise FitError(f"there is no dwell law {form!r}", remedy=nearest(form, laws))
-    if not (0.0 < range_s[0] < range_s[1] and scale_s > 0.0 and factor >= 1.0 and noise_n > 0.0):
-        raise FitError("durations, time constant and noise must be positive, and a factor 1 or more")
-    t = np.array([float(f"{v:.{DIGITS}g}") for v in np.geomspace(*range_s, DURATIONS)])
-    gradients = np.array([_gradient(laws[form], t, scale_s * factor**z, increment_n) for z in DRAWS]) / noise_n
-    size = gradients.shape[2]
-    candidates = DesignSpace(gradients, np.zeros((DRAWS.size, size, size)))
+    t = np.array([float(f"{v:.{DIGITS}g}") for v in np.geomspace(*RANGE_S, DURATIONS)])
+    # Derivatives with respect to level, increment, ln time constant and ln exponent, for each sample of the prior.
+    gradients, names = [], ("a_n", "increment_n", "time constant", "exponent")[: 2 + len(laws[form].units)]
+    for z in DRAWS:
+        shape = (scale_s * factor**z, KATO_M)[: len(laws[form].units)]
+        psi, _, *by_shape = laws[form].derivatives(t, *shape).T
+        logarithmic = [d * s for d, s in zip(by_shape, shape, strict=False)]
+        gradients.append(np.column_stack([np.ones(t.size), psi, *logarithmic]) / noise_n)
+    size = len(names)
+    candidates = DesignSpace(np.array(gradients), np.zeros((DRAWS.size, size, size)))
     counts = np.bincount(exchange(candidates, max(stops, size)), minlength=t.size)
     covariance = np.linalg.inv(information(candidates, counts.astype(float)))
     deviation = np.median(np.sqrt(np.einsum("dii->di", covariance)), axis=0)
-    names, reach = ("a_n", "increment_n", "time constant", "exponent"), student(counts.sum() - size)
-    half_widths = {name: float(reach * d) for name, d in zip(names, deviation, strict=False)}
+    half_widths = by_name(names, student(counts.sum() - size) * deviation)
     return StopDesign(form, tuple(t[counts > 0].tolist()), tuple(counts[counts > 0].tolist()), half_widths)
-
-
-def _gradient(form: DwellForm, t: Array, scale: float, increment: float) -> Array:
-    """Return the derivatives with respect to level, increment, ln time constant and ln exponent, shape (c, p)."""
-    shape = (scale, KATO_M)[: len(form.units)]
-    psi, _, by_time, by_exponent = form.derivatives(t, *shape).T
-    logarithmic = [increment * d * s for d, s in zip((by_time, by_exponent), shape, strict=False)]
-    return np.column_stack([np.ones(t.size), psi, *logarithmic])

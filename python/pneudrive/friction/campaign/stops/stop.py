@@ -82,7 +82,7 @@ def _read(file: CycleFile, samples: Samples, identity: Identity, others: Sequenc
     friction = phases.direction * recording.balance_n()
     own = course.strokes_of(file, recording, step, leave=course.stop_step(cycle)) if phases.by_steps else []
     running = course.running_level(recording, friction, phases, own, others, condition)
-    steady = course.steady_part(recording, phases.restart)
+    steady, velocity = course.steady_part(recording, phases.restart)
     part = phases.restart
     travel = phases.direction * (recording.position_m[part] - recording.position_m[part.start])
     time, travel, after = recording.time_s[part], np.maximum.accumulate(travel), friction[part]
@@ -104,7 +104,7 @@ def _read(file: CycleFile, samples: Samples, identity: Identity, others: Sequenc
         "index": file.head.index,
         **{name: getattr(cycle, name) for name in ("key", "block", "repeat")},
         "direction": phases.direction,
-        "speed_m_s": float(cycle.speed_m_s or 0.0) or abs(course.mean_velocity(recording, steady)),
+        "speed_m_s": float(cycle.speed_m_s or 0.0) or abs(velocity),
         "position_m": float(recording.position_m[phases.restart.start]),
         "began_s": file.head.began_s,
         "stop_s": float(cycle.stop_s) if cycle.stop_s is not None else phases.dwell_s,
