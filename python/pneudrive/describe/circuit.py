@@ -26,7 +26,7 @@ from pneudrive.lazy_names import upper
 from pneudrive.repr_tables import Card
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping
+    from collections.abc import Callable
 
     import xarray as xr
 
@@ -100,14 +100,14 @@ class Circuit(DescribedSystem):
             for one in cls.explain(error):
                 problems.add(one)
         for one in problems.found.values():
-            _relocate(one, short, {})
+            _relocate(one, short)
         problems.tell()
         assert whole is not None  # otherwise there was a problem
         vars(whole)["wiring"] = wiring
         try:
             whole.core_initial()
         except DescriptionError as error:
-            raise together([_relocate(one, short, parts) for one in error.each()]) from None
+            raise together([_relocate(one, short, wiring) for one in error.each()]) from None
         for warning in wiring.warnings:
             warn(warning)
         return whole
@@ -396,10 +396,17 @@ class Circuit(DescribedSystem):
         return "\n".join([toml.write(tables), "\n\n".join(blocks), ""])
 
 
-def _relocate(error: Any, short: Short, parts: Mapping[str, Part]) -> Any:  # noqa: ANN401 - an error
-    """Set the key of an error to the key in its file: of the table of a component or a copy, or of the short form."""
-    table, _, rest = (getattr(error, "key", None) or "").partition(".")
+def _relocate(error: Any, short: Short, wiring: Wiring | None = None) -> Any:  # noqa: ANN401 - an error
+    """Set the key of an error to the key in its file: of a table or a copy, of the short form, or of a connection.
+
+    With `wiring`, the error is one of the core, which names components and their ports.
+    """
+    key = getattr(error, "key", None)
+    table, _, rest = (key or "").partition(".")
     name, dot, inner = rest.partition(".")
-    written = parts[name].table if table == "components" and name in parts else ""
-    error.key = short.located(f"{written}{dot}{inner}" if written else getattr(error, "key", None))
+    if wiring is not None and table in ("", "components"):
+        ports = [port.name for port in wiring.ports(name)] if name in wiring.parts else []
+        joined = wiring.key_of(error.what) if inner in ("", *ports) else None
+        key = joined or (f"{wiring.parts[name].table}{dot}{inner}" if name in wiring.parts else key)
+    error.key = short.located(key)
     return error

@@ -10,7 +10,7 @@ from pneudrive.describe.tables.parts import Ambient
 from pneudrive.describe.tables.parts import Gas
 import xarray as xr
 from _typeshed import Incomplete
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from functools import cached_property
 from pathlib import Path
 from pneudrive.arrays import Keyed as Keyed, NamedNumbers as NamedNumbers, Plain as Plain
@@ -136,4 +136,4 @@ class Circuit(DescribedSystem):
         **keys: _Any,
     ) -> None: ...
 
-def _relocate(error: Any, short: Short, parts: Mapping[str, Part]) -> Any: ...
+def _relocate(error: Any, short: Short, wiring: Wiring | None = None) -> Any: ...
