@@ -76,13 +76,14 @@ class CoreMembers(NamedTuple):
 
 
 class Variation:
-    """The numbers of a drive, and of its start state, that a design sets.
+    """The numbers of a drive or a circuit, and of its start state, that a design sets.
 
     Parameters
     ----------
-    drive : Drive
+    drive : Drive or Circuit
     names : sequence of str
-        Names as in the drive file. ``initial.position`` and similar names belong to the start state.
+        Names as in the drive file, or as in `circuit_numbers`. ``initial.position`` and similar names belong to the
+        start state.
     initial : Initial, mapping or str, optional
         Start state of all members.
 
@@ -92,14 +93,11 @@ class Variation:
         A name is unknown or repeated.
     """
 
-    #: Table of the file that holds the numbers, with a dot.
-    key_prefix = ""
-
     def __init__(self, drive: Any, names: Sequence[str], initial: Any = None) -> None:  # noqa: ANN401
         self.drive = drive
-        of_drive = drive.system.names is not None
+        self.is_circuit = drive.system.names is None
         #: Start state of all members as a table of a file; that of a drive is checked already.
-        self.initial = dict(start_table(read_initial(initial)) if of_drive else start_values(initial))
+        self.initial = dict(start_values(initial) if self.is_circuit else start_table(read_initial(initial)))
         known = all_numbers(drive)
         for name in names:
             if name not in known:
@@ -126,8 +124,12 @@ class Variation:
         return by_name(self.names, list(rows.T))
 
     def start_said(self) -> dict[str, str]:
-        """Return the start state of all members in words. Studies with the same text have the same start."""
-        return {key: str(value) for key, value in self.initial.items()}
+        """Return the start state of all members in words, also that of a circuit file.
+
+        Studies with the same text have the same start.
+        """
+        start = self.drive.core_initial(self.initial) if self.is_circuit else self.initial
+        return {key: str(value) for key, value in start.items()}
 
     def reader(self, name: str) -> QuantityReader:
         """Return the reader of quantities, such as ``"25 mm"``, for a varied number."""
@@ -145,7 +147,7 @@ class Variation:
         """
         texts = {number.name: number.written(float(value)) for number, value in zip(self.numbers, row, strict=True)}
         own = {name: text for name, text in texts.items() if not name.startswith(free.INITIAL)}
-        changes = {name if name in free.AMBIENT else self.key_prefix + name: text for name, text in own.items()}
+        changes = {name if name in free.AMBIENT else self.drive.key_prefix + name: text for name, text in own.items()}
         start = self.initial | {
             name.removeprefix(free.INITIAL): text for name, text in texts.items() if name.startswith(free.INITIAL)
         }
@@ -203,9 +205,15 @@ class Variation:
         return CoreMembers(self.family.paths, self.family.many(rows[:, own]), self._starts(rows))
 
     def _starts(self, rows: Array) -> dict[str, float | Array]:
+        """Return the start values by column, or by member if other start values depend on varied numbers."""
         columns = self.columns(rows)
-        moved = [name for name in columns if name.startswith(free.INITIAL) or name in STARTS_FROM]
         state: dict[str, float | Array] = dict(self.drive.core_initial(self.initial))
+        if self.is_circuit:
+            starts = self._start_columns
+            if starts is None:
+                return self._each_start(rows)
+            return state | {column: columns[name] for name, column in starts.items()}
+        moved = [name for name in columns if name.startswith(free.INITIAL) or name in STARTS_FROM]
         if not moved:
             return state
         if not self.drive.is_plain:
@@ -224,19 +232,9 @@ class Variation:
         each = [described.core_initial(initial) for described, initial in map(self.single, rows)]
         return {name: np.array([start[name] for start in each]) for name in each[0] if name != "contact_age_s"}
 
-
-class CircuitVariation(Variation):
-    """The numbers of a circuit, and of its start state, that a design sets; names as in `circuit_numbers`."""
-
-    key_prefix = "components."
-
-    def start_said(self) -> dict[str, str]:
-        """Return the start state of all members in words, including that of the circuit file."""
-        return {name: repr(value) for name, value in self.drive.core_initial(self.initial).items()}
-
     @cached_property
     def _start_columns(self) -> dict[str, str] | None:
-        """Return the varied start values by name; None if other start values depend on a varied number."""
+        """Varied start values of a circuit by name; None if other start values may depend on a varied number."""
         known, state = free.numbers_of(self.drive), self.drive.core_initial(self.initial)
         starts = {
             name: self.drive.start_names[name.removeprefix(free.INITIAL)] for name in self.names if name not in known
@@ -244,29 +242,15 @@ class CircuitVariation(Variation):
         nominal = np.array([state[starts[name]] if name in starts else known[name].value for name in self.names])
         base = self._each_start(nominal[None])
         for place, name in enumerate(self.names):
-            nudged = self._nudged(nominal, place)
-            own = starts.get(name)
-            if nudged is None or any(nudged[key] != value for key, value in base.items() if key != own):
-                return None  # also where a number is at a bound
-        return starts
-
-    def _nudged(self, nominal: Array, place: int) -> dict[str, float | Array] | None:
-        for sign in (1.0, -1.0):
             row = nominal.copy()
-            row[place] += sign * NUDGE * (abs(row[place]) or 1.0)
+            row[place] += NUDGE * (abs(row[place]) or 1.0)
             try:
-                return self._each_start(row[None])
-            except DescriptionError:
-                continue
-        return None
-
-    def _starts(self, rows: Array) -> dict[str, float | Array]:
-        """Return the start values by column, or by member if other start values depend on varied numbers."""
-        starts = self._start_columns
-        if starts is None:
-            return self._each_start(rows)
-        columns = self.columns(rows)
-        return self.drive.core_initial(self.initial) | {column: columns[name] for name, column in starts.items()}
+                nudged = self._each_start(row[None])
+            except DescriptionError:  # at a bound
+                return None
+            if any(nudged[key] != value for key, value in base.items() if key != starts.get(name)):
+                return None
+        return starts
 
 
 class QuantityReader:
