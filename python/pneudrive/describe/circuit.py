@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from functools import cached_property, partial
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
@@ -15,8 +15,8 @@ from pneudrive.describe.circuit_tables import completed, read_components
 from pneudrive.describe.components import Component, within_component
 from pneudrive.describe.connections import Part, Wiring
 from pneudrive.describe.files import toml
-from pneudrive.describe.formulas import law, written
-from pneudrive.describe.kinds import COMMAND, component_kinds
+from pneudrive.describe.formulas import written
+from pneudrive.describe.kinds import COMMAND
 from pneudrive.describe.short import Short
 from pneudrive.describe.system import DRIVE_NAMES, PISTON, DescribedSystem, System
 from pneudrive.describe.tables.parts import assumed_stops
@@ -160,15 +160,7 @@ class Circuit(DescribedSystem):
         DescriptionError
             As for `load`.
         """
-        with toml.locating(path, text):
-            written.read_file(tables.get("friction"), "law", "friction", law.law_of, path)
-            components = tables.get("components")
-            for name, table in components.items() if isinstance(components, dict) else ():
-                if isinstance(table, dict):
-                    key, entry = f"components.{name}", component_kinds().get(str(table.get("kind")))
-                    written.read_file(table.get("friction"), "law", f"{key}.friction", law.law_of, path)
-                    if entry is not None and entry["formula"]:
-                        written.read_file(table, "formula", key, partial(written.formula_of, entry=entry), path)
+        with toml.locating(path, text), written.files_in(path.parent):
             return cls.model_validate(tables)
 
     def replace(self, changes: Plain) -> Circuit:

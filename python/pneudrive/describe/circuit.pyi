@@ -20,8 +20,8 @@ from pneudrive.describe.components import Component as Component, within_compone
 from pneudrive.describe.connections import Part as Part, Wiring as Wiring
 from pneudrive.describe.files import toml as toml
 from pneudrive.describe.files.sourced import Value as Value
-from pneudrive.describe.formulas import law as law, written as written
-from pneudrive.describe.kinds import COMMAND as COMMAND, component_kinds as component_kinds
+from pneudrive.describe.formulas import written as written
+from pneudrive.describe.kinds import COMMAND as COMMAND
 from pneudrive.describe.marks import Signal as Signal
 from pneudrive.describe.short import Short as Short
 from pneudrive.describe.system import (

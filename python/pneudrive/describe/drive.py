@@ -115,8 +115,7 @@ class Drive(DescribedSystem):
         DescriptionError
             As for `load`.
         """
-        with toml.locating(path, text):
-            written.read_file(tables.get("friction"), "law", "friction", law_of, path)
+        with toml.locating(path, text), written.files_in(path.parent):
             base = tables.pop("drive", None)
             if base is None:
                 return cls.model_validate(tables)

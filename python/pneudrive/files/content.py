@@ -193,33 +193,23 @@ def _check_tokens(tokens: Iterable[re.Match[str]], where: str, kind: ErrorKind) 
             within("nesting", most + 1, what, kind, where)
 
 
-def check_depth(value: object, where: str, kind: ErrorKind) -> None:
-    """Check the nesting of parsed tables and lists, and the size of their whole numbers.
-
-    Dotted keys add to the depth of brackets. Integers of TOML are limited to 64 bits, but Python's parser accepts
-    longer ones.
+def check_numbers(value: object, where: str, kind: ErrorKind, name: object = "") -> None:
+    """Check the whole numbers of tables and lists: those of TOML have 64 bits, but Python's parser accepts longer ones.
 
     Raises
     ------
     PneudriveError
     """
-    level, depth = [value], 0
-    while level:
-        depth += 1
-        within("nesting", depth - 1, "the file is nested too deep", kind, where)
-        tables = [value for value in level if isinstance(value, dict | list)]
-        for table in tables:
-            for key, number in table.items() if isinstance(table, dict) else enumerate(table, start=1):
-                if type(number) is int and abs(number) > LARGEST_WHOLE:
-                    name = key if isinstance(table, dict) else f"number {key} of a list"
-                    digits = round(number.bit_length() * math.log10(2.0))
-                    raise kind(
-                        f"{name} is out of bounds: it is a whole number of {digits} digits",
-                        where=where,
-                        rule="whole numbers have up to 64 bits",
-                        remedy="Write a decimal point, or an exponent.",
-                    )
-        level = [value for table in tables for value in (table.values() if isinstance(table, dict) else table)]
+    if type(value) is int and abs(value) > LARGEST_WHOLE:
+        what = f"{name} is out of bounds: it is a whole number of {round(value.bit_length() * math.log10(2.0))} digits"
+        remedy = "Write a decimal point, or an exponent."
+        raise kind(what, where=where, rule="whole numbers have up to 64 bits", remedy=remedy)
+    if isinstance(value, dict):
+        for key, inner in value.items():
+            check_numbers(inner, where, kind, key)
+    elif isinstance(value, list):
+        for number, inner in enumerate(value, start=1):
+            check_numbers(inner, where, kind, f"number {number} of a list")
 
 
 # --- Kinds of folders by the files in them, and of TOML files by their tables.
