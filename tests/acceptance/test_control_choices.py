@@ -34,15 +34,9 @@ def test_factors_go_through_a_file_into_a_run(axis, tmp_path):
 @pytest.mark.parametrize(
     ("text", "says"),
     [
-        ('law = "nmpc"\n[nmpc]\npredictor = "circuit"', "Leave the table out: the model is used"),
-        ('law = "pid"\n[on_fault]\nsupply = "slow"', 'Use "tell", "stop" or "block", or a slower reference'),
         ('law = "inversion"\n[factors]\ndamping = 2', "the law inversion does not use it; its factors are gain"),
         ('law = "pid"\n[factors]\ngain = 11', "not more than 10"),
-        ('law = "pva"', 'The controller "pva" was removed. Use "inversion"'),
-        ('law = "pid"\n[observer]\nkind = "levant"\njerk = "400 m/s3"', "Leave the table out: kalman is used"),
-        ('law = "fuzzy"\n[fuzzy]\ninference = "mamdani"', "Leave the table out: sugeno is used"),
         ('law = "pid"\ndrive = "gone.toml"', 'controller.toml:3\n    drive = "gone.toml"'),
-        ('law = "pid"\n[on_fault]\nlaw = "pva"', 'The controller "pva" was removed. Use "inversion"'),
         ('law = "inversion"\n[valves]\nstiffnes = "2 N/mm"', "valves.stiffnes is not a gain of these valves"),
         ('law = "inversion"\n[valves]\nstiffness = "-2 N/mm"', "out of bounds"),
     ],

@@ -14,12 +14,11 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from dataclasses import dataclass, fields, replace
 from functools import lru_cache
-from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from pneudrive.control.loop import RTOL, Prepared, prepare, run_prepared
-from pneudrive.control.mismatch import Mismatch, MismatchOrFile, Truth, mismatched, read_mismatch
+from pneudrive.control.mismatch import MismatchOrFile, Truth, mismatched, read_mismatch
 from pneudrive.control.own_law import is_own
 from pneudrive.control.references import USUAL, ReferenceOrFile, reference, standard_references
 from pneudrive.control.scores import SHOWN, SPREAD_SHOWN, Score, written
@@ -465,7 +464,7 @@ def _score_in(file: Path, key: str) -> Score | None:
 
 MOST_SEEDS = 100_000
 MEMBERS = 200  # members of a spread by default
-SPREAD_SEED, MOST_TRUTHS = 0, 64  # seed of a spread's samples; members that are held at a time
+SPREAD_SEED = 0  # of a spread's samples
 
 
 def standard(drive: DriveOrCircuit) -> dict[str, Reference]:
@@ -547,8 +546,10 @@ def benchmark(
     Cancelled
         `cancel` was set; finished runs are kept.
     """
-    folder, own = _folder(out), _spread(spread, mismatch)
-    count = _count(seeds, members, is_spread=own is not None)
+    if spread is not None and mismatch is not None:
+        raise CommandError.of("control.spread_and_mismatch")
+    folder, count = Path(out), _count(seeds, members, is_spread=spread is not None)
+    own, of_spread = (None, "") if spread is None else read_mismatch(spread)
     read, name = read_setup(setup)
     tunings = _tunings(drive, laws, {"setup": read, "allow_code": allow_code})
     at_once = processors() if threads is None else whole_number("threads", threads, 1, MOST_SEEDS)
@@ -561,10 +562,20 @@ def benchmark(
         for along, one in to_follow.items()
     }
     store = Store(folder, keeps=own is None, mark=mark_of(folder, tunings))
-    truths = _truths(first := next(iter(prepared.values())), own)
-    keys = "".join(key_of(one._replace(truth=truths(1)), 1, store.mark) for one in prepared.values())
-    about = {"drive": drive.name, "setup": name, "setup_about": read.about, "mismatch": first.mismatch}
-    about |= {"spread": own[1] if own else "", "count": count, "rtol": RTOL, **_references_told(to_follow)}
+    first = next(iter(prepared.values()))
+    core_json = first.circuit.core_json()
+
+    def truth_of(seed: int) -> Truth:
+        if own is None:
+            return first.truth
+        return mismatched(core_json, first.plant, first.setup, own, own.drawn(SPREAD_SEED, seed))
+
+    keys = "".join(key_of(one._replace(truth=truth_of(1)), 1, store.mark) for one in prepared.values())
+    about: Plain = {"drive": drive.name, "setup": name, "setup_about": read.about, "mismatch": first.mismatch}
+    about |= {"spread": of_spread, "count": count, "rtol": RTOL}
+    about["references"] = {along: one.text for along, one in to_follow.items()}
+    missed = {along: one.points_missed_m for along, one in to_follow.items() if one.points_missed_m is not None}
+    about |= {"points_missed_m": missed} if missed else {}
     about |= assumptions(tunings) | {"mark": store.mark, "keys": hashlib.sha256(keys.encode()).hexdigest()}
     inputs = [one for tuning in tunings.values() for one in inputs_of(tuning.belief)]
     about |= stored_beside({INPUTS: inputs}, folder)
@@ -577,7 +588,7 @@ def benchmark(
     each = [(law, along, seed) for seed in range(1, count + 1) for along in to_follow for law in tunings]
 
     def one_of(law: str, along: str, seed: int) -> ControlledRun:
-        run = store.run(prepared[law, along]._replace(truth=truths(seed)), law, along, seed)
+        run = store.run(prepared[law, along]._replace(truth=truth_of(seed)), law, along, seed)
         entry = {"law": law, "reference": along, "seed": seed, "reason": run.reason, "run": run.file.name}
         with store.lock:
             _log(folder / SO_FAR, run.score, entry)
@@ -592,26 +603,6 @@ def benchmark(
     return made
 
 
-def _references_told(references: Mapping[str, Reference]) -> Plain:
-    """Return the text of each reference, and the largest distance of its curve from given points."""
-    missed = {along: one.points_missed_m for along, one in references.items() if one.points_missed_m is not None}
-    texts = {along: one.text for along, one in references.items()}
-    return {"references": texts} | ({"points_missed_m": missed} if missed else {})
-
-
-def _folder(out: object) -> Path:
-    if not isinstance(out, str | PathLike):
-        raise CommandError(f"out is a {type(out).__name__}", rule="out must name a folder", remedy='out="laws"')
-    return Path(out)
-
-
-def _spread(spread: MismatchOrFile | None, mismatch: object) -> tuple[Mismatch, str] | None:
-    """Read a spread. A spread and a mismatch exclude each other."""
-    if spread is not None and mismatch is not None:
-        raise CommandError.of("control.spread_and_mismatch")
-    return None if spread is None else read_mismatch(spread)
-
-
 def _count(seeds: int, members: int | None, *, is_spread: bool) -> int:
     """Return the number of seeds, or of members of a spread."""
     if is_spread:
@@ -621,33 +612,19 @@ def _count(seeds: int, members: int | None, *, is_spread: bool) -> int:
     return whole_number("seeds", seeds, 1, MOST_SEEDS)
 
 
-def _truths(first: Prepared, spread: tuple[Mismatch, str] | None) -> Callable[[int], Truth]:
-    """Return a function from a seed, or a member of a spread, to the true drive."""
-    if spread is None:
-        return lambda _: first.truth
-    core_json, plant, setup = first.circuit.core_json(), first.plant, first.setup
-
-    @lru_cache(maxsize=MOST_TRUTHS)
-    def of(member: int) -> Truth:
-        return mismatched(core_json, plant, setup, spread[0], spread[0].drawn(SPREAD_SEED, member))
-
-    return of
-
-
 def _on_threads(
     call: Callable[[str, str, int], ControlledRun],
     asked: Sequence[tuple[str, str, int]],
     threads: int,
     watch: Watch,
-) -> Iterator[ControlledRun]:
-    """Yield the runs in the order of their requests. After an exception, runs that have not begun are cancelled."""
+) -> list[ControlledRun]:
+    """Return the runs in the order of their requests. After an exception, runs that have not begun are cancelled."""
     with ThreadPoolExecutor(threads) as pool:
-        futures = [pool.submit(call, *one) for one in asked]
         try:
-            yield from (future.result() for future in watch.each(futures, "runs"))
+            futures = [pool.submit(call, *one) for one in asked]
+            return [future.result() for future in watch.each(futures, "runs")]
         finally:
-            for future in futures:
-                future.cancel()
+            pool.shutdown(wait=False, cancel_futures=True)
 
 
 def _tunings(

@@ -6,7 +6,7 @@ import math
 from functools import cache
 from itertools import pairwise
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, Literal, TypeAlias, TypeVar
+from typing import Annotated, Any, Literal, TypeAlias, TypeVar
 
 from pydantic import Field, model_validator
 
@@ -195,7 +195,6 @@ class Setup(Described):
     0.0003
     """
 
-    elsewhere: ClassVar = {"factors": "Gains no longer change during a run. Give factors in the controller file."}
     schema_version: Literal[1] = Field(default=1, alias="schema")
     about: str = Field(default="", description="free text")
     sensors: ControlSensors = ControlSensors()
@@ -323,23 +322,6 @@ def read_ready(
 _SECONDS = marks.Quantity("s", "ms", marks.Bounds(above=0.0))
 
 
-#: Removed word of a controller file -> remedy.
-REMOVED = {
-    "pva": 'The controller "pva" was removed. Use "inversion", or "pid" as a baseline.',
-    "slow": 'References are no longer slowed. Use "tell", "stop" or "block", or a slower reference.',
-}
-
-
-class KnownWord(marks.Choice):
-    """Annotation of a field that accepts one of several words, with remedies for removed words."""
-
-    def read(self, given: object) -> str:
-        """Check that the value is one of the words."""
-        if isinstance(given, str) and given in REMOVED:
-            raise DescriptionError(f"{given!r} is not known", remedy=REMOVED[given])
-        return super().read(given)
-
-
 class ControlLimits(Described):
     """Limits of a drive under control. A reference beyond them is rejected, and a drive beyond them is stopped."""
 
@@ -380,10 +362,10 @@ class OnFault(Described):
     valve: Annotated[str, marks.Choice(("tell", "stop", "block"))] = Field(
         default="block", description="valve does not answer"
     )
-    supply: Annotated[str, KnownWord(("tell", "stop", "block"))] = Field(
+    supply: Annotated[str, marks.Choice(("tell", "stop", "block"))] = Field(
         default="block", description="supply has fallen; block: only when it no longer fills a chamber"
     )
-    law: Annotated[str | None, KnownWord(tuple(_core.control_laws()))] = Field(
+    law: Annotated[str | None, marks.Choice(tuple(_core.control_laws()))] = Field(
         default=None, description="replaces a failed controller; absent: inversion, except for custom controllers"
     )
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Literal
 
 from pneudrive import __version__, _core
 from pneudrive.control.references import ReferenceOrFile, check_reach, named_or_read
@@ -27,7 +27,14 @@ LANGUAGES = {
 }
 #: Words that cannot be names in structured text.
 RESERVED = frozenset(package_table(__file__, "structured_text.toml")["reserved"].split())
-#: Outputs of an FMU of `nmpc`: name, unit, meaning.
+#: Inputs and outputs of an FMU of `nmpc`: name, unit, meaning.
+_INPUTS = (
+    ("position", "m", "measured position of the piston, from the end of chamber a"),
+    ("pressure_a", "Pa", "measured pressure in chamber a, absolute"),
+    ("pressure_b", "Pa", "measured pressure in chamber b, absolute"),
+    ("enabled", "1", "above 0.5: the drive may move"),
+    ("emergency_stop", "1", "above 0.5: the drive has to stop"),
+)
 _OUTPUTS = (
     ("command", "1", "command to the valve, -1 .. 1, of the last sample"),
     ("reference", "m", "reference position at the last sample"),
@@ -195,33 +202,20 @@ def law_plan(tuning: Tuning, reference: Reference, setup: Setup) -> FmuPlan:
         raise CommandError("a custom law cannot be part of an FMU", remedy="Choose a controller of pneudrive.")
     if tuning.valves:
         raise CommandError.of("control.fmu_of_valves")
-    form = setup.core(0, tuning.belief.ambient.pressure_pa)
     rest_pa = tuning.belief.ambient.pressure_pa
-    given = [
-        (
-            "position",
-            "m",
-            "measured position of the piston, from the end of chamber a",
-            float(reference.at([0.0])[0, 0]),
-        )
-    ]
+    form = setup.core(0, rest_pa)
+    starts = {"position": float(reference.at([0.0])[0, 0]), "enabled": 1.0, "emergency_stop": 0.0}
     if form["pressures"] is not None:
-        given += [
-            (f"pressure_{side}", "Pa", f"measured pressure in chamber {side}, absolute", rest_pa) for side in "ab"
-        ]
-    given += [
-        ("enabled", "1", "above 0.5: the drive may move", 1.0),
-        ("emergency_stop", "1", "above 0.5: the drive has to stop", 0.0),
+        starts |= {"pressure_a": rest_pa, "pressure_b": rest_pa}
+    inputs = [
+        FmuVariable(*row, "input", {"role": "input", "of": row[0], "discrete": False}, starts[row[0]])
+        for row in _INPUTS
+        if row[0] in starts
     ]
-    inputs = [FmuVariable(name, unit, what, "input", _role("input", name), start) for name, unit, what, start in given]
-    outputs = [FmuVariable(name, unit, what, "output", _role("output", name)) for name, unit, what in _OUTPUTS]
+    outputs = [FmuVariable(*row, "output", {"role": "output", "of": row[0]}) for row in _OUTPUTS]
     law = {"controller": tuning.core(), "motion": reference.core(), "position": form["position"]}
     return FmuPlan(
         title=f"{tuning.law} for {tuning.belief.name}",
         variables=(TIME, *inputs, *outputs),
         law=law,
     )
-
-
-def _role(word: str, name: str) -> dict[str, Any]:
-    return {"role": word, "of": name} | ({"discrete": False} if word == "input" else {})

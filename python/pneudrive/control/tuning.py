@@ -8,7 +8,7 @@ import os
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, NamedTuple, TypeAlias
+from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple, TypeAlias
 
 from pydantic import Field, model_validator
 
@@ -20,7 +20,7 @@ from pneudrive.datasheet.equilibrium import full_speeds
 from pneudrive.describe.base import Described
 from pneudrive.describe.files import toml
 from pneudrive.describe.files.catalogue import PREFIX
-from pneudrive.describe.marks import Bounds, Quantity, Reads
+from pneudrive.describe.marks import Bounds, Choice, Quantity, Reads
 from pneudrive.errors import CommandError, DescriptionError, invalid, nearest, warn, within, wrong
 from pneudrive.own_code import split
 from pneudrive.repr_tables import Shown
@@ -99,15 +99,11 @@ class Factors(Described):
         return () if set(self.values) == {1.0} else self.values
 
 
-#: Removed tables of a controller file: content that is still accepted because it has no effect, and remedy for others.
-REMOVED_TABLES = {
-    "nmpc": ({"predictor": "model"}, "The predictor circuit was removed. Leave the table out: the model is used."),
-    "observer": ({"kind": "kalman"}, "Levant and lugre were removed. Leave the table out: kalman is used."),
-    "fuzzy": ({"inference": "sugeno"}, "The inference mamdani was removed. Leave the table out: sugeno is used."),
-}
+#: Tables of older controller files that are accepted because they have no effect.
+REMOVED_TABLES = {"nmpc": {"predictor": "model"}, "observer": {"kind": "kalman"}, "fuzzy": {"inference": "sugeno"}}
 
 
-class LawWord(instrumentation.KnownWord):
+class LawWord(Choice):
     """Annotation of a field for a controller: its key, or the name of code, ``mine.py:Law``."""
 
     def read(self, given: object) -> str:
@@ -130,7 +126,6 @@ class Controller(Described):
     (0.001, None)
     """
 
-    elsewhere: ClassVar = {key: remedy for key, (_, remedy) in REMOVED_TABLES.items()}
     schema_version: Literal[1] = Field(default=1, alias="schema")
     law: Annotated[str, LawWord(tuple(_core.control_laws()))] = Field(description="a law, or code: mine.py:Law")
     period_s: Annotated[float, Quantity("s", "ms", Bounds(above=0.0))] = Field(
@@ -153,8 +148,7 @@ class Controller(Described):
     def _without_removed_tables(cls, given: Any) -> Any:  # noqa: ANN401 - of any type
         if not isinstance(given, dict):
             return given
-        unchanging = {key: content for key, (content, _) in REMOVED_TABLES.items()}
-        return {key: table for key, table in given.items() if key not in unchanging or table != unchanging[key]}
+        return {key: table for key, table in given.items() if table != REMOVED_TABLES.get(key)}
 
     def core(self, law: str, belief: Circuit, **numbers: Any) -> Plain:  # noqa: ANN401 - numbers by key, or factors
         """Return the controller in the core's form, SI, with its ``gains``, ``valves`` and ``factors``."""
@@ -537,8 +531,7 @@ def _table(law: object, controller: ControllerOrFile | None) -> tuple[Controller
     if controller is None:
         word = OWN if isinstance(law, OwnLaw) else law or DEFAULT_LAW
         if word != OWN and word not in laws():
-            remedy = instrumentation.REMOVED.get(str(word)) or nearest(str(word), laws())
-            raise CommandError(f'there is no law "{word}"', remedy=remedy)
+            raise CommandError(f'there is no law "{word}"', remedy=nearest(str(word), laws()))
         return Controller(law=str(word)), Path(), "", None
     if isinstance(controller, Controller):
         table, path, text = controller, "", None
