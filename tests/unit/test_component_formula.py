@@ -160,7 +160,10 @@ def test_a_lock_starts_as_its_first_command_has_it():
     ("points", "said"),
     [
         ('[{ position = "0 mm", force = "10 N" }]', "press.points has 1 points: 2 to 50"),
-        ('[{ position = "9 mm", force = "1 N" }, { position = "8 mm", force = "1 N" }]', "position = 0.008 m comes after 0.009 m"),
+        (
+            '[{ position = "9 mm", force = "1 N" }, { position = "8 mm", force = "1 N" }]',
+            "position = 0.008 m comes after 0.009 m",
+        ),
         ('[{ position = "9 mm" }, { position = "8 mm", force = "1 N" }]', "point 1"),
         ('[{ position = "0 mm", force = 3 }, { position = "8 mm", force = "1 N" }]', "force of point 1: 3 has no unit"),
         ("3", "is not a list of points"),

@@ -18,7 +18,7 @@ from pneudrive.describe.kinds import COMMAND, FLOW, RATIO, STATED, acts, compone
 from pneudrive.describe.marks import POSITIVE, Quantity, Signal, StatedPressure, parameter_quantity
 from pneudrive.describe.tables import valve_flow
 from pneudrive.describe.tables.friction import Friction
-from pneudrive.describe.tables.parts import FlowCoefficient
+from pneudrive.describe.tables.parts import CV, KV
 from pneudrive.errors import DescriptionError, invalid, nearest, within, wrong
 from pneudrive.units import Pressure, UnitFloat, column_name
 
@@ -353,7 +353,7 @@ def _mark(parameter: Keyed) -> Quantity | StatedPressure:
     if parameter["unit"] == STATED:
         return StatedPressure()
     mark = parameter_quantity(parameter)
-    return mark if mark.si_unit else marks.PureNumber("", bounds=mark.bounds)
+    return mark if mark.si_unit else marks.NumberOf(bounds=mark.bounds)
 
 
 def _size(key: str) -> Quantity:
@@ -420,8 +420,8 @@ _SWITCHES = 'The valve switches, after time_on and time_off. A spool belongs to 
 #: Alternatives to the conductance as size of a flow path, by the last word of their key.
 _SIZES: dict[str, Quantity] = {
     "flow": Quantity("m^3/s ANR", "l/min ANR", POSITIVE),
-    "kv": FlowCoefficient("", "Kv", POSITIVE),
-    "cv": FlowCoefficient("", "Cv", POSITIVE),
+    "kv": KV,
+    "cv": CV,
 }
 
 

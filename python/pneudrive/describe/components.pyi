@@ -35,7 +35,7 @@ from pneudrive.describe.marks import (
 )
 from pneudrive.describe.tables import valve_flow as valve_flow
 from pneudrive.describe.tables.friction import Friction as Friction
-from pneudrive.describe.tables.parts import FlowCoefficient as FlowCoefficient
+from pneudrive.describe.tables.parts import CV as CV, KV as KV
 from pneudrive.errors import (
     DescriptionError as DescriptionError,
     invalid as invalid,

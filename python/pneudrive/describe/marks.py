@@ -14,7 +14,7 @@ from pneudrive.files.bounds import within
 from pneudrive.units import Pressure, UnitFloat
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Callable, Mapping, Sequence
 
     from pneudrive.arrays import Interval, Keyed, Plain
 
@@ -428,22 +428,34 @@ def _on_paper(given: object) -> Interval | None:
 ON_PAPER = Reads(_on_paper, list, {"type": "array", "items": {"type": "number"}, "minItems": 2, "maxItems": 2})
 
 
-class PureNumber(Quantity):
-    """Annotation of a field for a pure number, or a fraction in per cent, "0.4 %"."""
+@dataclass(frozen=True)
+class NumberOf(Quantity):
+    """Annotation of a field for a pure number, or a number with a name as its unit: "0.4 %", "0.9 Cv".
+
+    Parameters
+    ----------
+    names : dict
+        Name -> its value.
+    """
+
+    si_unit: str = ""
+    names: Mapping[str, float] = field(default_factory=lambda: {"%": 100.0}, hash=False)
 
     def read(self, given: object) -> float:
         """Convert and check."""
-        if isinstance(given, str) and given.endswith("%"):
+        if isinstance(given, str):
+            name = next((name for name in self.names if given.endswith(name)), "")
             try:
-                given = float(given.removesuffix("%")) / 100.0
-            except ValueError:
-                raise DescriptionError(f'"{given}" is not a number') from None
+                given = float(given.removesuffix(name)) / self.names[name]
+            except (KeyError, ValueError):
+                rule = f"a pure number without quotes, or a text with {' or '.join(self.names)}"
+                raise DescriptionError(f'"{given}" is not a number', rule=rule) from None
         return super().read(given)
 
     def schema(self) -> Plain:
         """Describe both forms."""
-        number = super().schema()
-        return {"anyOf": [number, {"type": "string", "pattern": r"^\S+\s*%$"}]}
+        names = "|".join(self.names)
+        return {"anyOf": [super().schema(), {"type": "string", "pattern": rf"^\S+\s*({names})$"}]}
 
 
 @dataclass(frozen=True)

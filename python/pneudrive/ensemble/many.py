@@ -27,7 +27,7 @@ from pneudrive.free.parameters import INITIAL
 from pneudrive.lazy_names import upper
 from pneudrive.progress import Flag, Progress, Watch
 from pneudrive.simulation.simulate import SOLVER, require, whole_number
-from pneudrive.simulation.start import check_tolerance, ready, start
+from pneudrive.simulation.start import check_commands, check_tolerance, ready, start
 from pneudrive.simulation.trajectory import meaning, save, write_frame, write_whole
 from pneudrive.views import View
 
@@ -629,9 +629,7 @@ def study_of(
         rows = rows.wider(beside)
     plans.check(rows.size)
     session = start(drive, for_all)
-    for name, each in plans.steps.items():
-        for value in {value for _, values in each for value in values}:
-            session.set(name, value)  # a component that switches accepts its positions only
+    check_commands(session, ((name, steps) for name, each in plans.steps.items() for steps in each))
     columns = [variable.name for variable in session.variables if variable.kind == "output"]
     signals = SignalNames(columns, plans.moves_up)
     if drive.system.names is None:

@@ -13,7 +13,7 @@ from pneudrive.describe.base import Described
 from pneudrive.describe.marks import NOT_NEGATIVE, POSITIVE, Bounds, MaybePressure, MaybeTemperature, Quantity
 from pneudrive.describe.tables import valve_flow
 from pneudrive.describe.tables.geometry import check_rod, piston_areas
-from pneudrive.errors import DescriptionError, invalid, package_table, warn, wrong
+from pneudrive.errors import invalid, package_table, warn, wrong
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Mapping, Sequence
@@ -280,28 +280,9 @@ class Cylinder(_DrivePart):
         return piston_areas(self.kind, self.bore_m, self.rod_diameter_m or 0.0)
 
 
-class FlowCoefficient(Quantity):
-    """Annotation of a flow coefficient: a pure number, or a number with its name as unit ("0.9 Cv")."""
-
-    def read(self, given: object) -> float:
-        """Convert and check."""
-        if isinstance(given, str) and given.split()[1:] in (["Kv"], ["Cv"], ["m3/h"]):
-            text, unit = given.split()
-            if (unit in {"Kv", "m3/h"}) != (self.written == "Kv"):
-                raise DescriptionError(f'"{given}" is not a {self.written}')
-            try:
-                given = float(text)
-            except ValueError:
-                raise DescriptionError(f'"{given}" is not a number') from None
-        return super().read(given)
-
-    def schema(self) -> Plain:
-        """Return the JSON schema of both forms."""
-        own = "Kv|m3/h" if self.written == "Kv" else "Cv"
-        number = super().schema()
-        return {"anyOf": [number, {"type": "string", "pattern": rf"^\S+\s+({own})$"}]}
-
-
+#: Annotations of flow coefficients.
+KV = marks.NumberOf("", "Kv", POSITIVE, {"Kv": 1.0, "m3/h": 1.0})
+CV = marks.NumberOf("", "Cv", POSITIVE, {"Cv": 1.0})
 SWITCHING = "switching-5/3"
 #: Keys of a switching valve, and keys of a proportional valve.
 _TIMES, _SHARES = ("time_on", "time_off"), ("overlap", "leakage", "command")
@@ -327,8 +308,8 @@ class Valve(_DrivePart):
         default=None, alias="conductance"
     )
     nominal_flow_m3_s_anr: Annotated[float | None, Quantity("m^3/s ANR", "l/min ANR", POSITIVE)] = None
-    kv: Annotated[float | None, FlowCoefficient("", "Kv", POSITIVE)] = None
-    cv: Annotated[float | None, FlowCoefficient("", "Cv", POSITIVE)] = None
+    kv: Annotated[float | None, KV] = None
+    cv: Annotated[float | None, CV] = None
     critical_pressure_ratio: marks.Fraction = valve_flow.USUAL_RATIO
     subsonic_index: Annotated[float, Quantity("", bounds=Bounds(above=0.0, at_most=2.0))] = 0.5
     linear_above: marks.Fraction = 0.999
