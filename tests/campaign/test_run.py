@@ -140,15 +140,6 @@ def test_pause_resume_and_abort_from_another_process(tmp_path, undisturbed):
     finish(tmp_path / "c", undisturbed)
 
 
-def test_a_cancel_flag_ends_it(tmp_path, undisturbed):
-    flag = threading.Event()
-    rig = FakeRig(hold_up_s=0.1, trouble=lambda rig, _: flag.set() if rig.calls.count("part") == 5 else None)
-    result = run_campaign(protocol(), rig, tmp_path / "c", options=QUICK, cancel=flag)
-    assert result.ended == ENDED
-    assert at_rest(rig)
-    finish(tmp_path / "c", undisturbed)
-
-
 def test_requests_to_nobody_and_from_before_are_harmless(tmp_path, undisturbed):
     with pytest.raises(CampaignError, match="no process works"):
         ask(tmp_path, ABORT, "eve")

@@ -26,7 +26,6 @@ if TYPE_CHECKING:
     from pneudrive.arrays import Plain
     from pneudrive.campaign.planning.preflight import Plan
     from pneudrive.campaign.running.live import Display
-    from pneudrive.progress import Flag
 
 
 @dataclass(frozen=True, repr=False)
@@ -59,7 +58,6 @@ def run_campaign(
     display: Display | None = None,
     prompt: Terminal | None = None,
     subscribers: Subscribers = (),
-    cancel: Flag | None = None,
 ) -> Result:
     """Run a campaign into a folder, or resume it if the folder already contains it.
 
@@ -83,8 +81,6 @@ def run_campaign(
     subscribers : sequence of callable
         Called with bluesky's documents (name, document): a start, a descriptor, an event for each finished
         cycle, a stop.
-    cancel : object with ``is_set()``, optional
-        A `threading.Event`, for instance. Once set, the campaign ends as by ``pneudrive campaign abort``.
 
     Returns
     -------
@@ -102,7 +98,7 @@ def run_campaign(
     """
     asked = protocol if isinstance(protocol, Protocol) else read_protocol(protocol)
     folder = Path(into)
-    audience: Plain = {"display": display, "prompt": prompt, "subscribers": subscribers, "cancel": cancel}
+    audience: Plain = {"display": display, "prompt": prompt, "subscribers": subscribers}
     if (folder / ABOUT).exists():
         there = Campaign.open(folder)
         if asked.text.strip() != there.protocol.strip():
@@ -134,7 +130,6 @@ def resume_campaign(
     display: Display | None = None,
     prompt: Terminal | None = None,
     subscribers: Subscribers = (),
-    cancel: Flag | None = None,
 ) -> Result:
     """Resume a campaign; see `run_campaign`.
 
@@ -146,7 +141,7 @@ def resume_campaign(
         which code runs. Optional for a simulated rig or a replay.
     allow_code : str, optional
         Instead of `rig`: SHA-256 of the file of the custom code that started the campaign.
-    options, pace, display, prompt, subscribers, cancel
+    options, pace, display, prompt, subscribers
         As in `run_campaign`.
 
     Raises
@@ -181,7 +176,7 @@ def resume_campaign(
             raise CampaignError.of("campaign.other-rig", where=campaign.path, names=", ".join(other))
         if (limits := bench.limits()) != plan.envelope:
             lay_out(plan.protocol, campaign.identity, limits)  # check again: the rig may allow less than before
-        audience = {"display": display, "prompt": prompt, "subscribers": subscribers, "cancel": cancel}
+        audience = {"display": display, "prompt": prompt, "subscribers": subscribers}
         return _run(campaign, plan, bench, options, lock, audience)
 
 
@@ -248,8 +243,7 @@ def _about(plan: Plan, operator: str, labels: dict[str, str], source: str) -> Pl
 
 def _digest(source: str) -> str:
     path = Path(source)
-    is_file = bool(source) and path.is_file()
-    return hashlib.sha256(path.read_bytes()).hexdigest() if is_file else own_code.sha256(source)
+    return hashlib.sha256(path.read_bytes()).hexdigest() if path.is_file() else own_code.sha256(source)
 
 
 __all__ = ["DONE", "ENDED", "Options", "Result", "can_be_resumed", "resume_campaign", "run_campaign"]

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 import threading
+import traceback
 from concurrent.futures import Future, wait
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
@@ -206,10 +207,9 @@ def rig_error(error: BaseException) -> PneudriveError:
     """Return an error of pneudrive unchanged; wrap an error of a laboratory's code in a RigError."""
     if isinstance(error, PneudriveError):
         return error
-    frame, trace = "", error.__traceback__
-    while trace is not None:
-        frame, trace = f"{trace.tb_frame.f_code.co_filename}:{trace.tb_lineno}", trace.tb_next
-    wrapped = RigError(f"the rig's own code failed: {type(error).__name__}: {error}", where=frame)
+    frame = traceback.extract_tb(error.__traceback__)[-1]
+    where = f"{frame.filename}:{frame.lineno}"
+    wrapped = RigError(f"the rig's own code failed: {type(error).__name__}: {error}", where=where)
     wrapped.__cause__ = error
     return wrapped
 

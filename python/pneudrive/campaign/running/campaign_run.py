@@ -15,9 +15,10 @@ from dataclasses import dataclass, replace
 from functools import partial
 from typing import TYPE_CHECKING, Any, TypeAlias
 
+from pneudrive import __version__
 from pneudrive.campaign.cycle import WORDS, Cycle, Head
 from pneudrive.campaign.running.attempt import SERIOUS, Attempts, GiveUpError, MeasuringBounds, arrival_flags, rig_error
-from pneudrive.campaign.running.live import Display, LiveFiles, guarded
+from pneudrive.campaign.running.live import Display, LiveFiles, counted
 from pneudrive.campaign.storage import control
 from pneudrive.campaign.storage.folder import CYCLES, LOG, Campaign, tidy, write_cycle
 from pneudrive.errors import CampaignError, ConnectionLostError, RigError
@@ -28,7 +29,6 @@ if TYPE_CHECKING:
 
     from pneudrive.arrays import Plain
     from pneudrive.campaign.planning.preflight import Plan, Planned
-    from pneudrive.progress import Flag
     from pneudrive.rig.interface import Rig, Samples
 
 #: Each is called with the name and the content of a document.
@@ -174,7 +174,7 @@ class CampaignRun:
     rig : Rig
     options : Options
     lock : FolderLock
-    display, prompt, subscribers, cancel
+    display, prompt, subscribers
         As in `pneudrive.campaign.run.run_campaign`.
     """
 
@@ -189,18 +189,17 @@ class CampaignRun:
         display: Display | None,
         prompt: Terminal | None,
         subscribers: Subscribers,
-        cancel: Flag | None,
     ) -> None:
         self.campaign, self.plan, self.options = campaign, plan, options
         self._lock, self._prompt, self._subscribers = lock, prompt or Terminal(), subscribers
-        self._journal = control.Journal(campaign.path / LOG)
-        self._display = guarded(self._journal, display or Display(), LiveFiles(campaign.path))
+        self._log = partial(control.append_line, campaign.path / LOG)
+        self._displays = (display or Display(), LiveFiles(campaign.path))
         files, tidied = tidy(campaign)
         for line in tidied:
             self._tell(line)
-        self._requests = control.Requests(campaign.path, cancel)
+        self._requests = control.Requests(campaign.path)
         self._bounds = MeasuringBounds.of(plan)
-        self._attempts = Attempts(rig, self._bounds, self._display.part)
+        self._attempts = Attempts(rig, self._bounds, partial(self._show, "part"))
         self.finished = {file.head.cycle.key: file.head.flags for file in files}
         numbers = (path.name.partition("-")[0] for path in (campaign.path / CYCLES).glob("[0-9]*"))
         self._index = max((int(number) for number in numbers if number.isdigit()), default=0)
@@ -220,8 +219,16 @@ class CampaignRun:
         return f"{len(self.finished)} of {self.total} cycles"
 
     def _tell(self, text: str) -> None:
-        self._journal.write(text)
-        self._display.say(text)
+        self._log(text)
+        self._show("say", text)
+
+    def _show(self, what: str, *arguments: Any) -> None:  # noqa: ANN401 - as the method of a display has them
+        """Call a method of each display. Errors of a display go to the log and do not end the campaign."""
+        for display in self._displays:
+            try:
+                getattr(display, what)(*arguments)
+            except Exception as error:  # noqa: PERF203 - the terminal is gone, or a display is wrong
+                self._log(f"the display failed: {type(error).__name__}: {error}")
 
     def run(self) -> str:
         """Run the remaining cycles of the plan, with pauses, and bring the rig to rest.
@@ -232,26 +239,26 @@ class CampaignRun:
             `DONE`, or `ENDED` if a person ended the campaign, which can then be resumed.
         """
         begins = "resumed" if self.finished else "began"
-        self._journal.write(f"{begins} after {self.now}; rig {self.campaign.identity.name}")
-        self._display.began(self.plan, self.finished.keys())
+        self._log(f"{begins} after {self.now}; rig {self.campaign.identity.name}")
+        self._show("began", self.plan, self.finished.keys())
         for note in self.plan.notes:
-            self._display.say(f"note: {note}")
+            self._show("say", f"note: {note}")
         ended = "failed"
         with self._requests.signals():  # to the end: another Ctrl-C must not interrupt bringing the rig to rest
             try:
                 ended = self._cycles()
             except BaseException as error:
-                self._journal.write(f"{type(error).__name__}: {error}")
+                self._log(f"{type(error).__name__}: {error}")
                 mark(error)
                 raise
             finally:
                 trouble = self._attempts.rest() and self._attempts.rest()  # a second attempt if the first failed
                 self._attempts.close()
-                self._display.ended()
+                self._show("ended")
                 restless = f"; the rig may not be at rest: {trouble}" if trouble else ""
-                self._journal.write(f"{ended} after {self.now}{restless}")
+                self._log(f"{ended} after {self.now}{restless}")
                 if trouble:
-                    self._display.say(f"THE RIG MAY NOT BE AT REST: {trouble}")
+                    self._show("say", f"THE RIG MAY NOT BE AT REST: {trouble}")
         if trouble:
             error = RigError("the rig could not be brought to rest", value=trouble, remedy="Stop it by hand.")
             mark(error)
@@ -274,7 +281,7 @@ class CampaignRun:
                 bad = bad + 1 if SERIOUS & flags.keys() else 0
                 if bad >= MOST_BAD:
                     where = str(self.campaign.path / CYCLES / data["file"])
-                    raise CampaignError.of("campaign.bad-cycles", where=where, value=_counted(flags), count=bad)
+                    raise CampaignError.of("campaign.bad-cycles", where=where, value=counted(flags), count=bad)
         except EndedError as ended:
             documents.stop("abort", str(ended))
             return ENDED
@@ -285,8 +292,6 @@ class CampaignRun:
         return DONE
 
     def _metadata(self) -> Plain:
-        from pneudrive import __version__
-
         return {
             "plan_name": "friction campaign",
             "campaign": str(self.campaign.about.get("name", "")),
@@ -366,19 +371,19 @@ class CampaignRun:
             text = f"Paused after {self.now}; the axis is at rest, the pressure released."
             keys = "Enter: continue, a: end the campaign > "
             self._lock.tell(state="paused", text=f"after {self.now}")
-        self._journal.write(f"paused{': ' + question if question else ''}")
-        self._display.suspend()
+        self._log(f"paused{': ' + question if question else ''}")
+        self._show("suspend")
         if self._prompt.there:
             self._prompt.show(f"{text}\n{keys}")
         else:
-            self._display.say(f"{text} To resume: pneudrive campaign resume {self.campaign.path}")
+            self._show("say", f"{text} To resume: pneudrive campaign resume {self.campaign.path}")
         goes_on, name, how = self._answer(operator)
         answer = f"{'resumed' if goes_on else 'ended'} {'at the keyboard' if how == 'terminal' else f'by {name}'}"
         if not goes_on:
             self._tell(answer)
             raise EndedError("ended while paused")
-        self._journal.write(answer)
-        self._display.go_on()
+        self._log(answer)
+        self._show("go_on")
         self._requests.presses = 0
         self._lock.tell(state="running", text="")
         return {"name": name, "time": control.now(), "how": how}
@@ -408,14 +413,14 @@ class CampaignRun:
         """Run a cycle, store it, and return the data of its event."""
         cycle = planned.cycle
         self._lock.tell(state="running", text="", cycle=cycle.key)
-        self._display.cycle(cycle)
+        self._show("cycle", cycle)
         confirmed: dict[str, str] = {}
         if cycle.text:  # a step of the operator
             confirmed = {"name": self.options.operator or control.user(), "time": control.now(), "how": "--yes"}
             if not self.options.yes:
                 confirmed = self._pause(cycle.text)  # at rest: somebody will reach into the rig
             by = "assumed done: --yes" if self.options.yes else f"confirmed by {confirmed['name']}"
-            self._journal.write(f"{cycle.key}: {cycle.text} ({by})")
+            self._log(f"{cycle.key}: {cycle.text} ({by})")
         return self._write(*self._measured(cycle, planned.samples * SAMPLE_BYTES + CYCLE_BYTES), confirmed)
 
     def _measured(self, cycle: Cycle, needed: int) -> tuple[Head, Samples]:
@@ -436,7 +441,7 @@ class CampaignRun:
                 failures += 1
                 self._give_up(cycle, error, failures)
             self._checkpoint()
-            self._display.cycle(cycle)  # another attempt
+            self._show("cycle", cycle)  # another attempt
 
     def _give_up(self, cycle: Cycle, error: BaseException, failures: int) -> None:
         """Handle an attempt that failed; `failures` counts those of the cycle.
@@ -508,9 +513,9 @@ class CampaignRun:
         path = write_cycle(self.campaign.path, head, samples)
         self._attempts.finished(head)
         self.finished[cycle.key] = flags
-        flagged = f"; flags: {_counted(flags)}" if flags else ""
-        self._journal.write(f"{cycle.key} is finished, {len(samples)} samples{flagged}")
-        self._display.finished(cycle, flags)
+        flagged = f"; flags: {counted(flags)}" if flags else ""
+        self._log(f"{cycle.key} is finished, {len(samples)} samples{flagged}")
+        self._show("finished", cycle, flags)
         return {
             "index": self._index,
             "key": cycle.key,
@@ -526,10 +531,6 @@ class CampaignRun:
 def mark(error: BaseException) -> None:
     """Mark an error that ended a campaign after its start, see `pneudrive.campaign.run.can_be_resumed`."""
     error.while_running = True  # type: ignore[attr-defined]
-
-
-def _counted(flags: dict[str, int]) -> str:
-    return ", ".join(f"{flag} {count}" for flag, count in flags.items())
 
 
 def _without_numbers(text: str) -> str:

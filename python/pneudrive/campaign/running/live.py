@@ -7,12 +7,12 @@ import json
 import sys
 import threading
 import time
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, Any
 from zlib import crc32
 
 import numpy as np
 
-from pneudrive.campaign.storage.control import FOLDER, LIVE, LIVE_POINTS, Journal, write_whole
+from pneudrive.campaign.storage.control import FOLDER, LIVE, LIVE_POINTS, write_whole
 from pneudrive.errors import CampaignError
 from pneudrive.files.content import read_bytes, read_json
 from pneudrive.numbers import duration
@@ -32,6 +32,11 @@ if TYPE_CHECKING:
 
 REFRESHED_HZ = 5.0
 LINES = 6  # of the latest messages
+
+
+def counted(flags: dict[str, int]) -> str:
+    """Return flags with their counts as text."""
+    return ", ".join(f"{flag} {count}" for flag, count in flags.items())
 
 
 class Display:
@@ -99,23 +104,6 @@ class Display:
         """Show that the campaign ends."""
 
 
-def guarded(journal: Journal, *displays: Display) -> Display:
-    """Combine several displays. Their errors go to the journal and do not end the campaign."""
-
-    class Guarded:
-        def __getattr__(self, name: str) -> Any:  # noqa: ANN401 - whatever a display has
-            def call(*arguments: Any) -> None:  # noqa: ANN401
-                for display in displays:
-                    try:
-                        getattr(display, name)(*arguments)
-                    except Exception as error:  # noqa: PERF203 - the terminal is gone, or a display is wrong
-                        journal.write(f"the display failed: {type(error).__name__}: {error}")
-
-            return call
-
-    return cast("Display", Guarded())
-
-
 class TerminalDisplay(Display):
     """A live table on a terminal: finished cycles, remaining time, the current cycle, the latest messages.
 
@@ -146,7 +134,7 @@ class TerminalDisplay(Display):
     def finished(self, cycle: Cycle, flags: dict[str, int]) -> None:
         """Show that a cycle is stored."""
         super().finished(cycle, flags)
-        flagged = ", ".join(f"{flag} {count}" for flag, count in flags.items())
+        flagged = counted(flags)
         if not self._is_screen:
             end = f"  flags: {flagged}" if flagged else ""
             self.say(f"{self.count}/{self.total} {cycle.key}  {self.left} left{end}")

@@ -30,8 +30,6 @@ from pneudrive.files.writing import is_held, open_to_append, take
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from pneudrive.progress import Flag
-
 
 # --- Whole files, the lock and the log of a campaign folder.
 
@@ -262,23 +260,11 @@ def user() -> str:
         return str(os.getuid())
 
 
-class Journal:
-    """A log of lines, each with date and time. A failure of the log never ends a campaign.
-
-    Parameters
-    ----------
-    path : Path
-    """
-
-    def __init__(self, path: Path) -> None:
-        self._path = path
-        self._lock = threading.Lock()
-
-    def write(self, text: str) -> None:
-        """Append a line; if the disk is full, the line is lost."""
-        line = " | ".join(part for part in text.splitlines() if part.strip())
-        with self._lock, contextlib.suppress(OSError, CommandError), open_to_append(self._path) as file:
-            file.write(f"{now()} {line}\n")
+def append_line(path: Path, text: str) -> None:
+    """Append a line with date and time to a log. A failure of the log, such as a full disk, never ends a campaign."""
+    line = " | ".join(part for part in text.splitlines() if part.strip())
+    with contextlib.suppress(OSError, CommandError), open_to_append(path) as file:
+        file.write(f"{now()} {line}\n")
 
 
 # --- Pause, resume and abort: from the keyboard, by a signal, and from another process by files in the folder.
@@ -322,12 +308,10 @@ class Requests:
     ----------
     folder : Path
         Folder of the campaign.
-    cancel : object with ``is_set()``, optional
-        Once set, it counts as a request to end.
     """
 
-    def __init__(self, folder: Path, cancel: Flag | None = None) -> None:
-        self._folder, self._cancel = folder / FOLDER, cancel
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder / FOLDER
         self._queue: deque[Request] = deque()
         self.presses, self._last_press = 0, 0.0
         # Not a threading.Event: its lock is not re-entrant, and a signal handler may run while its thread holds it.
@@ -344,9 +328,6 @@ class Requests:
 
     def take(self) -> Request | None:
         """Remove and return the oldest request, or return None."""
-        if self._cancel is not None and self._cancel.is_set():
-            self._cancel = None
-            return Request(ABORT, "the caller")
         if self._queue:
             return self._queue.popleft()
         return next(filter(None, map(self._take_file, self._waiting())), None)
