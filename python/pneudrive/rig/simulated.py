@@ -45,8 +45,6 @@ class Trace(Shown):
         Commanded speed.
     pressure_a_pa, pressure_b_pa : float
         Absolute pressures at which the chambers are held.
-    statistics : dict
-        Counts of the integration.
     """
 
     columns: dict[str, Array]
@@ -54,7 +52,6 @@ class Trace(Shown):
     speed_m_s: float
     pressure_a_pa: float
     pressure_b_pa: float
-    statistics: dict
 
 
 @dataclass(frozen=True)
@@ -148,7 +145,7 @@ class SimulatedRig:
         pressures = self._absolute(gauge_pa)
         times = np.linspace(0.0, motion.duration_s, count * int(d.tables.sampling.samples_per_cycle))
         result = drag(core_rig(d, pressures), motion, times, motion.start_m)
-        return Trace(result.columns, motion, speed_m_s, *pressures, result.statistics)
+        return Trace(result.columns, motion, speed_m_s, *pressures)
 
     def record(self, trace: Trace, seed: int | Sequence[int] = 0, *, name: str | None = None) -> Recording:
         """Read a trace with the rig's sensors.

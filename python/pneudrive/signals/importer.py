@@ -240,12 +240,6 @@ def _time_of(column: TimeColumn, table: ForeignTable, where: str) -> tuple[Array
     return time, 0 if column.wraps is not None else wraps
 
 
-def read_rows(path: Path, layout: FileLayout, rows: tuple[int, int]) -> Columns:
-    """Read some rows of the raw columns that a layout names, by channel, from a Parquet file."""
-    table = read_binary(path, layout, rows)
-    return {channel: table.columns[table.places[column.column]] for channel, column in layout.channels.items()}
-
-
 def import_file(path: Path, layout: FileLayout) -> tuple[Plain, dict[str, int], str]:
     """Read the columns that a layout names.
 

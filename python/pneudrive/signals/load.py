@@ -16,7 +16,7 @@ import numpy as np
 from pneudrive.arrays import Columns, Ints, Plain, rows_of
 from pneudrive.errors import RecordingError
 from pneudrive.files.tables import Table, open_table
-from pneudrive.signals.importer import SI_NAMES, import_file, read_rows, si_columns
+from pneudrive.signals.importer import SI_NAMES, import_file, read_binary, si_columns
 from pneudrive.signals.layout import KINDS, AnyLayout, FileLayout, Layout, stem
 from pneudrive.signals.recording import CHANNELS, ParallelForce, Recording
 from pneudrive.signals.text_table import column_number, read_bytes
@@ -72,7 +72,8 @@ class RecordingFile:
         """Read some rows of the raw columns, by channel."""
         if self.said is None:
             return read_columns(self.path, MEASURED, rows, self.table)
-        return read_rows(self.path, self.said, rows)
+        table = read_binary(self.path, self.said, rows)
+        return {channel: table.columns[table.places[c.column]] for channel, c in self.said.channels.items()}
 
     def sha256(self) -> str:
         """Return the hash of a long recording: of the bytes of its file, or of the columns of a trajectory."""

@@ -134,17 +134,13 @@ class OpcUaRig:
 
     def stop(self) -> None:
         """Bring the axis to rest and release the pressure; safe to call at any time, also twice."""
-        try:
-            with self._starting:
-                if self._link.lost is None:
-                    self._run(node_map.Verb.STOP)
-                    self._known = self._link.number  # a stop starts with a fresh connection anyway
-                    return
-        except LinkError:
-            pass
-        if not self._back_within(min(STOP_S, self._link.file.reconnect_s)):  # connecting stops the axis
+        with contextlib.suppress(LinkError), self._starting:
+            if self._link.lost is None:
+                self._run(node_map.Verb.STOP)
+        # Connecting again stops the axis, too.
+        if self._link.lost is not None and not self._back_within(min(STOP_S, self._link.file.reconnect_s)):
             beat = self._nodes.handshake.heartbeat_s
-            raise RigError.of("rig.stop-lost", where=self._url, reason=self._link.lost, beat=beat) from None
+            raise RigError.of("rig.stop-lost", where=self._url, reason=self._link.lost, beat=beat)
         self._known = self._link.number
 
     def _do(self, verb: node_map.Verb, steps: Sequence[interface.Step] = (), arguments: Plain | None = None) -> None:
