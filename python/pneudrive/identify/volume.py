@@ -180,7 +180,7 @@ def identify_volume(
     watch = Watch(progress, cancel)
     records = read_volume_recordings(recordings, layout)
     names, held = _free(tank, records, free)
-    watcher = Watcher(lambda at: watch.tell(at.step, 0, "steps of the search"), watch)
+    watcher = Watcher(watch)
     tried = [(_minima(one, records, names, watcher), one) for one in _linear_regions(tank, records)]
     minima, tank = min(tried, key=lambda found: found[0][0].cost)
     problem, _ = _problem(tank, records, names, watch)

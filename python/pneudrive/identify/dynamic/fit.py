@@ -104,7 +104,7 @@ def identify(
     sensors: Mapping[str, sensing.Sensor | Keyed] | None = None,
     channels: Sequence[str] | None = None,
     layout: str | Path | None = None,
-    progress: Callable[[search.Progress], None] | None = None,
+    progress: Progress | None = None,
     cancel: Flag | None = None,
 ) -> DriveFit: ...
 @overload
@@ -127,7 +127,7 @@ def identify(
     sensors: Mapping[str, sensing.Sensor | Keyed] | None = None,
     channels: Sequence[str] | None = None,
     layout: str | Path | None = None,
-    progress: Any = None,
+    progress: Progress | None = None,
     cancel: Flag | None = None,
 ) -> DriveFit | FollowFit:
     """Identify parameters of a drive or a circuit from recordings of its motion by output error.
@@ -159,10 +159,8 @@ def identify(
         Channels to compare with the model; default: position and pressures.
     layout : path, optional
         Layout of foreign files.
-    progress : callable, optional
-        Called with each step (`Progress`).
-    cancel : object with ``is_set()``, optional
-        For example a `threading.Event`. Once set, the search raises `Cancelled` at its next step.
+    progress, cancel : optional
+        See `pneudrive.progress.Watch`.
 
     Returns
     -------
@@ -205,7 +203,7 @@ def identify(
     described = sensing.channels_of(names, sensors)
     options.delay_s = sensing.command_delay(sensors)
     parameters = _resolvable(drive, chosen(drive, free), records, described, options)
-    watcher = search.Watcher(progress, Watch(cancel=cancel))
+    watcher = search.Watcher(Watch(progress, cancel))
 
     def attempt(values: Array | None) -> search.Solved:
         """Search from start values, with the recordings in segments of the present options."""

@@ -23,8 +23,6 @@ from pneudrive.identify.dynamic.problem import FitProblem, Iterate, Shot
 from pneudrive.progress import Watch
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
     from pneudrive.arrays import Array, ArrayPair, Interval, NamedNumbers, Pair
     from pneudrive.describe.system import ShortNames
     from pneudrive.identify.base import Undetermined
@@ -59,33 +57,18 @@ ROUNDING = float(np.finfo(np.float64).eps)
 SHORTEST = 1e-6
 
 
-@dataclass(frozen=True)
-class Progress:
-    """Progress after each step."""
-
-    phase: str
-    step: int
-    cost: float
-    rms: NamedNumbers
-    gap: float
-    values: NamedNumbers
-
-
 class Watcher:
     """Keeps the best point for interruptions, and reports each step."""
 
-    def __init__(self, tell: Callable[[Progress], None] | None, watch: Watch) -> None:
-        self.tell, self.watch, self.count = tell, watch, 0
+    def __init__(self, watch: Watch) -> None:
+        self.watch, self.count = watch, 0
         self.point: Iterate | None = None
 
-    def step(self, problem: FitProblem, phase: str, standing: Misfit) -> None:
+    def step(self, phase: str, point: Iterate) -> None:
         """Register an accepted step; end the search if the user cancelled it."""
-        self.watch.look()
-        self.point = standing.point
+        self.point = point
         self.count += 1
-        if self.tell is not None:
-            rms, values = problem.rms(standing.residuals), problem.named(standing.point.eta)
-            self.tell(Progress(phase, self.count, standing.cost, rms, standing.gap, values))
+        self.watch.tell(self.count, 0, phase)
 
 
 def reduced(blocks: list[ArrayPair], size: int) -> ArrayPair:
@@ -281,7 +264,7 @@ def predict_segments(problem: FitProblem, point: Iterate, watcher: Watcher) -> I
             continue
         standing, longest = found
         point, closings = standing.point, 0
-        watcher.step(problem, "steps with separate segments", standing)
+        watcher.step("steps with separate segments", point)
         if 1.0 - standing.cost / at.cost < SMALL_GAIN:
             break
         shots = problem.run(point, "reached")
@@ -357,7 +340,7 @@ def join_segments(
         standing, longest = found
         at = linearise(problem, standing.point, problem.run(standing.point, "drive"))
         if watcher is not None:
-            watcher.step(problem, "steps with joined segments", at)
+            watcher.step("steps with joined segments", at.point)
     return at, False
 
 
