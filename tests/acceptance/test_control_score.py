@@ -480,7 +480,6 @@ def test_wrong_spreads_give_one_message(case, tmp_path, refusal, monkeypatch):
 
 WRONG_CALLS = {
     "drive is a NoneType": lambda _: pn.control.tune(None),
-    "out is a NoneType": lambda axis: pn.control.benchmark(axis, "inversion", [STEP], out=None),
     "seed = '3' is not a whole number": lambda axis: pn.control.run(axis, "inversion", reference=STEP, seed="3"),
     "seed = -1 is out of bounds": lambda axis: pn.control.run(axis, "inversion", reference=STEP, seed=-1),
     "seeds = 2.0 is not a whole number": lambda axis: pn.control.benchmark(

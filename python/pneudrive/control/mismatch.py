@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -11,11 +12,11 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple, TypeAlias
 import numpy as np
 from pydantic import Field
 
-from pneudrive import _core, units
+from pneudrive import _core
 from pneudrive.control.setup import Disturbance, Setup, read_ready
 from pneudrive.describe.base import Described
 from pneudrive.describe.kinds import component_kinds
-from pneudrive.describe.marks import Bounds, Choice, Mark, number, parameter_quantities, quantity
+from pneudrive.describe.marks import Bounds, Choice, Quantity, parameter_quantities
 from pneudrive.describe.tables.friction import friction_laws, options_of
 from pneudrive.errors import CommandError, DescriptionError, invalid
 
@@ -34,38 +35,27 @@ ABOVE_ZERO = Bounds(above=0.0)
 
 
 @dataclass(frozen=True)
-class ValueOrRange(Mark):
+class ValueOrRange(Quantity):
     """Annotation of a value, or of a range such as ``"75 Hz .. 125 Hz"``, sampled uniformly. It stores both ends."""
 
     si_unit: str = ""
-    written: str = ""
     bounds: Bounds = ABOVE_ZERO
 
-    def read(self, given: object) -> Interval:
+    def read(self, given: object) -> Interval:  # type: ignore[override]
         """Convert and check."""
-        ends = given.split("..") if isinstance(given, str) else [given]
-        if len(ends) > 2:
-            raise DescriptionError(f'"{given}" is not a range', remedy='Write "0.8 .. 1.2".')
-        low, high = (self._end(ends[0]), self._end(ends[-1]))
-        if not low <= high:
-            raise DescriptionError(f'range "{given}" is empty', rule="the first end must not exceed the second")
+        ends: list[Any] = [end.strip() for end in given.split("..")] if isinstance(given, str) else [given]
+        if not self.si_unit:
+            with suppress(ValueError):
+                ends = [float(end) if isinstance(end, str) else end for end in ends]
+        low, high = (Quantity.read(self, end) for end in (ends[0], ends[-1]))
+        if len(ends) > 2 or not low <= high:
+            raise DescriptionError(f'"{given}" is not a range', remedy='Write "0.8 .. 1.2", the lower end first.')
         return low, high
 
-    def _end(self, given: object) -> float:
-        if self.si_unit:
-            return quantity(given.strip() if isinstance(given, str) else given, self.si_unit, self.bounds)
-        try:
-            plain = float(given) if isinstance(given, str) else given
-        except ValueError:
-            raise DescriptionError(f'"{given}" is not a number', remedy='Write 1.2, or "0.8 .. 1.2".') from None
-        return number(plain, self.bounds)
-
-    def show(self, value: Interval) -> str | float:
+    def show(self, value: Interval) -> str | float:  # type: ignore[override]
         """Write the value as users would."""
-        if not self.si_unit:
-            return value[0] if value[0] == value[1] else f"{value[0]:g} .. {value[1]:g}"
-        ends = [units.write(end, self.si_unit, self.written) for end in value]
-        return ends[0] if ends[0] == ends[1] else " .. ".join(ends)
+        ends = [Quantity.show(self, end) for end in value]
+        return ends[0] if ends[0] == ends[1] else " .. ".join(e if isinstance(e, str) else f"{e:g}" for e in ends)
 
     def schema(self) -> Plain:
         """Return the JSON schema of the form that users write."""
