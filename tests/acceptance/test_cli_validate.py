@@ -125,8 +125,6 @@ def test_a_drive_is_identified_the_fit_put_into_it_and_exported_from_files_alone
     free = "friction.coulomb,valve.conductance"
     assert run(["identify", str(start), str(tmp_path / "run.csv"), "--free", free, "--out", str(fit)]) == 0
     said = capsys.readouterr()
-    assert "cost" not in said.err
-    assert re.search(r"rms residual position \S+ (um|mm|m), pressure_a \S+ bar", said.err)
     lines = (line.split("  ")[0].strip() for line in str(DriveFit.from_toml(fit)).splitlines())
     assert all(line in said.out for line in lines)
     with pytest.raises(FitError, match="Fit again"):

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from contextlib import suppress
 from dataclasses import replace
 from functools import partial
@@ -20,7 +19,7 @@ from pneudrive.errors import CommandError, DescriptionError, FitError, Pneudrive
 from pneudrive.lazy_names import used_later
 
 with used_later(__name__):
-    from pneudrive import numbers, units
+    from pneudrive import units
     from pneudrive.campaign.planning import next_points, plan, protocol
     from pneudrive.campaign.running import live
     from pneudrive.describe.files import load, toml
@@ -31,12 +30,10 @@ with used_later(__name__):
     from pneudrive.identify import design as law_choice
     from pneudrive.identify import files, volume
     from pneudrive.identify.dynamic import result as drive_fits
-    from pneudrive.identify.dynamic import sensors as channels
     from pneudrive.identify.follow import fit as follow
     from pneudrive.identify.static import model, survey
     from pneudrive.identify.static import result as static_fits
     from pneudrive.rig import rig_file
-    from pneudrive.simulation import trajectory
     from pneudrive.validate import motion as friction_check
 
 if TYPE_CHECKING:
@@ -46,7 +43,6 @@ if TYPE_CHECKING:
 
     from pneudrive.friction.campaign.result import CampaignCharacteristics
     from pneudrive.identify.design import Design
-    from pneudrive.identify.dynamic.search import Progress
 
 LawFit: TypeAlias = "tuple[static_fits.FrictionFit, law_choice.LawComparison | None]"
 MOST_NAMED = 6  # largest number of values of a label in a message
@@ -286,18 +282,8 @@ def identify(
         result = pn.identify_volume(pn.Tank.load(drive), recordings, names or None, layout=layout, progress=tell)
     else:
         described: Any = load.load_described(drive)
-        options = {"sensors": sensor_options(sensor), "layout": layout}
-        result = pn.identify(described, recordings, names, progress=_show_step, **options)
+        result = pn.identify(described, recordings, names, sensors=sensor_options(sensor), layout=layout, progress=tell)
     show_fit(result, out, report)
-
-
-def _show_step(progress: Progress) -> None:
-    """Write the RMS residual of each channel. The cost is left out, because each phase has other weights."""
-    rms = []
-    for name, value in progress.rms.items():
-        size, unit = units.readable(trajectory.meaning(channels.CHANNELS[name])[1])
-        rms.append(f"{name} {numbers.plain(value / size)} {unit}")
-    sys.stderr.write(f"step {progress.step} ({progress.phase}): rms residual {', '.join(rms)}\n")
 
 
 def apply(fit: Path, drive: str | None = None, *, out: Path | None = None) -> None:
