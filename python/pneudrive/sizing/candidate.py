@@ -16,12 +16,11 @@ import numpy as np
 
 from pneudrive.sizing.checks import PROBABILITY, DrawResults, Hardest, Provisional, Shortage, SizedDrive, rank_of
 from pneudrive.sizing.strokes import NEVER, DriveStrokes, StrokeResults, StrokeRuns, Tuned, cases, is_worth_more
-from pneudrive.sizing.task import NO_FLOW_CONTROL, DriveChoice, PartChoice
+from pneudrive.sizing.task import NO_FLOW_CONTROL, DriveChoice, PartChoice, SizingTask
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from pneudrive.sizing.task import SizingTask
 
 #: Key of the ranking: see `SizedDrive.rank`.
 Rank = tuple[Any, ...]

@@ -9,24 +9,19 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 from pydantic import BeforeValidator
 
-from pneudrive.arrays import Interval
+from pneudrive.arrays import Array, Bools, Interval, NamedNumbers
 from pneudrive.constants import ANR_LITRES_PER_KG, STANDARD_GRAVITY_M_S2, USUAL_PEAK_PA
 from pneudrive.describe.components import USUAL, unusual_sizes
 from pneudrive.errors import OPEN_CHECK
 from pneudrive.numbers import plain as three
 from pneudrive.sizing.strokes import COARSE, DRAWN, RTOL, DriveStrokes, Setting, StrokeResults
-from pneudrive.sizing.task import WITHOUT, DriveChoice, PartChoice, energy_limit, peak_limit
+from pneudrive.sizing.task import WITHOUT, DriveChoice, PartChoice, SizingTask, energy_limit, peak_limit
 from pneudrive.views import Finding
-
-if TYPE_CHECKING:
-    from pneudrive.arrays import Array, Bools, NamedNumbers
-    from pneudrive.sizing.task import SizingTask
-
 
 #: A number that may be infinite: a file then has null.
 Number = Annotated[float, BeforeValidator(lambda value: math.inf if value is None else value)]

@@ -517,11 +517,13 @@ class SizingFolder:
         self.folder = folder
         self._stages: dict[tuple[str, int], tuple[str, Any]] = {}
         self._file: int | None = None
+        known = (one for one in entries().values() if not one.is_drive)
+        parts = sorted(f"{one.name} {one.kind} {one.values} {one.printed}" for one in known)
         said = {
             "version": __version__,
             "task": task.to_dict(),
             "draws": draws,
-            "catalogue": _catalogue(),
+            "catalogue": hashlib.sha256("\n".join(parts).encode()).hexdigest(),
             "rules": RULES,
         }
         about = json.loads(json.dumps(said))
@@ -604,9 +606,3 @@ def read_choices(path: Path) -> list[SizedDrive]:
         if draws and (name not in drives or draws >= drives[name].draws):
             drives[name] = drive
     return list(drives.values())
-
-
-def _catalogue() -> str:
-    """Return the SHA-256 of all parts of the catalogue."""
-    said = sorted(f"{one.name} {one.kind} {one.values} {one.printed}" for one in entries().values() if not one.is_drive)
-    return hashlib.sha256("\n".join(said).encode()).hexdigest()

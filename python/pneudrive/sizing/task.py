@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from difflib import get_close_matches
 from fnmatch import fnmatchcase
@@ -29,8 +29,6 @@ from pneudrive.describe.tables.parts import Ambient
 from pneudrive.errors import DescriptionError, invalid, wrong
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
-
     from pneudrive.arrays import Keyed, NamedNumbers, Plain
 
 
@@ -253,18 +251,12 @@ def values_of(task: SizingTask) -> list[DescribedValue]:
     given, meanings, out = dict(toml.leaves(task.to_dict())), dict(_meanings(task)), []
     for key, value in toml.leaves(task.with_defaults()):
         if key != "schema":
-            text = _brief(value) if isinstance(value, str) else inline(value)
+            # Digits beyond ten are noise of a conversion, for example of 6 lb to kg.
+            is_text = isinstance(value, str)
+            text = _LONG.sub(lambda found: f"{float(found[0]):.10g}", value) if is_text else inline(value)
             kind = "given" if key in given else "default"
             out.append(DescribedValue(key, text, meanings.get(key, ""), kind))
     return out
-
-
-def _brief(text: str) -> str:
-    """Return a text with its numbers rounded to ten digits.
-
-    Further digits are noise of a conversion, for example of 6 lb to kg.
-    """
-    return _LONG.sub(lambda found: f"{float(found[0]):.10g}", text)
 
 
 def follows_from(task: SizingTask) -> list[tuple[str, float, str]]:
