@@ -123,8 +123,8 @@ class Lineage:
         if kind == "friction map":
             fit = self._read(read_fit, of)
             with suppress(PneudriveError, LookupError):
-                if fit is not None:
-                    table = _map_at(self.workspace.folder(path), self.files[path].changed)
+                table = self._read(read_map, path)
+                if fit is not None and table is not None:
                     values = values_of_fit(table, fit.provenance)
                     return ["" if values is None else fingerprint(values)]
         elif kind == "drive":
@@ -222,10 +222,6 @@ def _kept(read: Callable[..., Any], workspace: Workspace, path: str, _changed: f
     with suppress(OSError, PneudriveError):
         return read(workspace.folder(path), *of)
     return None
-
-
-#: Friction map of a path, kept with the time of its last change.
-_map_at = lru_cache(maxsize=64)(lambda path, _changed: read_map(path))
 
 
 def _identified(path: Path) -> Drive | None:

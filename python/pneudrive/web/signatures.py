@@ -14,7 +14,7 @@ from inspect import Parameter, signature
 from posixpath import basename, dirname
 from typing import Any
 
-from pneudrive.arrays import Keyed, Plain
+from pneudrive.arrays import Keyed, Plain, attributes_of
 from pneudrive.cli.main import COMMANDS
 from pneudrive.describe.files.catalogue import entries
 from pneudrive.errors import CommandError, PneudriveError, package_table
@@ -125,7 +125,7 @@ class CommandInput:
 
 
 def _check_recordings(given: list[Any], workspace: Workspace, hint: str) -> None:
-    """Reject recordings that have neither a layout nor the column names of pneudrive."""
+    """Check the channels of recordings."""
     if not 0 < len(given) <= MOST_RECORDINGS or not all(isinstance(name, str) for name in given):
         raise CommandError("no recording is named", remedy="Choose at least one.")
     for name in given:
@@ -133,7 +133,7 @@ def _check_recordings(given: list[Any], workspace: Workspace, hint: str) -> None
 
 
 def _check_channels(name: str, workspace: Workspace, hint: str) -> None:
-    """Reject a recording that does not have the needed channels, or whose channels are unknown."""
+    """Reject a recording that lacks needed channels, or has neither a layout nor the column names of pneudrive."""
     path = workspace.path(name, TABLES)
     if not path.is_file():
         raise CommandError(f"there is no recording {name}")
@@ -253,8 +253,7 @@ def _offered(workspace: Workspace, hint: str) -> list[str]:
 
 def copied_job(workspace: Workspace, given: Plain) -> Plain:
     """Return a job as lines of a shell and as Python."""
-    job = _job(given, workspace)
-    return {"command": job.command, "python": job.python}
+    return attributes_of(_job(given, workspace), "command", "python")
 
 
 def started_job(workspace: Workspace, given: Plain) -> Plain:

@@ -23,7 +23,7 @@ from pneudrive.control.tuning import Controller, laws
 from pneudrive.describe.files import toml
 from pneudrive.errors import Cancelled, CommandError, PneudriveError, package_table
 from pneudrive.progress import Watch
-from pneudrive.report.control import error_unit, gain_rows, tracks_of
+from pneudrive.report.trajectory import error_unit, gain_rows, tracks_of
 from pneudrive.views import ShownTable, View
 from pneudrive.web.drive.run_request import Described, Run, RunLimit, check_samples, described_at
 from pneudrive.web.jobs import RESULTS, JobRequest, PageJobs, folder_name
@@ -294,18 +294,17 @@ def _names(given: object, info: ValidationInfo) -> list[str]:
 
 
 Names = Annotated[list[str], BeforeValidator(_names)]
-Text = Annotated[StrictStr, BeforeValidator(lambda text: text or "")]
 
 
 class BenchmarkRequest(PageRequest):
     """Request for a benchmark, from the page or from its folder to repeat it."""
 
-    drive: Text = ""
+    drive: StrictStr = ""
     laws: Names = Field(default_factory=list, validate_default=True)
     references: Names = Field(default_factory=list, validate_default=True)
-    setup: Annotated[StrictStr, BeforeValidator(lambda text: text or "real")] = "real"
-    mismatch: Text = ""
-    spread: Text = ""
+    setup: StrictStr = "real"
+    mismatch: StrictStr | None = None
+    spread: StrictStr | None = None
     count: Annotated[StrictInt, bounded(1, MOST_MEMBERS)] = 1
 
     def job(self, workspace: Workspace, out: str, *, is_new: bool = False) -> JobRequest:
@@ -329,7 +328,7 @@ class BenchmarkRequest(PageRequest):
         counted = {"members" if self.spread else "seeds": self.count}
         command = words("control benchmark", self.drive, laws=",".join(map(safe, self.laws)))
         command += [f"--references={','.join(self.references)}"]
-        command += words("", **{kind: safe(name) for kind, name in kinds.items()}, **counted, out=safe(out))
+        command += words("", **{kind: safe(name or "") for kind, name in kinds.items()}, **counted, out=safe(out))
         lists = [repr(each[0] if each in (["all"], ["standard"]) else each) for each in (self.laws, self.references)]
         card = call("pn.control.benchmark", "drive", *lists, **kinds, **counted, out=out)
         lines = python("benchmark", type=type(drive).__name__, path=self.drive, card=card)

@@ -58,22 +58,13 @@ def checked_text(workspace: Workspace, path: str, text: str) -> Plain:
     except PneudriveError as error:
         return {"problems": problems_of(error)}
     found = fields_of(described)
-    copies = _copies(text)
+    tables = {f"components.{name}.": part.table for name, part in described.circuit.wiring.parts.items()}
     for one in found["values"]:
-        _, _, rest = one["key"].partition("components.")
-        if names := copies.get(rest.partition(".")[0]):
-            one["copies"] = names
+        table = next((table for start, table in tables.items() if one["key"].startswith(start)), "")
+        copies = [start.split(".")[1] for start, other in tables.items() if other == table]
+        if len(copies) > 1:
+            one["copies"] = copies
     return {"problems": [], **found}
-
-
-def _copies(text: str) -> dict[str, list[str]]:
-    """Return, for each component that is a copy of a table, the names of all copies of this table."""
-    try:
-        tables = toml.parse(text, "").get("components", {}).values()
-    except PneudriveError:  # another format
-        return {}
-    lists = [one["copies"] for one in tables if isinstance(one, dict) and len(one.get("copies", ())) > 1]
-    return {name: names for names in lists for name in names}
 
 
 def fields_of(described: Described) -> Plain:

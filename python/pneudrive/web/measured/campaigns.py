@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import threading
-import time
 from contextlib import suppress
 from functools import cache
 from pathlib import Path
@@ -20,7 +19,6 @@ from pneudrive.web.jobs import READY, RIG, protocol_named
 from pneudrive.web.messages import pack, python, shell
 from pneudrive.web.workspace import DESCRIPTIONS, Workspace, last_lines
 
-PAUSE_S = 0.3  # least time between two readings of a folder with changed cycles; a slow reading lengthens it
 LAST_LINES, LAST_BYTES = 30, 1 << 15  # of the journal
 MOST_POINTS = 10_000
 CONTROL = "Start the server with --control to send requests to a campaign."
@@ -51,7 +49,7 @@ class WatchedCampaign:
         self._lock = threading.Lock()
         self._points: dict[tuple[Path, int], tuple[Head, float]] = {}  # keyed by file and time of writing
         self._status: Status | None = None
-        self._seen, self._next = 0, 0.0
+        self._seen: int | None = None  # time of writing of the last cycle
 
     def about(self) -> Plain:
         """Return the state of the campaign.
@@ -62,16 +60,12 @@ class WatchedCampaign:
             The folder is not a campaign.
         """
         with self._lock:
-            began, changed = time.monotonic(), 0
+            changed = None
             with suppress(OSError):  # the file of a cycle gets its final name when it is complete
                 changed = (self.folder / CYCLES).stat().st_mtime_ns
-            if self._status is None or (changed != self._seen and began >= self._next):
-                self._look()
-                self._seen, took = changed, time.monotonic() - began
-                self._next = time.monotonic() + max(PAUSE_S, took)
-            status = self._status
-            assert status is not None
-            points = list(self._points.values())
+            if self._status is None or changed != self._seen:
+                self._status, self._seen = self._look(), changed
+            status, points = self._status, list(self._points.values())
         running = holder(self.folder)
         return {
             **attributes_of(status, "extra", "planned", "remaining_s", "flags"),
@@ -86,7 +80,7 @@ class WatchedCampaign:
             "groups": _groups(points, status.campaign.identity.ambient_pressure_pa),
         }
 
-    def _look(self) -> None:
+    def _look(self) -> Status:
         status = status_of(self.folder)
         damaged = {problem.where for problem in status.problems}
         files = {(file.path, file.path.stat().st_mtime_ns): file for file in status.files}
@@ -97,7 +91,7 @@ class WatchedCampaign:
         found = preliminary_frictions(list(sound.values()), status.campaign.identity)
         heads = (file.head for file in sound.values())
         self._points = known | by_name(sound, zip(heads, found, strict=True))
-        self._status = status
+        return status
 
 
 #: The campaign of each folder that the page has shown.
