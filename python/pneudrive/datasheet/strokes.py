@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pneudrive.arrays import rows_of
+from pneudrive.arrays import Array, Columns, Keyed, NamedNumbers, rows_of
 from pneudrive.constants import ANR_DENSITY_KG_M3
 from pneudrive.errors import CommandError, package_table
 from pneudrive.signals.motion import straight_line
@@ -20,7 +20,6 @@ if TYPE_CHECKING:
 
     import xarray as xr
 
-    from pneudrive.arrays import Array, Columns, Keyed, NamedNumbers
     from pneudrive.describe.drive import Drive
 
 #: Fractions of the travel: end of the dead time, begin and end of the rise time, and `time_99` (conventions).

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from pneudrive.arrays import rows_of
+from pneudrive.arrays import Array, ArrayPair, Columns, Pair, Plain, rows_of
 from pneudrive.datasheet.characteristic import Found, ResultValue, characteristic
 from pneudrive.datasheet.equilibrium import gas_at, moving_gas, steady_state
 from pneudrive.datasheet.strokes import STROKE_MEANING, StrokeNumbers, first_passage, stroke_numbers
@@ -24,7 +24,6 @@ if TYPE_CHECKING:
 
     import xarray as xr
 
-    from pneudrive.arrays import Array, ArrayPair, Columns, Pair, Plain
     from pneudrive.datasheet.plant import HeldDrive
     from pneudrive.simulation.command import Commands
 
