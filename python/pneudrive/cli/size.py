@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import json
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -153,15 +151,12 @@ def _setting(name: str, text: str, kind: Any) -> Any:  # noqa: ANN401
 
 def _save(found: xr.Dataset, path: Path) -> None:
     """Write all results in SI: rows of a table, or the data set as netCDF."""
-    with trajectory.whole(path) as temporary:
-        if path.suffix.lower() == ".nc":
-            plain = {k: v if isinstance(v, str | int | float) else json.dumps(v) for k, v in found.attrs.items()}
-            found.assign_attrs(plain).to_netcdf(temporary, engine="h5netcdf")
-            return
-        with temporary.open("w", newline="", encoding="utf-8") as stream:
-            writer = csv.writer(stream)
-            writer.writerow(("result", "at", "value", "low", "high", "unit", "meaning"))
-            for name, coordinates, *values in kinds.value_rows(found):
-                numbers = ("" if value is None else repr(value) for value in values)
-                about = found[name].attrs
-                writer.writerow((name, coordinates, *numbers, about["units"], about["long_name"]))
+    import polars as pl
+
+    if path.suffix.lower() == ".nc":
+        trajectory.save(found, path)
+        return
+    about = {str(name): (values.attrs["units"], values.attrs["long_name"]) for name, values in found.data_vars.items()}
+    rows = [(*row, *about[row[0]]) for row in kinds.value_rows(found)]
+    names = ("result", "at", "value", "low", "high", "unit", "meaning")
+    trajectory.write_frame(pl.DataFrame(rows, names, orient="row", strict=False, infer_schema_length=None), path)
