@@ -12,7 +12,6 @@ import sys
 from collections import deque
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from contextlib import contextmanager
-from itertools import chain, islice
 from typing import TYPE_CHECKING, TypeVar
 
 from pneudrive.errors import PneudriveError, RecordingError
@@ -56,15 +55,10 @@ def in_advance(
 
     Use this for work that releases the interpreter lock: reading and hashing files, waiting for an answer.
     """
-    rest = iter(items)
-    first = list(islice(rest, 2))
-    if len(first) < 2:  # no next item: no threads needed
-        yield from map(work, first)
-        return
     with ThreadPoolExecutor(threads) as pool:
         waiting = deque()
         try:
-            for item in chain(first, rest):
+            for item in items:
                 waiting.append(pool.submit(work, item))
                 if len(waiting) > ahead * threads:
                     yield waiting.popleft().result()

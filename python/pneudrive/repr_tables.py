@@ -11,10 +11,9 @@ from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import fields
 from html import escape
 from itertools import islice, zip_longest
-from typing import ClassVar, NamedTuple
+from typing import NamedTuple
 
-from pneudrive.errors import DescriptionError, is_severe
-from pneudrive.lazy_names import upper
+from pneudrive.errors import is_severe
 
 #: Largest sizes of a card.
 MOST_ROWS, MOST_NOTES, MOST_LETTERS, MOST_ENTRIES = 30, 8, 200, 6
@@ -40,15 +39,7 @@ class Card(NamedTuple):
 
 
 class Shown:
-    """Base of classes that show their card as ``repr`` and in a notebook.
-
-    Attributes
-    ----------
-    picture : str
-        Name of the function of an upper layer that draws an object as SVG text. Empty for no picture.
-    """
-
-    picture: ClassVar[str] = ""
+    """Base of classes that show their card as ``repr`` and in a notebook."""
 
     def _card(self) -> Card:
         """Return the card. Default: the lines of ``str`` with the first line as title, or otherwise the fields."""
@@ -65,10 +56,7 @@ class Shown:
         return self._picture() + html_of(self._card())
 
     def _picture(self) -> str:
-        try:
-            return upper(self.picture)(self) if self.picture else ""
-        except DescriptionError:  # a circuit that has no drawing still has its card
-            return ""
+        return ""
 
 
 def card_of(text: str) -> Card:

@@ -7,7 +7,7 @@ notebook, shows the bare texts, one per line.
 from __future__ import annotations
 
 from html import escape
-from math import cos, radians, sin
+from textwrap import wrap
 from typing import TYPE_CHECKING, NamedTuple
 
 from pneudrive.figures import Drawing, Figure, Panel, PenStroke
@@ -15,7 +15,7 @@ from pneudrive.report.circuit.layout import LINE, MODULE_IN, NAME_PT, TEXT_PT, B
 from pneudrive.report.render import DrawnFigure, draw_figure
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping, Sequence
+    from collections.abc import Mapping, Sequence
     from pathlib import Path
 
     from pneudrive.describe import Circuit, Drive
@@ -25,6 +25,7 @@ EDGE = 2.0  # modules of paper around everything
 TITLE_PT = 9.0
 LEAST_WIDTH = 40.0  # modules, so that the notes below have room
 SAID = "Symbols after ISO 1219."
+LETTER = 0.6  # modules: width of a letter of the notes, rounded up
 
 #: Symbols of cylinders: width of the barrel, and distance from its left end to the piston, modules.
 BARREL_WIDTH, PISTON_FROM = 12.0, 3.0
@@ -115,7 +116,7 @@ def circuit_shapes(described: Circuit | Drive) -> CircuitShapes:
     low_x, low_y, high_x, high_y = bounds([*corners, *(end for line in routes.lines for step in line for end in step)])
     width = max(high_x - low_x, LEAST_WIDTH, text_width(circuit.name, TITLE_PT))
     volumes = [f"{name} {1e6 * volume:.3g} cm\N{SUPERSCRIPT THREE}" for name, volume in circuit.joint_volumes]
-    notes = list(_wrapped(f"Volumes of joints: {', '.join(volumes)}. {SAID}" if volumes else SAID, width))
+    notes = wrap(f"Volumes of joints: {', '.join(volumes)}. {SAID}" if volumes else SAID, int(width / LETTER))
     paper = (low_x - EDGE, low_y - EDGE - LINE * len(notes) - 0.5, low_x + width + EDGE, high_y + EDGE + 2.0)
     shapes = [*routes.shapes(joints), *(shape for block in placed.values() for shape in block.shapes())]
     shapes.append(Shape("text", ((low_x, paper[3] - EDGE),), "", TITLE_PT, circuit.name, "left top"))
@@ -126,22 +127,9 @@ def circuit_shapes(described: Circuit | Drive) -> CircuitShapes:
     return CircuitShapes(paper, shapes, nets, ports)
 
 
-def _wrapped(text: str, width: float) -> Iterator[str]:
-    line, taken = "", 0.0
-    for word in text.split(" "):
-        wide = text_width(f"{word}n", TEXT_PT)  # with about a space
-        if line and taken + wide > width:
-            yield line
-            line, taken = word, wide
-        else:
-            line, taken = f"{line} {word}".strip(), taken + wide
-    yield line
-
-
 PT = 1 / 7.2  # modules of 0.1 inch
 PIXELS = 9  # of a module
 ANCHORS = {"left": "start", "center": "middle", "right": "end"}
-STROKES = {"thick": ' stroke-width="0.25"', "dashed": ' stroke-dasharray="0.5 0.35"'}
 
 
 def circuit_svg(described: Circuit | Drive) -> str:
@@ -164,33 +152,27 @@ def circuit_svg(described: Circuit | Drive) -> str:
     head = (
         f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="{left:.3g} {-top:.3g} {width:.4g} {height:.4g}" role="img" '
         f'aria-label="Circuit of {escape(described.name)}, symbols after ISO 1219" width="{PIXELS * width:.0f}" '
-        'style="max-width:100%;height:auto" fill="none" stroke="currentColor" stroke-width="0.12">'
+        'style="max-width:100%;height:auto" fill="none" stroke="currentColor">'
     )
-    return head + "".join(map(_element, shapes)) + "</svg>"
+    return head + "".join(_element(_pen(shape)) for shape in shapes) + "</svg>"
 
 
-def _element(shape: Shape) -> str:
-    x, y = shape.points[0][0], -shape.points[0][1]
-    if shape.word == "text":
-        side, _, hangs = shape.align.partition(" ")
-        down = 0.8 if hangs else 0.35  # of the size of the text, from its point to its base line
-        size = shape.size * PT
+def _element(stroke: PenStroke) -> str:
+    """Return a stroke as an element of SVG, y down."""
+    size = PT * stroke.size
+    if stroke.text:
+        ((x, y),), (side, _, hangs) = stroke.points, stroke.align.partition(" ")
+        down = 0.8 if hangs == "top" else 0.35  # of the size of the text, from its point to its base line
         return (
-            f'<text x="{x:.4g}" y="{y + down * size:.4g}" font-size="{size:.3g}" text-anchor="{ANCHORS[side]}" '
-            f'fill="currentColor" stroke="none">{escape(shape.text)}</text>\n'
+            f'<text x="{x:.4g}" y="{down * size - y:.4g}" font-size="{size:.3g}" text-anchor="{ANCHORS[side]}" '
+            f'fill="currentColor" stroke="none">{escape(stroke.text)}</text>\n'
         )
-    if shape.word == "dot":
-        return f'<circle cx="{x:.4g}" cy="{y:.4g}" r="{shape.size:.3g}" fill="currentColor" stroke="none"/>'
-    if shape.word == "arc":
-        (low, high), r = shape.angles, shape.size
-        angles = map(radians, (low, 0.5 * (low + high), high))  # in two halves: a circle has one point for both ends
-        begin, middle, end = (f"{x + r * cos(angle):.4g} {y - r * sin(angle):.4g}" for angle in angles)
-        return f'<path d="M {begin} A {r} {r} 0 0 0 {middle} A {r} {r} 0 0 0 {end}"/>'
-    points = " ".join(f"{px:.4g},{-py:.4g}" for px, py in shape.points)
-    if shape.word in ("triangle", "head"):
-        fill = ' fill="currentColor"' if shape.word == "head" else ""
-        return f'<polygon points="{points}"{fill}/>'
-    return f'<polyline points="{points}"{STROKES.get(shape.word, "")}/>'
+    points = " ".join(f"{x:.4g},{-y:.4g}" for x, y in stroke.points)
+    fill, dashes = "currentColor" if stroke.fill else "none", (PT * stroke.width * part for part in stroke.dash)
+    dash = " ".join(f"{part:.3g}" for part in dashes) or "none"
+    return (
+        f'<polyline points="{points}" stroke-width="{PT * stroke.width:.3g}" fill="{fill}" stroke-dasharray="{dash}"/>'
+    )
 
 
 # --- A circuit as a drawing, with symbols after ISO 1219.
