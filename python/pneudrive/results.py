@@ -38,7 +38,7 @@ from pneudrive.identify.static.result import FrictionFit
 from pneudrive.identify.volume import Regulator
 from pneudrive.lazy_names import upper
 from pneudrive.numbers import places, plain, with_u
-from pneudrive.report.strokes import map_view
+from pneudrive.report.recordings import map_view
 from pneudrive.repr_tables import Card, Shown
 from pneudrive.signals.layout import Layout
 from pneudrive.signals.load import NO_RECORDING, find_layout, load_recording

@@ -18,6 +18,8 @@ from pneudrive.repr_tables import Card, Shown, aligned
 from pneudrive.units import readable
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from pneudrive.arrays import Array, ArrayPair, Bools, Interval, Plain
 
 #: State of a result, a value or a finding, from best to worst.
@@ -398,6 +400,16 @@ class Viewed(Shown):
     def view(self) -> View:
         """Return the view of the result."""
         raise NotImplementedError
+
+    def report(self, folder: str | Path) -> Path:
+        """Write report.html, the page of the view, and its figures into an existing folder.
+
+        Raises
+        ------
+        CommandError
+            The folder cannot be written to.
+        """
+        return upper("view_report")(self.view(), synthetic=getattr(self, "synthetic", False)).write(folder)
 
     def __str__(self) -> str:
         """Return the view as text."""

@@ -33,7 +33,7 @@ with used_later(__name__):
     from pneudrive import platforms
     from pneudrive.control import benchmarks, loop, references, scores, source_code, tuning
     from pneudrive.describe.files import load
-    from pneudrive.report import control as control_page
+    from pneudrive.report import trajectory as control_page
     from pneudrive.simulation import trajectory
 
 SHOWN = ("max_error_m", "rmse_m", "settling_100_um_s", "rest_error_m", "hunting_m")

@@ -22,7 +22,7 @@ with used_later(__name__):
     from pneudrive.friction import characterisation
     from pneudrive.identify import export as friction_export
     from pneudrive.identify import files
-    from pneudrive.report import control, page, recordings
+    from pneudrive.report import page, recordings, trajectory
     from pneudrive.studies.bracha import reproduction
 
 #: Tools that take a whole drive, and those that take its friction.
@@ -159,9 +159,10 @@ def demo(*, out: Path = Path("out")) -> None:
     _, fits, _ = write_map_and_fits(found, folder)
     made = reproduction.reproduce(folder / reproduction.FOLDER)
     axis = pn.control.run(pn.Circuit.load(AXIS), "super-twisting", reference="sine 60 mm 1 Hz around 250 mm")
-    controlled = page.view_section("controlled-axis", control.view_of_controlled_run(axis), synthetic=True)
-    report = recordings.recordings_report(found, fits, made)
-    report = replace(report, sections=[*report.sections[:-1], controlled, report.sections[-1]])
+    controlled = page.view_section("controlled-axis", trajectory.view_of_controlled_run(axis), synthetic=True)
+    report, study = recordings.recordings_report(found, fits), made.report().sections
+    verdict = [*report.verdict, *reproduction.verdict(made, alone=False)]
+    report = replace(report, verdict=verdict, sections=[*report.sections, *study, controlled])
     written = report.write(folder)
     typer.echo(f"{report.title}: {len(found.results)} recordings")
     for number, line in enumerate(report.lines, 1):

@@ -29,8 +29,8 @@ with used_later(__name__):
     from pneudrive.identify.static import fit as static_fits
     from pneudrive.identify.static import result as fit_results
     from pneudrive.report import campaign as campaign_page
-    from pneudrive.report import comparison, layout_figure, render
     from pneudrive.report import recordings as recordings_page
+    from pneudrive.report import render
     from pneudrive.signals import layout as layouts
     from pneudrive.signals import load, proposal
     from pneudrive.simulation import trajectory
@@ -68,7 +68,7 @@ def layout(file: Path, *, out: Path | None = None) -> None:
     else:
         trajectory.write_whole(out, found.text)
     picture = out.with_suffix(".png") if out is not None else Path(f"{layouts.stem(file)}.layout.png")
-    layout_figure.write_layout_figure(found, picture)
+    recordings_page.write_layout_figure(found, picture)
     if not found.problem:
         what = "a fixed volume" if found.kind == "fixed-volume" else f"a {found.kind}"
         strokes = f": {len(found.strokes)} strokes" if found.strokes else ""
@@ -128,7 +128,7 @@ def characterise(
         written, fits, problems = write_map_and_fits(found, folder)
         curves = characteristics.recorded_characteristics(found)
         written += [] if curves is None else campaign_result.write_curves_and_effects(curves, folder)
-        written.append(Path(report.write_report(found, fits, folder, None, curves)))
+        written.append(Path(report.write_report(found, fits, folder, curves)))
     _show_problems(problems)
     show_view(recordings_page.characterisation_view(found, fits))
     balances = [motion.close_balance(recording) for recording in found.recordings if recording.force_n.any()]
@@ -219,7 +219,7 @@ def compare(
     compared = pn.compare_campaigns(*sides)
     folder = writable_folder(out)
     written = comparisons.write_comparison(compared, folder / "comparison.toml")
-    page = comparison.write_comparison_report(compared, folder)
+    page = campaign_page.write_comparison_report(compared, folder)
     named = zip("AB", sides, strict=True)
     show_lines(*(f"{letter}: {side.folder} ({side.name}, {len(side.cycles)} cycles)" for letter, side in named))
     show_view(compared.view())
@@ -255,7 +255,7 @@ def reproduce(*, out: Path = Path("reproduction")) -> None:
     """
     folder = writable_folder(out)
     made = reproduction.reproduce(folder / reproduction.FOLDER)
-    page = report.write_report(None, {}, folder, made)
+    page = made.report().write(folder)
     for claim in made.claims:
         typer.echo(f'{claim.place}: "{claim.said}"')
         typer.echo(f"    {claim.verdict}: {claim.found}")

@@ -1,10 +1,9 @@
-"""View and report of a campaign: statements, effects, curves, stops, dependence on time and position, and the run."""
+"""Views and reports of a campaign (statements, effects, curves, stops, course, run) and of two compared campaigns."""
 
 from __future__ import annotations
 
 import math
 from collections import Counter
-from contextlib import suppress
 from dataclasses import replace
 from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any
@@ -12,25 +11,22 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import polars as pl
 
-from pneudrive import __version__
 from pneudrive.campaign.cycle import KINDS
 from pneudrive.constants import ZERO_CELSIUS_K
-from pneudrive.errors import RigError
 from pneudrive.estimate.estimates import Estimate
-from pneudrive.figures import Axis, Band, Figure, Line, Look, Markers, Panel, Rule, banded, ends, look, stack
-from pneudrive.friction.friction_map import BOTH, CHAMBERS, PA_PER_BAR, conditions_of
+from pneudrive.figures import MEASURED, Axis, Band, Figure, Line, Look, Markers, Panel, Rule, banded, ends, look, stack
+from pneudrive.friction.friction_map import BOTH, CHAMBERS, LEVELS, PA_PER_BAR, Condition, conditions_of
 from pneudrive.friction.sentences import Statement, flag_table
-from pneudrive.numbers import plain, with_u
+from pneudrive.numbers import plain, with_interval, with_u
 from pneudrive.report import page
-from pneudrive.report.layout_figure import rig_diagram
 from pneudrive.report.page import MM, Paragraph, Topic, condition_names, figure_of, plural, spread_evenly
-from pneudrive.rig.interface import envelope_of
-from pneudrive.views import Finding, ShownCurve, ShownFigure, ShownValue, State, View, worst
+from pneudrive.views import MOST_LEADING, Finding, ShownCurve, ShownFigure, ShownValue, State, View, worst
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
     from pathlib import Path
 
+    from pneudrive.friction.campaign.compare import Comparison, CurveComparison, Test
     from pneudrive.friction.campaign.result import CampaignCharacteristics
     from pneudrive.friction.campaign.stops.dwell_law import DwellSeries
     from pneudrive.report.page import Blocks, Section
@@ -40,7 +36,6 @@ MOST_PANELS = MOST_LOOPS = 6
 MOST_CONDITIONS = 8
 OF_INTERVAL = ("", "_low", "_high")  # endings of the columns of a value and its interval
 SHOWN_SPEEDS = 12  # rows of a table
-MOST_LINES = 120  # lines of a protocol that are shown
 MOST_SKIPPED = 40
 
 
@@ -297,7 +292,6 @@ def loops(topic: Topic, found: CampaignCharacteristics) -> Blocks:
     ]
     yield topic.text()
     yield topic.figure("campaign-loops", figure_of("loops", panels))
-    yield topic.table({"condition": named(loop.condition), "loop": loop} for loop in shown)
 
 
 def stick_slip(topic: Topic, found: CampaignCharacteristics) -> Blocks:
@@ -325,7 +319,6 @@ MOST_SERIES = MOST_SHOWN = 4
 BEFORE, AFTER = 1.5, 20.0
 SHORTEST_S = 1e-3
 APPROACH = 0.7  # share of the approach that is drawn at most
-SHAPES = {"t0": "t0", "tau": "τ", "gamma": "γ", "m": "m"}
 
 
 def stops(topic: Topic, found: CampaignCharacteristics) -> Blocks:
@@ -337,10 +330,8 @@ def stops(topic: Topic, found: CampaignCharacteristics) -> Blocks:
     series = [s for s in found.dwell if s.curve is not None][:MOST_SERIES]
     if series:
         yield topic.figure("campaign-dwell", figure_of("dwell", [_increments(found, s) for s in series]))
-    yield from (topic.table(_laws(s), "laws", series=s.name, reference_s=s.reference_s) for s in series if s.laws)
     if any(len(_known(found.stops, name)) for name in ("relaxation_n", "recovery_m")):
         yield topic.figure("campaign-stop-relaxation", relaxation(found))
-        yield topic.table(_medians(found.stops), "medians")
 
 
 # --- traces ----------------------------------------------------------------------------------------------------------
@@ -372,22 +363,14 @@ def _stop_panels(stop: SimpleNamespace, condition: str) -> tuple[Panel, Panel]:
     # The start of the approach may still show the reversal.
     low, high = max(APPROACH * time[0], -0.35 * reach), min(time[-1], 1.6 * reach + AFTER * stop.loading_s)
     begin, end = -BEFORE * shown, AFTER * shown
+    whole = (time >= low) & (time <= high)
+    late = (time >= stop.dwell_s + begin) & (time <= stop.dwell_s + end)
     running = Rule(y=stop.running_n, look=RUNNING, width=0.9)
-    raw = Markers(time - stop.dwell_s, stop.friction_n, look=Look("black", "-", "."), size=1.8)
+    raw = Markers(time[late] - stop.dwell_s, stop.friction_n[late], look=Look("black", "-", "."), size=1.8)
     peak = Markers([stop.loading_s], [stop.breakaway_n], look=Look("orange"), size=7.0)
-    course = [Rule((0.0, stop.dwell_s)), Line(time, stop.friction_n, width=0.7), running]
+    course = [Rule((0.0, stop.dwell_s)), Line(time[whole], stop.friction_n[whole], width=0.7), running]
     x, restart = Axis("time since rest / s", low=low, high=high), Axis("time since restart / ms", low=begin, high=end)
-    y = _force(stop, stop.dwell_s + begin, stop.dwell_s + end, "")
-    return Panel(course, title, x, _force(stop, low, high, "friction / N")), Panel([peak, raw, running], "", restart, y)
-
-
-def _force(stop: SimpleNamespace, begin_s: float, end_s: float, label: str) -> Axis:
-    """Return an axis with the forces of a span of time."""
-    inside = stop.friction_n[(stop.time_s >= begin_s) & (stop.time_s <= end_s)]
-    if not inside.size or np.ptp(inside) <= 0:
-        return Axis(label)
-    margin = 0.08 * float(np.ptp(inside))
-    return Axis(label, low=float(inside.min()) - margin, high=float(inside.max()) + 2 * margin)
+    return Panel(course, title, x, "friction / N"), Panel([peak, raw, running], "", restart)
 
 
 # --- breakaway against duration --------------------------------------------------------------------------------------
@@ -408,18 +391,6 @@ def _increments(found: CampaignCharacteristics, s: DwellSeries) -> Panel:
             title = f"{law.form.title} (ΔAICc {law.delta:.0f})" if np.isfinite(law.delta) else law.form.title
             marks.append(Line(s.duration_s, law.increment_n(s.duration_s, 0), title, Look("orange", dash), 1.4))
     return Panel(marks, s.name)
-
-
-def _laws(s: DwellSeries) -> Iterator[tuple]:
-    least = min(law.bic for law in s.laws)
-    for law in s.laws:
-        shapes = []
-        for name, unit in law.form.units.items():
-            ends = (f"{end:.2g}" if 0 < end < np.inf else "open" for end in law.shape_intervals[name])
-            shapes.append(f"{SHAPES[name]} = {law.shape[name]:.2g} ({' … '.join(ends)}) {unit}".strip())
-        slope = f"{law.slope_n:.3g} ({law.slope_low_n:.3g} … {law.slope_high_n:.3g})"
-        about = f"{law.form.title}: {law.form.formula}", "; ".join(shapes) or None
-        yield *about, slope, law.delta, law.bic - least, law.weight
 
 
 # --- relaxation and way back -----------------------------------------------------------------------------------------
@@ -451,32 +422,6 @@ def relaxation(found: CampaignCharacteristics) -> Figure:
     return figure_of("relaxation", panels)
 
 
-def _medians(stops: pl.DataFrame) -> Iterator[tuple[object, ...]]:
-    """Yield medians over stops of equal speed, axis and duration."""
-
-    def median(name: str, *which: pl.Expr) -> pl.Expr:
-        return pl.col(name).filter(pl.col(name).is_finite(), *which).median()
-
-    value, low, high = (pl.col(f"relaxation_n_per_decade{end}") for end in OF_INTERVAL)
-    form, is_complete = pl.col("relaxation_form"), pl.col("recovery_complete")
-    key = ("speed_m_s", "released", "stop_s")
-    groups = stops.group_by(key).agg(
-        count=pl.len(),
-        relaxation_n=median("relaxation_n"),
-        form=form.filter(form != "").mode().sort().first(),
-        decade_n=median("relaxation_n_per_decade", high - low < 2.0 * value.abs()),
-        increment_n=median("increment_n"),
-        rate_n_s=median("loading_rate_n_s"),
-        way_m=median("recovery_m", is_complete),
-        cut=(pl.col("recovery_m").is_not_nan() & ~is_complete).sum(),
-        recovery_s=median("recovery_s", pl.col("recovery_m").is_not_nan(), is_complete),
-    )
-    for speed_m_s, is_released, stop_s, *values, way_m, cut, recovery_s in groups.sort(key).iter_rows():
-        way = "–" if way_m is None else format(MM * way_m, ".3g")
-        named = f"{stop_s:g} s, {'released' if is_released else 'held'}, {MM * speed_m_s:.3g} mm/s"
-        yield named, *values, f"{way} ({cut} cut)" if cut else way, recovery_s
-
-
 # --- the run ---------------------------------------------------------------------------------------------------------
 
 
@@ -487,11 +432,6 @@ def run(topic: Topic, found: CampaignCharacteristics) -> Blocks:
     counts = ", ".join(f"{plural(n, kind)} ({KINDS.get(kind, kind)})" for kind, n in kinds.items())
     yield topic.text("simulated", "note") if found.synthetic else topic.text("measured")
     yield topic.text("counts", counts=counts or "none")
-    envelope = None
-    with suppress(RigError):  # a rig that states none
-        envelope = envelope_of(about.get("envelope"), "")
-    if envelope is not None:
-        yield topic.figure("campaign-rig", rig_diagram(rig, envelope))
     labels = {**rig.labels, **about.get("labels", {})}
     values = {
         "created": about.get("created", "not stated"),
@@ -503,18 +443,7 @@ def run(topic: Topic, found: CampaignCharacteristics) -> Blocks:
         "stiffness": topic.say("stiffness", rig=rig) if rig.stiffness_n_m else topic.say("no_stiffness"),
     }
     rows = ((name, form.format(found=found, rig=rig, **values)) for name, form in topic.texts["about"].items())
-    unstated = "not stated: assumed"
-    sensors = [
-        (
-            channel,
-            "{:g} … {:g}".format(*rig.limits[channel]) if channel in rig.limits else "not stated",
-            f"{rig.accuracy[channel]:.3g}" if channel in rig.accuracy else unstated,
-            rig.calibration.get(channel, "not stated"),
-        )
-        for channel in dict.fromkeys([*rig.accuracy, *rig.limits, *rig.resolution, *rig.calibration])
-    ]
     yield topic.table(rows, "facts")
-    yield topic.table(sensors or [("all", "not stated", unstated, "not stated")], "sensors")
 
 
 def flags(topic: Topic, found: CampaignCharacteristics) -> Blocks:
@@ -538,20 +467,13 @@ def budget(topic: Topic, found: CampaignCharacteristics) -> Blocks:
 
 
 def sources(topic: Topic, found: CampaignCharacteristics) -> Blocks:
-    """Show software, protocol as run, and sources of methods."""
+    """Show software, and sources of methods."""
     rows = [
-        ("pneudrive, this report", __version__),
         ("pneudrive, the campaign", str(found.about.get("version", "not stated"))),
         *page.software(),
         ("raw data", f"{found.folder.name}/cycles, one Parquet file per cycle"),
     ]
     yield topic.table(rows, "software")
-    protocol = found.folder / "campaign.toml"
-    if protocol.is_file():
-        lines = protocol.read_text(encoding="utf-8", errors="replace").strip().splitlines()
-        more = [topic.say("more", count=len(lines) - MOST_LINES)] if len(lines) > MOST_LINES else []
-        yield topic.text("protocol")
-        yield Paragraph("\n".join([*lines[:MOST_LINES], *more]), "code")
     yield from topic.listed(page.references(topic.texts["cites"]), "sources")
 
 
@@ -566,3 +488,174 @@ FIGURED: dict[str, page.Part] = {
     "loops": loops,
     "stick-slip": stick_slip,
 }
+
+
+# --- comparison of two campaigns --------------------------------------------------------------------------------------
+
+MOST_PAIRS = 4
+MOST_ROWS = 60
+CHANCE = 0.05
+ORDINALS = ("first", "second")
+
+
+def write_comparison_report(comparison: Comparison, folder: str | Path) -> Path:
+    """Write report.html of a comparison, and its figures as PNG and SVG.
+
+    Parameters
+    ----------
+    comparison : Comparison
+    folder : path-like
+        An existing folder.
+
+    Returns
+    -------
+    pathlib.Path
+        Folder of report.html.
+
+    Raises
+    ------
+    CommandError
+        The folder cannot be written to.
+    """
+    c, topic, view = comparison, Topic("comparison", "verdict"), comparison.view()
+    synthetic = c.first.synthetic or c.second.synthetic
+    unlike = [check.what for check in c.checks if not check.comparable]
+    last = topic.say("unlike", what=", ".join(unlike)) if unlike else topic.say("alike")
+    title, notes = f"{c.first.name} against {c.second.name}", (topic.say("questions"), *view.notes)
+    parts = page.sections_of("comparison", {"comparable": _comparable, **COMPARED}, c)
+    report = page.view_report(replace(view, title=title, notes=notes, figures=()), *parts, synthetic=synthetic)
+    report.verdict = [f"{view.title}{topic.say('synthetic') if synthetic else ''}", *report.verdict, last]
+    return report.write(folder)
+
+
+def comparison_view(c: Comparison) -> View:
+    """Return the view of a comparison: a row for each test, and the figures of both campaigns."""
+    times = Counter(test.what for test in c.tests)
+    rows = [(_of_test(test, repeated=times[test.what] > 1), test) for test in c.tests]
+    values = tuple(value for of_test, _ in rows for value in of_test)
+    sizes = [of_test[0] for of_test, test in rows if test.different and test.difference is not None]
+    findings = findings_of(c.statements)
+    return View(
+        title=f"{c.second.name} less {c.first.name}: {c}",
+        rows=values,
+        state=worst(findings),
+        leading=tuple(replace(v, quantity=f"{v.label}:") for v in sizes[:MOST_LEADING]),
+        findings=findings,
+        notes=[page.sentence(f"{test.what}: {test.note}") for test in c.tests],
+        figures=shown_figures(page.sections_of("comparison", COMPARED, c)),
+    )
+
+
+def _of_test(test: Test, *, repeated: bool) -> list[ShownValue]:
+    """Return the difference of a test with its interval, its probabilities, and whether it is significant.
+
+    If several series of stops have the same test, the note of the series is added to its name.
+    """
+    name, e = f"{test.what}, {test.note}" if repeated else test.what, test.difference
+    differs = "yes" if test.different else "not shown"
+    texts = {"p": page.chance(test.p), "p corrected": page.chance(test.adjusted_p), "different": differs}
+    size = [] if e is None else [ShownValue(name, name, "second minus first", e.value, e.unit, (e.low, e.high))]
+    return [*size, *(ShownValue(f"{name}, {quantity}", name, quantity, text) for quantity, text in texts.items())]
+
+
+def _comparable(topic: Topic, c: Comparison) -> Blocks:
+    rows = ((k.what, k.first, k.second, k.comparable, "" if k.comparable else k.consequence) for k in c.checks)
+    yield topic.text(first=_labels(c.first), second=_labels(c.second))
+    yield topic.table(rows, first=c.first.name, second=c.second.name)
+
+
+def _labels(found: CampaignCharacteristics) -> str:
+    labels = dict(found.identity.labels)
+    for row in found.cycles.head(1).select(LEVELS).iter_rows(named=True):
+        labels |= {name: level for name, level in row.items() if level}
+    return ", ".join(f"{k} {v}" for k, v in labels.items()) or "none"
+
+
+def _common_curves(topic: Topic, c: Comparison) -> Blocks:
+    curves = c.curves
+    if curves is None:
+        return
+    first, second = (int(curves.cycles.filter(campaign=k)["count"].sum()) for k in (0, 1))
+    rows = curves.points.head(MOST_ROWS).to_dicts()
+    for i, row in enumerate(rows):
+        row["pressures"] = Condition(row["gauge_a_pa"], row["gauge_b_pa"], row["title"]).label(0.0)
+        row["difference"] = with_interval(curves.difference[i], _mean_n(curves, i), "N")
+    points = plural(curves.points.height, "point")
+    yield topic.text(points=points, first=plural(first, "cycle"), second=second)
+    yield topic.figure("compare-curves", compared_curves(c, curves), first=c.first.name, second=c.second.name)
+    yield topic.table(rows)
+
+
+def _mean_n(curves: CurveComparison, point: int) -> float:
+    return float(curves.friction_n[:, point].mean())
+
+
+def compared_curves(c: Comparison, curves: CurveComparison) -> Figure:
+    """Draw curves of both campaigns above their differences, a column for each pair of pressures."""
+    gauges, speed = curves.points.select("gauge_a_pa", "gauge_b_pa").to_numpy(), curves.points["speed_m_s"]
+    groups: dict[tuple, list[int]] = {}
+    for i, at in enumerate(zip(*gauges.round(-2).T, curves.points["title"], strict=True)):
+        groups.setdefault(at, []).append(i)
+    above, below = [], []
+    for at, members in spread_evenly(groups.items(), MOST_PAIRS):
+        chosen = sorted(members, key=lambda i: speed[i])
+        above.append(Panel(_both(c, curves, chosen), Condition(*at).label(0.0), y="friction / N"))
+        below.append(Panel(_differences(curves, chosen), y="second minus first / N"))
+    return figure_of("both-curves", [*above, *below], columns=len(above))
+
+
+def _both(c: Comparison, curves: CurveComparison, chosen: list[int]) -> list[Any]:
+    gauge, marks = curves.points.row(chosen[0], named=True), []
+    gauge, speed = (gauge["gauge_a_pa"], gauge["gauge_b_pa"]), curves.points["speed_m_s"].to_numpy()
+    for k, found in enumerate((c.first, c.second)):
+        own, ambient = look(k), found.identity.ambient_pressure_pa
+        for curve in found.curves:
+            pair = (curve.condition.pressure_a_pa - ambient, curve.condition.pressure_b_pa - ambient)
+            if curve.direction == 0 and np.allclose(pair, gauge, atol=2000.0):
+                marks += banded(curve.speed_m_s, curve.friction_n, curve.low_n, curve.high_n, look=own, width=1.0)
+                break
+        label = found.name if c.first.name != c.second.name else f"{found.name} ({ORDINALS[k]})"
+        marks.append(Markers(speed[chosen], curves.friction_n[k, chosen], label, own, size=3.6))
+    return marks
+
+
+def _differences(curves: CurveComparison, chosen: list[int]) -> list[Any]:
+    """Draw differences with their intervals. Markers of significant differences are filled."""
+    marks: list[Any] = [Rule(y=0.0, look=MEASURED)]
+    for i in chosen:
+        differs = curves.points["corrected_p"][i] < CHANCE
+        own = Look("orange" if differs else "grey", "-", "D")
+        value, low, high = ends([curves.difference[i]], _mean_n(curves, i))
+        marks.append(Markers([curves.points["speed_m_s"][i]], value, "", own, low, high, filled=differs))
+    return marks
+
+
+def _dwell(topic: Topic, c: Comparison) -> Blocks:
+    names = c.first.name, c.second.name
+    rows = (
+        (s.name, name, len(s.stops), s.reference_s, s.increment, s.slope, s.laws[0].form.title if s.laws else None)
+        for pair in c.dwell
+        for name, s in zip(names, pair, strict=True)
+    )
+    panels = [
+        Panel([m for k, s in enumerate(pair) for m in _series(s, k, f"{names[k]} ({ORDINALS[k]})")], pair[0].name)
+        for pair in list(c.dwell)[:MOST_PAIRS]
+    ]
+    if panels:
+        yield topic.figure("compare-dwell", figure_of("both-dwell", panels), first=names[0], second=names[1])
+        yield topic.table(rows)
+
+
+#: Parts of a comparison with figures by the key of their section.
+COMPARED = {"curves": _common_curves, "dwell": _dwell}
+
+
+def _series(series: DwellSeries, k: int, label: str) -> list[Any]:
+    """Draw a campaign's curve of breakaway over duration: the mean of its conditions."""
+    assert series.curve is not None
+    conditions, log_s = len(series.conditions), np.log10(series.duration_s)
+    rows = np.kron(np.full((1, conditions), 1.0 / conditions), np.eye(log_s.size))
+    mean, low, high = ends(series.curve.values(log_s).combine(rows.astype(float)).estimates())
+    durations = series.stops["dwell_s"].to_numpy() * (1.0 + 0.05 * k)
+    points = Markers(durations, series.stops["increment_n"].to_numpy(), look=look(k), size=3.0)
+    return [*banded(series.duration_s, mean, low, high, label, look(k)), points]

@@ -18,7 +18,7 @@ from pneudrive.numbers import plain
 from pneudrive.report.circuit.svg import circuit_figure
 from pneudrive.report.page import Paragraph, Report, Section, Topic, figure_of, references, view_section, write_pdf
 from pneudrive.report.render import DrawnFigure, draw_figure
-from pneudrive.report.validation import MOST_SHOWN, channel_figure, friction_figure
+from pneudrive.report.validation import channel_figure, friction_figure
 from pneudrive.simulation.trajectory import check_target, write_whole
 from pneudrive.validate.validation import run_columns
 from pneudrive.views import MOST_LEADING, ShownFigure, ShownTable, ShownValue, View, worst
@@ -271,7 +271,7 @@ def _comparisons(measured: MeasuredBeside) -> Iterator[tuple[str, Figure]]:
         x, y = Axis("frequency / Hz", "log"), "velocity over command / (m/s)"
         yield "response", Figure([Panel([points, line], title, x, y)], row_in=2.6, legend="panel")
     if measured.friction is not None:
-        yield "friction", friction_figure(list(measured.friction.curves)[:MOST_SHOWN])
+        yield "friction", friction_figure(measured.friction.curves)
 
 
 def _definitions(found: Datasheet) -> Section:

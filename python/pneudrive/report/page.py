@@ -12,13 +12,13 @@ from functools import partial
 from importlib.metadata import version
 from io import StringIO
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol, TypeAlias
+from typing import TYPE_CHECKING, Any, TypeAlias
 from unicodedata import normalize
 
 from pneudrive import __version__
 from pneudrive.arrays import evenly
 from pneudrive.errors import CommandError, is_severe, package_table, shown
-from pneudrive.figures import WIDTH_IN, Axis, Figure, Panel
+from pneudrive.figures import WIDTH_IN, Axis, Drawing, Figure, Panel, PenStroke
 from pneudrive.files.content import rendered
 from pneudrive.files.writing import make_subfolder
 from pneudrive.friction.friction_map import Condition, group_of
@@ -30,7 +30,7 @@ from pneudrive.units import readable
 from pneudrive.views import Finding, ShownFigure, ShownTable, View
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Iterator, Sequence
+    from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 
     from pneudrive.friction.campaign.result import CampaignCharacteristics
     from pneudrive.friction.characterisation import Characterisation
@@ -46,9 +46,8 @@ Fits: TypeAlias = "Mapping[str, Mapping[str, FrictionFit]]"
 TEMPLATE, TYPST = (Path(__file__).with_name(f"report.{kind}.j2") for kind in ("html", "typ"))
 FIGURES, REPORT = "figures", "report.html"
 #: Sections with details that few readers need. A long report folds them.
-DETAILS = ("record", "reversals", "flags", "budget", "drift", "recovered", "provenance")
-DETAILS += ("stick-slip-of-strokes", "stick-slip-over-speed", "budget-over-speed")
-DETAILS += ("paper", "stick-slip", "chambers", "controlled-axis")
+DETAILS = ("record", "flags", "budget", "drift", "recovered", "provenance")
+DETAILS += ("stick-slip-over-speed", "budget-over-speed", "paper", "stick-slip", "chambers", "controlled-axis", "study")
 MOST_OPEN = 8
 MOST_ROWS = 12  # of a table that is not folded, in a report that folds
 #: Content security policy of the page: inline styles only. The page loads and runs nothing.
@@ -116,17 +115,6 @@ def figure_svg(shown: ShownFigure) -> str:
     return inline(svg_text(drawn(shown, synthetic=False)), shown.name, shown.caption)
 
 
-def _has_severe(part: Section) -> bool:
-    """Return whether a section has a severe finding; such a section is not folded."""
-    texts: list[str] = []
-    for block in part.blocks:
-        if isinstance(block, Paragraph):
-            texts += [block.text] if isinstance(block.text, str) else block.text
-        elif isinstance(block, ShownTable):
-            texts += [cell for row in block.rows for cell in row]
-    return any(map(is_severe, texts))
-
-
 @dataclass
 class Report:
     """A report: verdict with the worst lines first, sections, and the pictures in its folder."""
@@ -180,7 +168,7 @@ class Report:
 
     def html(self, *, linked: bool = True) -> str:
         """Return the page, which loads no other files. With `linked`, captions link to the files of the figures."""
-        details = [part.key for part in self.sections if part.key in DETAILS and not _has_severe(part)]
+        details = [part.key for part in self.sections if part.key in DETAILS]
         return rendered(
             TEMPLATE,
             {"words": _words, "inline": inline},
@@ -350,6 +338,24 @@ def figure_of(layout: str, panels: Sequence[Panel | None], **more: Any) -> Figur
     return Figure(panels, **own | {name: Axis(**own[name]) for name in "xy" if isinstance(own.get(name), dict)})
 
 
+def sketch(name: str, there: Collection[str] = (), **values: object) -> Figure:
+    """Return a sketch of ``sketches.toml`` with values in its texts and the optional parts that are present."""
+    table = package_table(__file__, "sketches.toml")[name]
+    strokes = [_stroke(one, values) for one in table["strokes"] if one.get("when", "") in ("", *there)]
+    drawing = Drawing(strokes, tuple(table["x"]), tuple(table["y"]), equal=table.get("equal", False))
+    width_in = table.get("width_in", WIDTH_IN)
+    return Figure([Panel([drawing])], row_in=table["height_in"], rest_in=0.0, width_in=width_in)
+
+
+def _stroke(table: Mapping[str, Any], values: Mapping[str, object]) -> PenStroke:
+    own = {key: value for key, value in table.items() if key not in ("when", "box")}
+    if "box" in table:
+        x, y, width, height = table["box"]
+        right, top = x + width, y + height
+        own["points"] = [(x, y), (right, y), (right, top), (x, top), (x, y)]
+    return PenStroke(**own | {"text": own.get("text", "").format(**values)})
+
+
 class Topic:
     """A section of a page.
 
@@ -478,7 +484,7 @@ def literal(text: str) -> str:
 # --- Page of a fit of any kind: values with intervals, undetermined values, residuals, data.
 
 
-def write_fit_report(fit: Fit, folder: str | Path, more: Iterable[Section] = ()) -> Path:
+def write_fit_report(fit: Fit, folder: str | Path) -> Path:
     """Write report.html, which loads no other files, and its figures as PNG and SVG.
 
     Parameters
@@ -487,8 +493,6 @@ def write_fit_report(fit: Fit, folder: str | Path, more: Iterable[Section] = ())
         Fit of any kind. A fit from a file has no residuals.
     folder : path-like
         Made if it does not exist.
-    more : iterable of Section
-        Further sections, before the data.
 
     Returns
     -------
@@ -508,83 +512,12 @@ def write_fit_report(fit: Fit, folder: str | Path, more: Iterable[Section] = ())
     words = [data.text("intervals"), *([] if view.figures else [data.text("none")])]
     recordings = data.listed(fit.recordings, "recordings")
     about = data.section(*words, data.table(rows), *recordings, synthetic=False)
-    return view_report(view, *more, about, synthetic=fit.synthetic).write(folder)
+    return view_report(view, about, synthetic=fit.synthetic).write(folder)
 
 
-# --- Additions of a study to the report of recordings.
+# --- Provenance: software and sources.
 
-
-@dataclass(frozen=True)
-class Addition:
-    """The addition of a study, or of the recordings themselves, to a report.
-
-    Attributes
-    ----------
-    title : str
-        Title of a report that contains only the study.
-    verdict : tuple of str
-        Lines of the verdict.
-    sections : tuple of Section
-        Sections that follow those of the recordings.
-    validity : str
-        Text on validation with real data, and its limits.
-    settings : tuple
-        Rows of the table of software: name, value.
-    sources : tuple
-        Sources of the values.
-    cited : tuple of str
-        Keys of references.bib.
-    """
-
-    title: str = "Nothing"
-    verdict: tuple[str, ...] = ()
-    sections: tuple[Section, ...] = ()
-    validity: str = ""
-    settings: tuple[tuple[str, str], ...] = ()
-    sources: tuple[Block, ...] = ()
-    cited: tuple[str, ...] = ()
-
-
-class Study(Protocol):
-    """An object that adds to the report of recordings."""
-
-    def addition(self, found: Characterisation | None) -> Addition:
-        """Return the sections that this study adds to a report, with or without recordings."""
-        ...
-
-
-# --- Provenance: software, data, sources, and validation on real data.
-
-SOURCE_NOTE = "SOURCE.md"
 PACKAGES = ("numpy", "scipy", "xarray", "polars", "matplotlib")
-
-
-def provenance_section(found: Characterisation | None, study: Addition) -> Section:
-    """Return the section on provenance of the report."""
-    topic, parts = Topic("recordings", "provenance"), [study]
-    if found is not None:
-        about = topic.say("synthetic" if found.synthetic else "real")
-        settings = (("protocol of the characterisation", found.protocol),)
-        sources = tuple(_notes(topic, found))
-        parts.insert(0, Addition(validity=about, settings=settings, sources=sources, cited=topic.texts["cites"]))
-    rows = [("pneudrive", __version__), *software(), *(row for part in parts for row in part.settings)]
-    keys = dict.fromkeys(key for part in parts for key in part.cited)
-    blocks = [topic.table(rows), *(block for part in parts for block in part.sources)]
-    lines = Paragraph([part.validity for part in parts if part.validity])
-    return topic.section(lines, *blocks, *topic.listed(references(keys), "sources"), synthetic=False)
-
-
-def _notes(topic: Topic, found: Characterisation) -> Blocks:
-    """Yield the files SOURCE.md next to the recordings or one folder above."""
-    sources = (Path(recording.source) for recording in found.recordings if recording.source is not None)
-    for folder in dict.fromkeys(folder for source in sources for folder in source.parents[:2]):
-        if (folder / SOURCE_NOTE).is_file():
-            yield topic.text("note", note=f"{folder.name}/{SOURCE_NOTE}")
-            try:
-                text = (folder / SOURCE_NOTE).read_text(encoding="utf-8", errors="replace")[:3000].strip()
-            except OSError as error:
-                text = f"(it cannot be read: {error.strerror})"
-            yield Paragraph(text, "code")
 
 
 def reference(key: str) -> str:
@@ -598,8 +531,9 @@ def reference(key: str) -> str:
 
 
 def software() -> list[tuple[str, str]]:
-    """Return the versions of Python and of the packages that compute and draw."""
-    return [("Python", platform.python_version()), *((package, version(package)) for package in PACKAGES)]
+    """Return the versions of pneudrive, of Python, and of the packages that compute and draw."""
+    own = ("pneudrive", __version__), ("Python", platform.python_version())
+    return [*own, *((package, version(package)) for package in PACKAGES)]
 
 
 def references(keys: Iterable[str]) -> tuple[str, ...]:

@@ -38,8 +38,6 @@ WIDTH, MARGIN, FONT = 360.0, 30.0, 11.0
 #: Distances of a label from its joint, tried in turn, px, and number of angles for each distance.
 DISTANCES = (13.0, 19.0, 25.0)
 ANGLES = np.radians([0.0, 30.0, -30.0, 60.0, -60.0, 90.0, -90.0, 130.0, -130.0])
-#: Distance of the centre of a label from the edges of lines, px.
-CLEAR = 7.0
 #: Length of the barrel of a leg without a stroke, as a fraction of the leg's length at x = 0.
 BARREL = 0.6
 #: Thickness of a piston, as a fraction of its barrel or guide.
@@ -128,51 +126,29 @@ def platform_scene(platform: Platform, poses: ArrayLike) -> PlatformScene:
     scale = (WIDTH - 2.0 * MARGIN) / max(across, 0.8 * up, 1e-9)
     width, height = (high - low) * scale + 2.0 * MARGIN
     *lines, (_, path) = [(what, (points - low) * scale + MARGIN) for what, points in lines]
-    seen = sorted({0, len(path) // 2, len(path) - 1})
-    segments, halves = [], []
-    for what, points in lines:
-        own = points[seen] if len(points) > 1 else points
-        ends = own[:, :-1], own[:, 1:]
-        segments.append(np.stack(ends, axis=2).reshape(-1, 2, 2))
-        halves.append(np.full(len(segments[-1]), 0.5 * LOOKS[what].width))
-    middle = np.array([width, height]) / 2.0
-    centres = label_places(lines[0][1][0, :-1], middle, np.concatenate(segments), np.concatenate(halves))
+    centres = label_places(lines[0][1][0, :-1], np.array([width, height]) / 2.0)
     labels = [(str(i), centre) for i, centre in enumerate(centres, start=1)]
     return PlatformScene((float(width), float(height)), lines, labels, path[:, 0])
 
 
-def label_places(joints: Array, middle: Array, segments: Array, halves: Array) -> list[Array]:
-    """Return the centres of joint labels, px, apart from each other and, if possible, from the lines.
+def label_places(joints: Array, middle: Array) -> list[Array]:
+    """Return the centres of joint labels, px, apart from each other.
 
     Parameters
     ----------
     joints : ndarray, shape (n, 2)
     middle : ndarray, shape (2,)
         Centre of the picture; labels are on the outer side of their joints.
-    segments : ndarray, shape (m, 2, 2)
-        Both ends of each line.
-    halves : ndarray, shape (m,)
-        Half of the width of each line.
     """
     out: list[Array] = []
     for joint in joints:
         outward = joint - middle
-        angle = np.arctan2(outward[1], outward[0])
-        tried = [
-            joint + d * np.array([np.cos(angle + turn), np.sin(angle + turn)]) for d in DISTANCES for turn in ANGLES
-        ]
-        free = [place for place in tried if all(np.max(np.abs(place - other) / [0.8, 1.1]) > FONT for other in out)]
-        clear = (place for place in free if _distance(place, segments, halves) > CLEAR)
-        out.append(next(clear, (free or tried)[0]))
+        angles = np.arctan2(outward[1], outward[0]) + ANGLES
+        turned = np.column_stack([np.cos(angles), np.sin(angles)])
+        tried = [joint + distance * direction for distance in DISTANCES for direction in turned]
+        free = (place for place in tried if all(np.max(np.abs(place - other) / [0.8, 1.1]) > FONT for other in out))
+        out.append(next(free, tried[0]))
     return out
-
-
-def _distance(place: Array, segments: Array, halves: Array) -> float:
-    """Return the distance of a point from the nearest edge of a line."""
-    start, along = segments[:, 0], segments[:, 1] - segments[:, 0]
-    square = np.maximum(np.sum(along * along, axis=1), 1e-12)
-    share = np.clip(np.sum((place - start) * along, axis=1) / square, 0.0, 1.0)
-    return float(np.min(np.linalg.norm(start + share[:, None] * along - place, axis=1) - halves))
 
 
 # --- A platform on legs as a picture, as an animation of a run, and as a page of a run with its curves.

@@ -1,4 +1,4 @@
-"""Recordings: view of a recording, view of a characterisation, and its report."""
+"""Recordings: views of a recording, of a friction map and of a characterisation, and the report of recordings."""
 
 from __future__ import annotations
 
@@ -6,41 +6,160 @@ import math
 import re
 from contextlib import suppress
 from dataclasses import replace
+from pathlib import Path
 from textwrap import fill
 from typing import TYPE_CHECKING
 
 import numpy as np
 import polars as pl
 
+from pneudrive import figures
 from pneudrive.errors import RecordingError
-from pneudrive.figures import MEASURED, THIN, Axis, Band, Figure, Line, Look, Markers, Panel, Rule, look, stack
+from pneudrive.figures import THIN, Axis, Band, Figure, Line, Look, Markers, Panel, Rule, look, ramp, stack, thin
 from pneudrive.friction.budget import COVERAGE_FACTOR
-from pneudrive.friction.friction_map import group_of
+from pneudrive.friction.friction_map import ALL_RECORDINGS, MapGroup, bar, group_of, groups_of
 from pneudrive.friction.pressure import MINIMUM_RANGE_PA, NET, ClosureFit, PressureLine
 from pneudrive.friction.sentences import flag_findings
 from pneudrive.numbers import fixed, plain
-from pneudrive.report import campaign, page, strokes
-from pneudrive.report.layout_figure import is_open, record_figure, recorded_rig
+from pneudrive.report import campaign, page
 from pneudrive.report.page import MOST_SHOWN, Report, Topic, by_seal, figure_of, gauge_bar, plural, spread_evenly
 from pneudrive.report.render import DrawnFigure, draw_figure
 from pneudrive.signals.motion import find_strokes
 from pneudrive.signals.recording import Recording, clean
 from pneudrive.units import readable
-from pneudrive.views import Finding, ShownFigure, ShownValue, View, worst
+from pneudrive.views import Finding, ShownCurve, ShownFigure, ShownTable, ShownValue, View, worst
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
-    from pathlib import Path
+    from collections.abc import Iterator, Mapping, Sequence
+
+    import xarray as xr
 
     from pneudrive.friction.campaign.result import CampaignCharacteristics
     from pneudrive.friction.characterisation import Characterisation
     from pneudrive.friction.level import Level
-    from pneudrive.report.page import Blocks, Fits, Study
+    from pneudrive.identify.static.result import FrictionFit
+    from pneudrive.report.page import Blocks, Fits
+    from pneudrive.signals.motion import Stroke
+    from pneudrive.signals.proposal import Proposal
 
 #: Parts common to recordings and campaigns.
 CURVES = {key: campaign.FIGURED[key] for key in ("curves", "pressure", "position", "stick-slip")}
 CURVES |= {"statements": campaign.statements, "budget": campaign.budget}
 PRESSURE = Axis("gauge pressure / bar")
+
+
+# --- Figures of a recording and its rig, and of how a proposed layout reads a foreign file.
+
+SHOWN_STROKES = 6
+MOST_LOOPS = 200  # over position: more thin lines cannot be told apart
+FIRST_SAMPLES = 4000
+LAYOUT_IN = 9.0
+TITLE_WIDTH = 95  # characters over one panel
+
+
+def write_layout_figure(proposal: Proposal, path: str | Path) -> Path:
+    """Draw the channels as read, strokes shaded, and force against position.
+
+    Parameters
+    ----------
+    proposal
+        As returned by ``propose_layout``.
+    path
+        Picture to write. The suffix selects the kind (.png, .svg, .pdf).
+
+    Returns
+    -------
+    pathlib.Path
+        The file.
+
+    Raises
+    ------
+    CommandError
+        If the picture cannot be written.
+    """
+    if proposal.recording is None:
+        figure = _columns(proposal)
+    else:
+        notes = {guess.role: f"column {guess.column!r}: {guess.reason}" for guess in proposal.guesses}
+        title = f"{proposal.path.name}: as understood, {len(proposal.strokes)} strokes found"
+        figure = record_figure(proposal.recording, proposal.strokes, notes, title)
+    draw_figure(figure, path)
+    return Path(path)
+
+
+def _columns(proposal: Proposal) -> Figure:
+    """Draw the raw columns if they do not form a recording."""
+    shown = proposal.columns[:8]
+    roles, panels = {guess.index: guess for guess in proposal.guesses}, []
+    for index, values in enumerate(shown):
+        part, guess = values[:FIRST_SAMPLES], roles.get(index)
+        name = proposal.reading.names[index] if proposal.reading.names else f"column {index}"
+        label = name if guess is None else f"{name}\n{guess.role}\n({guess.unit})"
+        panels.append(Panel([Line(range(len(part)), part, width=0.7)], y=Axis(label, is_si=False)))
+    text = proposal.problem or f"as understood, {len(proposal.strokes)} strokes found"
+    return stack(panels, 5.4, x="row", title=f"{proposal.path.name}: {text}", width_in=LAYOUT_IN)
+
+
+def record_figure(
+    recording: Recording, strokes: Sequence[Stroke], notes: Mapping[str, str] | None = None, title: str = ""
+) -> Figure:
+    """Draw the channels over time with strokes shaded, and force against position.
+
+    Parameters
+    ----------
+    recording : Recording
+    strokes : sequence of Stroke
+    notes : mapping, optional
+        Channel -> title of its panel. With notes, the first strokes are drawn, otherwise all samples of all channels.
+    title : str
+    """
+    first = strokes[:SHOWN_STROKES] if notes else strokes
+    stop = first[-1].stop if first else FIRST_SAMPLES
+    part = slice(0, stop, thin(recording.time_s[:stop]).step) if notes else thin(recording.time_s)
+    channels = [("position", recording.position_m, "position / mm")]
+    for side in ("a", "b"):
+        if f"pressure_{side}" in notes if notes else not is_open(recording, side):
+            gauge = getattr(recording, f"pressure_{side}_pa") - recording.ambient_pressure_pa
+            channels.append((f"pressure_{side}", gauge, f"pressure {side} /\nbar gauge"))
+    channels.append(("force", recording.force_n, "force, +x / N"))
+    time, panels = recording.time_s - (0.0 if notes else recording.time_s[0]), []
+    spans = [
+        Rule((time[s.start], time[s.stop - 1]), look=Look("shade two" if s.direction > 0 else "shade"))
+        for s in first
+        if notes or s.direction > 0
+    ]
+    for role, values, label in channels:
+        note = fill((notes or {}).get(role, ""), TITLE_WIDTH)
+        panels.append(Panel([*spans, Line(time[part], values[part], width=0.8)], note, y=label))
+    loops = [
+        Line(
+            recording.position_m[s.samples],
+            recording.force_n[s.samples],
+            look=Look() if s.direction > 0 else Look("orange", "--"),
+            width=0.5,
+        )
+        for s in spread_evenly(strokes, MOST_LOOPS)
+    ]
+    tall = Panel(loops, "", "position / mm", "force, +x / N (solid: towards +x, dashed: back)")
+    more = {"tall": tall, "widths": (2, 1), "width_in": LAYOUT_IN if notes else figures.WIDTH_IN, "text_scale": 0.85}
+    height = 5.4 if notes else 1.4 * len(panels)
+    return stack(panels, height, x="time / s (dark: towards +x)", title=title, **more)
+
+
+def is_open(recording: Recording, side: str) -> bool:
+    """Return whether a chamber was open to ambient: its pressure equals ambient exactly."""
+    values = getattr(recording, f"pressure_{side}_pa")
+    return bool(np.ptp(values) == 0 and abs(values[0] - recording.ambient_pressure_pa) < 1.0)
+
+
+def recorded_rig(recording: Recording) -> Figure:
+    """Draw cylinder, piston, force sensor and servo or hand, with signs."""
+    incline = recording.incline_rad
+    states = {}
+    for side in "ab":
+        stated = "stated" if np.ptp(getattr(recording, f"pressure_{side}_pa")) == 0 else "measured"
+        states[side] = "open to ambient" if is_open(recording, side) else f"p_{side} {stated}"
+    return page.sketch("recording", ["inclined"] if incline else [], **states, incline=np.degrees(incline))
 
 
 # --- The view of one recording.
@@ -70,6 +189,159 @@ def recording_view(recording: Recording) -> View:
     )
 
 
+# --- The view of a friction map: friction over speed.
+
+MOST_PANELS, MOST_CURVES = 9, 8  # of a figure, of one assembly
+MANY = 60  # points beyond which markers get smaller
+STRIBECK = "stribeck"
+DETERMINED = "Fitted parameters (± half of the 95 % interval); these data do not determine missing parameters"
+UNDETERMINED = "Values that these data cannot determine"
+
+
+def map_view(table: xr.Dataset, fits: Fits | None = None) -> View:
+    """Return the view of a friction map: friction over speed with U (k = 2), its extremes, and flags with remedies.
+
+    Parameters
+    ----------
+    table : Dataset
+        Friction map.
+    fits : mapping, optional
+        Assembly -> law -> fit. Determined laws are drawn; undetermined values become findings.
+    """
+    groups = [(group, group.curves(table)) for group in groups_of(table)]
+    curves = [curve for _, own in groups for curve in own]
+    names = table["recording"].to_numpy().astype(str).tolist()
+    raised: dict[str, list[str]] = {}
+    for name, flags in zip(names, table["flags"].to_numpy(), strict=True):
+        for flag in str(flags).split(","):
+            raised.setdefault(flag, []).append(name)
+    findings, tables = flag_findings(raised, len(set(names))), ()
+    topic = Topic("recordings", "speed")
+    labels = topic.say("with_labels") if len({group.assembly for group, _ in groups}) > 1 else ""
+    law = topic.say("with_law") if any(map(_speed_law, (fits or {}).values())) else ""
+    if fits is not None:
+        about, tables = _fitted(fits)
+        findings += about or [Finding(topic.say("no_law"), "open")] * (not tables)
+    return View(
+        f"{table.sizes['row']} points of friction",
+        curves=curves,
+        state=worst(findings),
+        leading=tuple(_ends(table)),
+        findings=findings,
+        tables=tables,
+        figures=(topic.figure("friction-speed", speed_figure(groups, fits or {}), law=law, labels=labels),),
+    )
+
+
+def _ends(table: xr.Dataset) -> Iterator[ShownValue]:
+    """Yield the lowest and the highest friction with U (k = 2)."""
+    order = np.argsort(table["friction_n"].to_numpy(), kind="stable")
+    for word, row in (("lowest", order[0]), ("highest", order[-1])):
+        point = table.isel(row=row)
+        friction, stderr, systematic = (float(point[f"{name}_n"]) for name in ("friction", "stderr", "u_systematic"))
+        reach = 2.0 * float(np.hypot(np.nan_to_num(stderr), systematic))
+        where = f"{point.recording.item()}, {1e3 * abs(float(point.velocity_m_s)):.3g} mm/s"
+        name = f"{word} friction ({where})"
+        yield ShownValue(word, word, name, friction, "N", (friction - reach, friction + reach))
+
+
+def richest(by_law: Mapping[str, FrictionFit]) -> FrictionFit:
+    """Return the fit of the law with the most parameters."""
+    return by_law.get(STRIBECK) or next(iter(by_law.values()))
+
+
+def _speed_law(by_law: Mapping[str, FrictionFit]) -> FrictionFit | None:
+    """Return the fit of friction over speed; None if the data do not determine the dependence on speed."""
+    fit = by_law.get(STRIBECK)
+    return fit if fit is not None and "stribeck_velocity" in fit.determined else None
+
+
+def _fitted(fits: Fits) -> tuple[list[Finding], list[ShownTable]]:
+    """Return findings and tables of the fit with the most parameters of each assembly."""
+    values, lost, notes = [], dict[Finding, list[str]](), []
+    for group, by_law in fits.items():
+        fit = richest(by_law)
+        view = fit.view()
+        values += [replace(v, label=f"{group}: {v.label}") for v in view.rows if v.label in fit.intervals]
+        notes += [Finding(f"{group}: {note}.", "open") for note in fit.notes]
+        for finding in view.findings:
+            lost.setdefault(finding, []).append(group)
+    head, rows = View("", values).table()
+    tables = [ShownTable(DETERMINED, head, rows)] if rows else []
+    if lost:
+        cells = [(", ".join(groups), f.text, f.remedy.removeprefix("Remedy: ")) for f, groups in lost.items()]
+        tables.append(ShownTable(UNDETERMINED, ("group", "value", "measure"), cells))
+        names = dict.fromkeys(item.parameter for by_law in fits.values() for item in richest(by_law).undetermined)
+        notes.append(Finding(f"{UNDETERMINED}: {', '.join(names)}.", "open", "The table states what to measure."))
+    return notes, tables
+
+
+def speed_figure(groups: list[tuple[MapGroup, list[ShownCurve]]], fits: Fits) -> Figure:
+    """Draw friction and determined laws over speed: a panel for each assembly, a style for each pair of pressures."""
+    panels: dict[str, list[tuple[MapGroup, ShownCurve]]] = {}
+    for group, curves in groups:
+        panels.setdefault(group.assembly, []).extend((group, curve) for curve in curves)
+    is_single = len(panels) == 1
+    count = sum(curve.x.size for _, curves in groups for curve in curves)
+    drawn = []
+    for assembly, members in spread_evenly(panels.items(), MOST_PANELS):
+        fit = _speed_law(fits.get(assembly) or fits.get(ALL_RECORDINGS) or {})
+        by_pressure = sorted(members, key=lambda member: tuple(member[0].gauges))
+        shown, marks = spread_evenly(by_pressure, MOST_CURVES), []
+        for index, (group, curve) in enumerate(by_pressure):
+            at = next((place for place, member in enumerate(shown) if member[1] is curve), None)
+            if at is None:
+                marks.append(Markers(curve.x, curve.y, look=THIN, size=1.5))
+                continue
+            own, ends = ramp(at, len(shown)), curve.band or (curve.y, curve.y)
+            label = curve.label.removeprefix(f"{assembly}: ") if is_single else ""
+            names = () if is_single else (*[""] * (curve.x.size - 1), bar(max(group.gauges, key=abs)))
+            size = 2.2 if count > MANY else 4.0
+            look = {"size": size, "filled": not index % 2, "names": names}
+            marks.append(Markers(curve.x, curve.y, label, own, *ends, **look))
+            if fit is not None:
+                grid = np.geomspace(curve.x.min(), curve.x.max(), 200)
+                law = fit.predict(grid, *map(float, group.gauges))
+                marks += [Band(grid, law.lower_n, law.upper_n), Line(grid, law.friction_n, look=own, width=0.9)]
+        drawn.append(Panel(marks, "" if is_single else assembly))
+    y = Axis("friction / N", low=0.0) if all((c.y >= 0.0).all() for _, own in groups for c in own) else "friction / N"
+    return figure_of("curves-of-one" if is_single else "curves", drawn, y=y)
+
+
+# --- Recovered truth of simulated recordings.
+
+
+def recovered(found: Characterisation) -> pl.DataFrame | None:
+    """Return errors and uncertainties of simulated recordings, N; None without simulated recordings."""
+    rows = []
+    for result in found.results:
+        truth = result.recording.truth
+        if truth is None or "friction_n" not in truth or len(result.levels) != 1:
+            continue
+        (level,) = result.levels
+        rows.append(
+            {
+                "error_n": level.friction_n - truth["friction_n"],
+                "stderr_n": level.stderr_n,
+                "expanded_n": level.expanded_n,
+                "is_inside": abs(level.friction_n - truth["friction_n"]) <= level.expanded_n,
+            }
+        )
+    return pl.DataFrame(rows) if rows else None
+
+
+def recovered_part(topic: Topic, found: Characterisation) -> Blocks:
+    """Show the recovered friction of simulated recordings."""
+    pairs = recovered(found)
+    if pairs is None:
+        return
+    errors_n, expanded = np.abs(pairs["error_n"].to_numpy()), pairs["expanded_n"]
+    ends = dict.fromkeys(f"{value:.2f}" for value in (expanded.min(), expanded.max()))
+    within = int(np.sum(errors_n <= 2 * np.nan_to_num(pairs["stderr_n"].to_numpy())))
+    counts = {"all": pairs.height, "inside": pairs["is_inside"].sum(), "within": within}
+    yield topic.text(**counts, reach=" to ".join(ends), worst=1e3 * errors_n.max())
+
+
 # --- The view of a characterisation.
 
 COLUMNS, NAME_LETTERS = 4, 18  # panels in a row, letters of a name over one
@@ -85,7 +357,7 @@ def characterisation_view(found: Characterisation, fits: Fits | None = None) -> 
     fits : mapping, optional
         Group -> law -> FrictionFit: fitted laws, parameters, and undetermined values.
     """
-    base, topic = strokes.map_view(found.friction_map, fits), Topic("recordings", "view")
+    base, topic = map_view(found.friction_map, fits), Topic("recordings", "view")
     spread = found.run_spread
     relative = [level.expanded_n / level.friction_n for level in found.levels if level.friction_n > 0]
     findings = [*base.findings, *(Finding(doubt, "bad") for doubt in found.doubts)]
@@ -179,7 +451,7 @@ def _loop(level: Level) -> Panel:
     means = (
         ("towards +x", p.up_n, Look("blue"), None),
         ("towards −x", p.down_n, Look("blue", "--"), None),
-        ("friction (half difference)", p.friction_n, MEASURED, 1.8),
+        ("friction (half difference)", p.friction_n, figures.MEASURED, 1.8),
         ("offset (half sum)", p.offset_n, Look("orange", ":"), 1.8),
     )
     lines = [Line(p.position_m, values, label, own, width) for label, values, own, width in means]
@@ -233,7 +505,6 @@ def _areas(fits: Sequence[ClosureFit]) -> Iterator[tuple]:
             yield fit.group, side, *sizes, f"{zero.value:+.2f}{ends}", len(fit.recordings)
 
 
-MOST_PANELS = 9
 #: Whether a run was repeated -> meaning of the band.
 BAND = {True: "a further run", False: "a further recording of the same run"}
 
@@ -294,56 +565,34 @@ def pressure_panel(points: pl.DataFrame, line: PressureLine | None, runs: Sequen
 # --- The report.
 
 
-def recordings_report(
-    found: Characterisation | None,
-    fits: Fits,
-    study: Study | None = None,
-    curves: CampaignCharacteristics | None = None,
-) -> Report:
-    """Return the report: view, and sections on measurement, record, strokes, budget, and curves over speed.
+def recordings_report(found: Characterisation, fits: Fits, curves: CampaignCharacteristics | None = None) -> Report:
+    """Return the report: view, and sections on measurement, record, budget, curves over speed, and provenance.
 
-    The parameters are those of `write_report`; `study` is its `reproduction`.
+    The parameters are those of `write_report`.
     """
-    addition = page.Addition() if study is None else study.addition(found)
-    parts: list[page.Section] = []
-    if found is not None:
-        first = {"measured": measured, "record": record, "drift": strokes.drift, "reversals": strokes.peaks}
-        parts += page.sections_of("recordings", {**first, "budget": budget}, found)
-        parts += page.sections_of("recordings", {"recovered": strokes.recovered_part}, found, synthetic=True)
-        parts += page.sections_of("recordings", {"stick-slip-of-strokes": strokes.stick_slip}, found)
-    parts += addition.sections
+    parts = page.sections_of("recordings", {"measured": measured, "record": record, "budget": budget}, found)
+    parts += page.sections_of("recordings", {"recovered": recovered_part}, found, synthetic=True)
     over_speed = [] if curves is None else page.sections_of("campaign", CURVES, curves)
     parts += [replace(part, key=f"{part.key}-over-speed") for part in over_speed]
-    parts.append(page.provenance_section(found, addition))
-    if found is None:
-        return Report(addition.title, addition.verdict, parts)
+    parts += page.sections_of("recordings", {"provenance": provenance}, found, synthetic=False)
     title = "Friction of simulated recordings" if found.synthetic else "Friction of a pneumatic piston from recordings"
-    title += ", with a simulated rig" if study is not None and not found.synthetic else ""
     view = replace(characterisation_view(found, fits), title=title)
-    report = page.view_report(view, *parts, synthetic=found.synthetic)
-    report.verdict = [*report.verdict, *addition.verdict]
-    return report
+    return page.view_report(view, *parts, synthetic=found.synthetic)
 
 
 def write_report(
-    found: Characterisation | None,
-    fits: Fits,
-    folder: str | Path,
-    reproduction: Study | None = None,
-    curves: CampaignCharacteristics | None = None,
+    found: Characterisation, fits: Fits, folder: str | Path, curves: CampaignCharacteristics | None = None
 ) -> Path:
     """Write report.html, which loads no other files, and its figures as PNG and SVG.
 
     Parameters
     ----------
-    found : Characterisation or None
+    found : Characterisation
         Result of recordings, real or simulated.
     fits : mapping
         Group -> law -> FrictionFit; may be empty.
     folder : path-like
         An existing folder; figures go into its folder ``figures``.
-    reproduction : Reproduction, optional
-        Study that adds the sections of the source paper; any object with a method `addition` is accepted.
     curves : CampaignCharacteristics, optional
         Curves, effects and statements of the recordings, from ``recorded_characteristics``.
 
@@ -357,7 +606,14 @@ def write_report(
     CommandError
         The folder cannot be written to.
     """
-    return recordings_report(found, fits, reproduction, curves).write(folder)
+    return recordings_report(found, fits, curves).write(folder)
+
+
+def provenance(topic: Topic, found: Characterisation) -> Blocks:
+    """Show whether the data are real, software, and sources of methods."""
+    yield topic.text("synthetic" if found.synthetic else "real")
+    yield topic.table([*page.software(), ("protocol of the characterisation", found.protocol)])
+    yield from topic.listed(page.references(topic.texts["cites"]), "sources")
 
 
 def measured(topic: Topic, found: Characterisation) -> Blocks:

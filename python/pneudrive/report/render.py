@@ -18,7 +18,7 @@ import numpy as np
 
 from pneudrive import figures
 from pneudrive.errors import package_table
-from pneudrive.figures import WIDTH_IN, Axis, Band, Bars, Drawing, Line, Look, Markers, Panel, PenStroke, Rule
+from pneudrive.figures import WIDTH_IN, Axis, Band, Bars, Drawing, Line, Markers, Panel, PenStroke, Rule
 from pneudrive.simulation.trajectory import check_target, whole
 
 if TYPE_CHECKING:
@@ -469,13 +469,3 @@ DRAWN: dict[type, Callable[..., Any]] = {
     Bars: _bars,
     Drawing: _drawing,
 }
-
-
-def box_marks(position: int, values: Sequence[float]) -> Iterator[Any]:
-    """Yield a vertical box plot of values at a position: 5, 25, 50, 75 and 95 % quantiles, and the values outside."""
-    low, first, middle, last, high = np.quantile(values, (0.05, 0.25, 0.5, 0.75, 0.95))
-    outside = np.asarray([v for v in values if not low <= v <= high])
-    yield Line((low, high), (position, position), width=0.9)
-    yield Line((first, last), (position, position), look=Look("grey"), width=7.0)
-    yield Markers([middle], [position], look=Look("orange", "-", "|"), size=9.0)
-    yield Markers(outside, np.full(outside.size, position), look=Look("black", "-", "."), size=3.0)

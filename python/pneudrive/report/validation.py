@@ -5,29 +5,27 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from pneudrive import figures as drawing
-from pneudrive.describe.files.provenance import values
-from pneudrive.describe.marks import Quantity
-from pneudrive.figures import MODEL, Axis, Band, Bars, Figure, Line, Look, Markers, Panel, Rule, look, stack, thin
+from pneudrive.figures import MODEL, Figure, Line, Markers, Panel, look, stack, thin
+from pneudrive.identify.follow.fit import fitted_pressures
+from pneudrive.identify.identified import comparison_figure
 from pneudrive.report import page
 from pneudrive.report.page import MOST_SHOWN, Paragraph, Topic, figure_of, plural, quantity, spread_evenly, view_report
-from pneudrive.validate.balance import BALANCES, Scene, Signals, moving_mass
-from pneudrive.validate.motion import STATIC_FIT_PERCENT, FrictionCurve, FrictionValidation
-from pneudrive.validate.validation import CHANNELS, RecordResult, Validation
-from pneudrive.views import Finding, ShownFigure, ShownTable, ShownValue, State, View
+from pneudrive.validate.motion import STATIC_FIT_PERCENT, FrictionValidation, agreement, fraction_inside
+from pneudrive.validate.validation import CHANNELS, Validation
+from pneudrive.views import Finding, ShownFigure, ShownTable, ShownValue, State, View, worst
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
     from pathlib import Path
 
+    import polars as pl
+
     from pneudrive.arrays import Keyed
-    from pneudrive.describe.drive import Drive
     from pneudrive.report.page import Blocks, Section
+    from pneudrive.validate.motion import Closure, MotionValidation
 
 MOST_RECORDS, MOST_STOPS = 6, 60
-SHOWN_ALONE = 12
 DIRECTIONS = {0: "both", 1: "+x", -1: "-x"}
 #: State of a target: missed, met, or not tested.
 MET: dict[bool | None, State] = {False: "bad", True: "good", None: "open"}
@@ -140,21 +138,11 @@ def write_validation_report(found: Validation, folder: str | Path) -> Path:
     CommandError
         The folder cannot be written to.
     """
-    about = (Topic("validation", key) for key in ("metrics", "breakaway"))
+    about = (Topic("validation", key) for key in ("metrics", "why", "breakaway"))
     words = (topic.text(window_s=found.window_s) for topic in about)
-    parts = page.sections_of("validation", {"why": _why, "whiteness": _noise}, found)
+    parts = page.sections_of("validation", {"whiteness": _noise}, found)
     parts += [Topic("validation", "about").section(*words), _provenance(found)]
     return view_report(found.view(), *parts, synthetic=found.synthetic).write(folder)
-
-
-def _why(topic: Topic, found: Validation) -> Blocks:
-    diagnosis = found.diagnosis()
-    yield topic.text()
-    if diagnosis.alone:
-        yield topic.table(diagnosis.alone[:SHOWN_ALONE], "alone")
-    for number, r in spread_evenly(enumerate(found.records), MOST_RECORDS)[:2]:
-        figure = balance_figure(found.drive, r.signals, diagnosis.scenes[number])
-        yield ShownFigure(f"balance-{number + 1}", topic.say("caption", name=r.recording.name), figure)
 
 
 def _noise(topic: Topic, found: Validation) -> Blocks:
@@ -166,58 +154,10 @@ def _noise(topic: Topic, found: Validation) -> Blocks:
             rows.append((record.recording.name, CHANNELS[column], white.outside, white.p, strongest))
     yield topic.text()
     yield topic.table(rows)
-    for n, r in spread_evenly(enumerate(found.records, 1), MOST_RECORDS):
-        caption = topic.say("residual", name=r.recording.name)
-        yield ShownFigure(f"residual-{n}", caption, residual_figure(r, found.window_s))
-
-
-def balance_figure(drive: Drive, signals: Signals, scene: Scene) -> Figure:
-    """Draw terms of the force balance, and residuals of all three balances."""
-    part, terms = thin(signals.time_s), scene.terms
-    lines = (
-        ("forces but friction", terms["force_n"], Look()),
-        ("m a", moving_mass(drive) * signals.acceleration_m_s2, Look("blue", "--")),
-        ("friction of the model", np.where(signals.moving, terms["friction_n"], np.nan), Look("orange", "-.")),
-    )
-    marks = [Line(signals.time_s[part], values[part], label, own, 0.9) for label, values, own in lines]
-    panels, some = [Panel(marks, y="force / N")], thin(scene.time_s)
-    each = zip(BALANCES, scene.residuals, scene.used, scene.scale, ("N", "(bar/s)", "(bar/s)"), strict=True)
-    for name, residual, used, scale, unit in each:
-        rest, time = np.where(used, residual, np.nan)[some], scene.time_s[some]
-        size = 1e5 if "bar" in unit else 1.0
-        band = Band(time, -2.0 * scale[some] / size, 2.0 * scale[some] / size)
-        panels.append(Panel([band, Line(time, rest / size, width=0.8)], y=f"residual of\n{name} /\n{unit}"))
-    return stack(panels, 5.2, (2, 1, 1, 1))
-
-
-def residual_figure(r: RecordResult, window_s: float) -> Figure:
-    """Draw the autocorrelation of the free run's residuals, and the residual of each run from a measured state."""
-    above, below = [], []
-    for column, channel in r.channels.items():
-        values, bound = channel.whiteness.autocorrelation, channel.whiteness.bound
-        lags = Bars(np.arange(1, values.size + 1), values, look=Look(), thickness=0.2)
-        y = Axis("autocorrelation" if not above else "", low=-1.05, high=1.05)
-        noise = Rule(y=(-bound, bound), look=Look("band"))
-        above.append(Panel([noise, lags], CHANNELS[column], "lag / samples", y))
-        middle = (np.arange(channel.window_rms.size) + 0.5) * window_s
-        bars = Bars(middle, channel.window_rms, thickness=0.8 * window_s)
-        below.append(Panel([bars], "", "start at / s", f"rms / {quantity(column)[1]}"))
-    return Figure([*above, *below], columns=len(above), row_in=1.8, rest_in=0.0)
-
-
-def _identified(drive: Drive) -> Iterator[tuple[str | None, ...]]:
-    """Return identified values, with their intervals from noise and from model error."""
-    known = values(drive)
-    for name, origin in drive.provenance.items():
-        mark, si = known[name]
-        shown = mark.show(si) if isinstance(mark, Quantity) else f"{si / 1e5:g} bar"
-        low, high = origin.interval
-        model = f"± {origin.model_error}" if origin.model_error else None
-        yield name, str(shown), f"{low} … {high}", model, origin.source
 
 
 def _provenance(found: Validation) -> Section:
-    topic, identified = Topic("validation", "provenance"), list(_identified(found.drive))
+    topic = Topic("validation", "provenance")
     recordings = ((r.recording, found.badge(r) or None) for r in found.records)
     rows = (
         (r.name, badge, str(r.source) if r.source else None, len(r), r.sha256[:16])
@@ -226,7 +166,6 @@ def _provenance(found: Validation) -> Section:
     return topic.section(
         topic.text("synthetic" if found.synthetic else "measured"),
         topic.table(rows),
-        topic.table(identified, "identified") if identified else None,
         Paragraph(found.drive.to_toml().strip(), "code"),
         synthetic=False,
     )
@@ -237,7 +176,7 @@ def _provenance(found: Validation) -> Section:
 
 def friction_view(found: FrictionValidation) -> View:
     """Return the view of a friction law compared with measured friction: agreement in total, and for each condition."""
-    m, curves = found.metrics, list(found.curves)[:MOST_SHOWN]
+    m, curves = found.metrics, found.curves
     leading = (
         ShownValue("fit", "", "fit", m.fit_percent, "%", limit=STATIC_FIT_PERCENT, state=MET[found.met]),
         ShownValue("NRMSE", "", "NRMSE", 100 * m.nrmse, "%"),
@@ -249,35 +188,61 @@ def friction_view(found: FrictionValidation) -> View:
         f"friction of {found.drive.name} against {found.source.name}",
         state=MET[found.met],
         leading=leading,
-        tables=(Topic("validation", "friction-conditions").table(map(_of_curve, found.curves)),),
+        tables=(Topic("validation", "friction-conditions").table(map(_of_curve, curves)),),
         figures=(ShownFigure("friction", law.texts["pictures"]["friction"], friction_figure(curves)),),
         notes=(law.say(),),
     )
 
 
-def write_friction_report(found: FrictionValidation, folder: str | Path) -> Path:
-    """Write report.html with curves, bands and differences.
-
-    Raises
-    ------
-    CommandError
-        The folder cannot be written to.
-    """
-    drive = Topic("validation", "model").section(Paragraph(found.drive.to_toml().strip(), "code"))
-    return view_report(found.view(), drive).write(folder)
+def _of_curve(points: pl.DataFrame) -> tuple[object, ...]:
+    found, mean = agreement(points), (points["model_n"] - points["friction_n"]).mean()
+    condition, direction, *_ = points.row(0)
+    return condition, DIRECTIONS[direction], points.height, mean, found.largest, found.nrmse, fraction_inside(points)
 
 
-def _of_curve(c: FrictionCurve) -> tuple[object, ...]:
-    mean = np.mean(c.model_n - c.friction_n)
-    return c.condition, DIRECTIONS[c.direction], c.speed_m_s.size, mean, c.metrics.largest, c.metrics.nrmse, c.inside
-
-
-def friction_figure(curves: list[FrictionCurve]) -> Figure:
-    """Draw one panel for each condition: measured points and the law's lines."""
+def friction_figure(curves: list[pl.DataFrame]) -> Figure:
+    """Draw one panel for each condition: measured points and the law's lines, of at most `MOST_SHOWN` curves."""
     panels: dict[str, list[Markers | Line]] = {}
-    for c in curves:
-        marks = panels.setdefault(c.condition, [])
-        own, label = look(len(marks) // 2), f"measured, {DIRECTIONS[c.direction]}; line: law"
-        marks.append(Markers(c.speed_m_s, c.friction_n, label, own, c.low_n, c.high_n, filled=True))
-        marks.append(Line(c.speed_m_s, c.model_n, look=own))
+    for points in curves[:MOST_SHOWN]:
+        condition, direction, *_ = points.row(0)
+        speed, friction, low, high, model = points[:, 2:].to_numpy().T
+        marks = panels.setdefault(condition, [])
+        own, label = look(len(marks) // 2), f"measured, {DIRECTIONS[direction]}; line: law"
+        marks.append(Markers(speed, friction, label, own, low, high, filled=True))
+        marks.append(Line(speed, model, look=own))
     return figure_of("law", [Panel(marks, name) for name, marks in panels.items()])
+
+
+# --- a circuit along recorded motions ---------------------------------------------------------------------------------
+
+
+def motion_view(found: MotionValidation) -> View:
+    """Return the view of a circuit along recorded motions: verdicts, force balances, and pressures."""
+    findings = [Finding(text, "good" if met else "bad") for met, text in found.verdicts]
+    findings += [Finding(doubt, "open") for doubt in found.doubts]
+    notes = [f"{record.name}: {record}" for record in found.records]
+    notes += [f"{name}: its chambers are open, so its pressures test neither volumes nor heat" for name in found.open]
+    topic, figures = Topic("motion", "forces"), []
+    if found.solution is not None:
+        figure = comparison_figure(fitted_pressures(found.solution))
+        figures.append(ShownFigure("pressures", topic.say("pressures"), figure))
+    if found.closures:
+        dots, each = drawing.RESIDUAL, found.closures
+        residuals = {c.name: Markers(c.time_s, c.residual_n / c.range_n, look=dots, size=1.0) for c in each}
+        panels = [Panel([markers], name) for name, markers in residuals.items()]
+        figures.append(ShownFigure("closure", topic.say("residual"), figure_of("closure", panels)))
+        notes += [*map(str, found.closures), topic.say()]
+    return View(
+        f"{found.circuit.name} along recorded motions",
+        notes=notes,
+        state=worst(findings),
+        findings=findings,
+        tables=(topic.table(map(_force_row, found.closures)),) if found.closures else (),
+        figures=figures,
+    )
+
+
+def _force_row(c: Closure) -> tuple[object, ...]:
+    gains = "; ".join(f"{name} {g.value:.3f} [{g.low:.3f}, {g.high:.3f}]" for name, g in c.gains.items())
+    viscous = f"{c.viscous.value:.0f} [{c.viscous.low:.0f}, {c.viscous.high:.0f}]"
+    return c.name, c.rms_n, c.share, c.offset_n, gains or None, viscous, c.correlation

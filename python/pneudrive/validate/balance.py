@@ -61,24 +61,18 @@ class Metrics:
     samples: int
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True)
 class Whiteness:
     """Test of a residual for whiteness.
 
     Attributes
     ----------
-    autocorrelation : ndarray, shape (LAGS,)
-        Values at lags 1 to LAGS.
-    bound : float
-        1.96 / sqrt(N), the 95 % bound of the values for white noise.
     outside : float
-        Fraction of the lags with a value beyond the bound.
+        Fraction of the autocorrelations at lags 1 to LAGS beyond 1.96 / sqrt(N), their 95 % bound for white noise.
     ljung_box, p : float
         Statistic of Ljung and Box over all lags, and its p-value for white noise.
     """
 
-    autocorrelation: Array
-    bound: float
     outside: float
     ljung_box: float
     p: float
@@ -116,12 +110,11 @@ def whiteness(residual: Array) -> Whiteness:
     n, power = e.size, float(e @ e)
     lags = np.arange(1, min(LAGS, n - 1) + 1)
     if power == 0.0 or lags.size < 1:
-        return Whiteness(np.zeros(lags.size), np.nan, 0.0, 0.0, 1.0)
+        return Whiteness(0.0, 0.0, 1.0)
     r = np.array([float(e[k:] @ e[:-k]) / power for k in lags])
-    bound = NORMAL_95 / np.sqrt(n)
     statistic = float(n * (n + 2) * np.sum(r * r / (n - lags)))
-    outside = float(np.mean(np.abs(r) > bound))
-    return Whiteness(r, bound, outside, statistic, float(chi2.sf(statistic, lags.size)))
+    outside = float(np.mean(np.abs(r) > NORMAL_95 / np.sqrt(n)))
+    return Whiteness(outside, statistic, float(chi2.sf(statistic, lags.size)))
 
 
 def cross_correlations(residual: Array, signals: Mapping[str, Array]) -> NamedNumbers:
@@ -594,14 +587,11 @@ class ModelRun:
     ----------
     columns : dict
         `RUN_COLUMNS` at the samples of `Signals`; NaN after a failure.
-    restarts : ndarray of int
-        Samples with a reset to the measured state; the first is 0.
     failures : tuple of str
         Messages of failed segments.
     """
 
     columns: dict[str, Array]
-    restarts: Ints
     failures: tuple[str, ...]
 
     def __getitem__(self, column: str) -> Array:
@@ -685,7 +675,7 @@ def run_model(drive: Drive, signals: Signals, restarts: Ints | None = None) -> M
         failures.append(run["failures"][0])
         if not drive.is_plain:
             break
-    return ModelRun(dict(zip(RUN_COLUMNS, np.ascontiguousarray(values.T), strict=True)), at, tuple(failures))
+    return ModelRun(dict(zip(RUN_COLUMNS, np.ascontiguousarray(values.T), strict=True)), tuple(failures))
 
 
 def breakaways(drive: Drive, signals: Signals) -> tuple[RecordedBreakaway, ...]:

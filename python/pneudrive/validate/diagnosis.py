@@ -15,7 +15,7 @@ Standard errors come from the scores of blocks of 0.25 s, because neighbouring s
 from __future__ import annotations
 
 import functools
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -135,15 +135,12 @@ class Diagnosis(Shown):
         Fraction of the squared residual that no cause explains.
     alone : tuple of (str, float, float)
         Key, amount and explained fraction (linear) of each cause on its own, best first.
-    scenes : tuple of Scene
-        Balances of each recording.
     """
 
     size: NamedNumbers
     culprits: tuple[Culprit, ...]
     left: float
     alone: tuple[tuple[str, float, float], ...]
-    scenes: tuple[Scene, ...] = field(repr=False)
 
     @property
     def is_clean(self) -> bool:
@@ -481,7 +478,7 @@ def diagnose(
             culprits += [model.culprit(fit) for fit in own if model.is_shown(fit)]
         model.accept(fits[0])
     remains = float(model.left @ model.left) / float(first @ first) if first.size and first.any() else 0.0
-    return Diagnosis(model.sizes(first), tuple(culprits), remains, alone, tuple(model.first))
+    return Diagnosis(model.sizes(first), tuple(culprits), remains, alone)
 
 
 def _flow(ratio: Array, critical: float) -> Array:

@@ -7,10 +7,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from itertools import product
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
+import polars as pl
 
 from pneudrive.arrays import Array, Bools, Pair, Plain, by_name
 from pneudrive.describe.circuit import Circuit
@@ -33,7 +35,7 @@ from pneudrive.validate.balance import HELD_OUT, MADE, NONE_HELD_OUT, Metrics, b
 from pneudrive.views import ShownFigure, ShownValue, View, Viewed
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterable, Iterator, Sequence
 
     from pneudrive.describe.drive import Drive
     from pneudrive.identify.follow.driven import MotionRecordings
@@ -50,59 +52,37 @@ UNPAIRED = "unpaired"
 STATIC_FIT_PERCENT = 98.0
 
 
-@dataclass(frozen=True, eq=False)
-class FrictionCurve:
-    """Measured friction of one condition, compared with the law.
+@dataclass(frozen=True, eq=False, repr=False)
+class FrictionValidation(Viewed):
+    """Validation of a friction law against measured sliding friction.
 
     Attributes
     ----------
-    condition : str
-    direction : int
-        +1, -1, or 0 for the mean of both.
-    speed_m_s, friction_n, low_n, high_n : ndarray, shape (m,)
-        Measured values with their 95 % band.
-    model_n : ndarray, shape (m,)
-        Friction of the law at these speeds and pressures.
+    drive : Drive
+    source : Path
+    points : polars.DataFrame
+        A row for each measured point: ``condition``, ``direction`` (+1, -1, or 0 for the mean of both), ``speed_m_s``,
+        ``friction_n`` with its 95 % band ``low_n`` to ``high_n``, and ``model_n``, the friction of the law.
     """
-
-    condition: str
-    direction: int
-    speed_m_s: Array
-    friction_n: Array
-    low_n: Array
-    high_n: Array
-    model_n: Array
-
-    @property
-    def inside(self) -> float:
-        """Fraction of the points with the law within their 95 % band."""
-        return float(np.mean((self.model_n >= self.low_n) & (self.model_n <= self.high_n)))
-
-    @property
-    def metrics(self) -> Metrics:
-        """Metrics of this condition."""
-        return metrics(self.friction_n, self.model_n)
-
-
-@dataclass(frozen=True, eq=False, repr=False)
-class FrictionValidation(Viewed):
-    """Validation of a friction law against measured sliding friction."""
 
     drive: Drive
     source: Path
-    curves: tuple[FrictionCurve, ...]
+    points: pl.DataFrame
+
+    @property
+    def curves(self) -> list[pl.DataFrame]:
+        """Points of each condition and direction."""
+        return self.points.partition_by("condition", "direction", maintain_order=True)
 
     @cached_property
     def metrics(self) -> Metrics:
         """Metrics over all points."""
-        measured = np.concatenate([c.friction_n for c in self.curves])
-        return metrics(measured, np.concatenate([c.model_n for c in self.curves]))
+        return agreement(self.points)
 
     @property
     def inside(self) -> float:
         """Fraction of all points with the law within their 95 % band."""
-        sizes = np.array([c.speed_m_s.size for c in self.curves])
-        return float(np.average([c.inside for c in self.curves], weights=sizes))
+        return fraction_inside(self.points)
 
     @property
     def met(self) -> bool:
@@ -111,20 +91,23 @@ class FrictionValidation(Viewed):
 
     def write(self, folder: str | Path) -> list[Path]:
         """Write friction.csv, with a row for each measured point, into an existing folder."""
-        import polars as pl
-
         target = check_target(Path(folder) / "friction.csv", (".csv",))
-        names = ("condition", "direction", "speed_m_s", "friction_n", "low_n", "high_n", "model_n")
-        write_frame(pl.concat(pl.DataFrame({n: getattr(c, n) for n in names}) for c in self.curves), target)
+        write_frame(self.points, target)
         return [target]
 
     def view(self) -> View:
         """Return the agreement over all conditions and for each, with its figure."""
         return upper("friction_view")(self)
 
-    def report(self, folder: str | Path) -> Path:
-        """Write the page of the validation into an existing folder."""
-        return upper("write_friction_report")(self, folder)
+
+def agreement(points: pl.DataFrame) -> Metrics:
+    """Return the metrics of the law at measured points."""
+    return metrics(points["friction_n"].to_numpy(), points["model_n"].to_numpy())
+
+
+def fraction_inside(points: pl.DataFrame) -> float:
+    """Return the fraction of the points with the law within their 95 % band."""
+    return float(points["model_n"].is_between(points["low_n"], points["high_n"]).to_numpy().mean())
 
 
 def is_friction(path: str | Path) -> bool:
@@ -154,10 +137,10 @@ def validate_friction(drive: Drive, path: str | Path) -> FrictionValidation:
         The data cannot be read, or contain no sliding friction.
     """
     path = Path(path)
-    curves = _of_campaign(drive, path) if path.is_dir() else _of_map(drive, path)
+    curves = list(_of_campaign(drive, path) if path.is_dir() else _of_map(drive, path))
     if not curves:
         raise RecordingError("the data contain no sliding friction", where=str(path))
-    return FrictionValidation(drive, path, tuple(curves))
+    return FrictionValidation(drive, path, pl.concat(curves))
 
 
 def law_n(drive: Drive, velocity_m_s: Array, gauge_a_pa: float, gauge_b_pa: float) -> Array:
@@ -165,13 +148,19 @@ def law_n(drive: Drive, velocity_m_s: Array, gauge_a_pa: float, gauge_b_pa: floa
     return steady_friction(drive.friction.core(), velocity_m_s, gauge_a_pa, gauge_b_pa, 0.5 * drive.cylinder.stroke_m)
 
 
-def _model(drive: Drive, direction: int, speed_m_s: Array, gauge_a_pa: float, gauge_b_pa: float) -> Array:
-    """Return the law's friction in one direction; for direction 0, the mean of both, as in a paired measurement."""
-    signs = (direction,) if direction else (1, -1)
-    return np.mean([law_n(drive, sign * speed_m_s, gauge_a_pa, gauge_b_pa) for sign in signs], axis=0)
+def _curve(
+    drive: Drive, condition: str, direction: int, gauges_pa: Iterable[float], speed_m_s: Array, *measured_n: Array
+) -> pl.DataFrame:
+    """Return measured friction with its band, and the law's friction in one direction; for 0, the mean of both."""
+    gauges, signs = tuple(gauges_pa), (direction,) if direction else (1, -1)
+    model = np.mean([law_n(drive, sign * speed_m_s, *gauges) for sign in signs], axis=0)
+    names = ("speed_m_s", "friction_n", "low_n", "high_n", "model_n")
+    columns = dict(zip(names, (speed_m_s, *measured_n, model), strict=True))
+    return pl.DataFrame({"condition": condition, "direction": direction, **columns})
 
 
-def _of_map(drive: Drive, path: Path) -> list[FrictionCurve]:
+def _of_map(drive: Drive, path: Path) -> Iterator[pl.DataFrame]:
+    """Yield the curves of a friction map, for pressures that are equal to 0.1 bar."""
     from pneudrive.friction.friction_map import AMBIENT, read_map
 
     rows = read_map(path)
@@ -185,41 +174,30 @@ def _of_map(drive: Drive, path: Path) -> list[FrictionCurve]:
     good = np.isfinite(friction) & (velocity != 0.0) & ~stuck
     direction_of = np.where(alone, np.sign(velocity), 0.0)  # otherwise friction_n is the mean of both directions
     gauges = [rows[f"pressure_{c}_pa"].to_numpy() - ambient for c in "ab"]
-    rounded = np.round(np.column_stack(gauges) / 1e4).astype(int)  # pressures equal to 0.1 bar are one condition
-    out = []
-    for a, b in np.unique(rounded[good], axis=0):
-        for direction in (0, 1, -1):
-            mine = np.flatnonzero(good & (rounded == (a, b)).all(axis=1) & (direction_of == direction))
-            if not mine.size:
-                continue
-            order = mine[np.argsort(np.abs(velocity[mine]))]
-            speed = np.abs(velocity[order])
-            model = _model(drive, direction, speed, *(float(g[order].mean()) for g in gauges))
-            low, high = friction[order] - band[order], friction[order] + band[order]
+    rounded = np.round(np.column_stack(gauges) / 1e4).astype(int)
+    for (a, b), direction in product(np.unique(rounded[good], axis=0), (0, 1, -1)):
+        mine = np.flatnonzero(good & (rounded == (a, b)).all(axis=1) & (direction_of == direction))
+        order = mine[np.argsort(np.abs(velocity[mine]))]
+        if order.size:
+            means = (float(g[order].mean()) for g in gauges)
+            measured = (friction[order], friction[order] - band[order], friction[order] + band[order])
             name = f"a {a / 10:g} bar, b {b / 10:g} bar gauge"
-            out.append(FrictionCurve(name, direction, speed, friction[order], low, high, model))
-    return out
+            yield _curve(drive, name, direction, means, np.abs(velocity[order]), *measured)
 
 
-def _of_campaign(drive: Drive, path: Path) -> list[FrictionCurve]:
+def _of_campaign(drive: Drive, path: Path) -> Iterator[pl.DataFrame]:
+    """Yield the curves of a campaign: both directions, or their mean if there is only the mean."""
     from pneudrive.friction.campaign.characteristics import campaign_friction
 
     found = campaign_friction(path)
     ambient = found.identity.ambient_pressure_pa
-    out = []
     signed = {curve.condition for curve in found.curves if curve.direction != 0}
     for curve in found.curves:
-        if curve.direction == 0 and curve.condition in signed:
-            continue  # the mean, where both directions exist
-        at = curve.measured
-        speed = curve.speed_m_s[at]
-        if not speed.size:
-            continue
-        gauges = (curve.condition.pressure_a_pa - ambient, curve.condition.pressure_b_pa - ambient)
-        model = _model(drive, curve.direction, speed, *gauges)
-        values = (curve.friction_n[at], curve.low_n[at], curve.high_n[at])
-        out.append(FrictionCurve(curve.condition.label(ambient), curve.direction, speed, *values, model))
-    return out
+        at, where = curve.measured, curve.condition
+        if at.any() and (curve.direction or where not in signed):
+            gauges = (where.pressure_a_pa - ambient, where.pressure_b_pa - ambient)
+            measured = (values[at] for values in (curve.friction_n, curve.low_n, curve.high_n))
+            yield _curve(drive, where.label(ambient), curve.direction, gauges, curve.speed_m_s[at], *measured)
 
 
 # --- Force balance of a dragged piston: closure of measured force, pressures and parallel forces, and likely errors.
@@ -486,10 +464,6 @@ class MotionValidation(Viewed):
         """Return verdicts, start and delay of each recording, force balances, and measured and simulated pressures."""
         return upper("motion_view")(self)
 
-    def report(self, folder: str | Path) -> Path:
-        """Write the page of the validation into an existing folder."""
-        return upper("motion_page")(self, folder)
-
     def write(self, folder: str | Path) -> list[Path]:
         """Write validation.toml into an existing folder."""
         tables: Plain = {
@@ -609,10 +583,6 @@ class RegulatorValidation(Viewed):
         figure = ShownFigure("runs", caption, comparison_figure(self.fitted))
         title = f"{self.fit.name} against {len(self.runs)} runs"
         return View(title, tuple(rows), notes=tuple(self.notes), leading=(largest,), figures=(figure,))
-
-    def report(self, folder: str | Path) -> Path:
-        """Write the page of the validation into an existing folder."""
-        return upper("view_report")(self.view()).write(folder)
 
     def write(self, folder: str | Path) -> list[Path]:
         """Write validation.toml into an existing folder."""

@@ -13,7 +13,6 @@ from pneudrive import __version__
 from pneudrive.describe import Circuit
 from pneudrive.describe.files import toml
 from pneudrive.errors import CommandError, DescriptionError
-from pneudrive.estimate.estimates import rms
 from pneudrive.files.inputs import INPUTS, inputs_of, stored_beside
 from pneudrive.identify.dynamic.result import DriveFit
 from pneudrive.identify.follow.driven import check_follow
@@ -33,7 +32,7 @@ from pneudrive.views import View, Viewed
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
 
-    from pneudrive.arrays import Array, Columns, Keyed, NamedNumbers, Plain
+    from pneudrive.arrays import Columns, Keyed, NamedNumbers, Plain
     from pneudrive.describe import Drive
     from pneudrive.identify.dynamic.sensors import Sensor
     from pneudrive.signals.drive_recording import DriveRecording, Given
@@ -66,8 +65,6 @@ class ChannelResult:
     whiteness : Whiteness
     cross : dict
         Signal -> strongest correlation of the free run's residual with it.
-    window_rms : ndarray
-        Root mean square residual of each run from a measured state, SI.
     off_s : float or None
         Time from which the free run deviates, s; None if it does not.
     """
@@ -76,7 +73,6 @@ class ChannelResult:
     restarted: balance.Metrics
     whiteness: balance.Whiteness
     cross: NamedNumbers
-    window_rms: Array
     off_s: float | None
 
 
@@ -444,14 +440,12 @@ def _record(drive: Drive, signals: balance.Signals, window_s: float) -> RecordRe
     for channel in CHANNELS:
         measured = getattr(signals, channel)
         residual = measured - free[channel]
-        windows = np.split(measured - restarted[channel], restarted.restarts[1:])
         beyond = ~(np.abs(residual) <= OFF_SHARE * np.ptp(measured))
         channels[channel] = ChannelResult(
             balance.metrics(measured, free[channel]),
             balance.metrics(measured, restarted[channel]),
             balance.whiteness(residual),
             balance.cross_correlations(residual, stimuli),
-            np.array([rms(window) for window in windows]),
             float(signals.time_s[int(np.argmax(beyond))]) if beyond.any() else None,
         )
     return RecordResult(signals, free, restarted, channels, balance.breakaways(drive, signals))

@@ -155,7 +155,7 @@ def test_columns_of_texts_are_no_signals(make, tmp_path):
 
 
 def test_a_picture_shows_what_was_understood(make, tmp_path):
-    from pneudrive.report.layout_figure import write_layout_figure
+    from pneudrive.report.recordings import write_layout_figure
 
     _, t, x, p, f = columns(make)
     write(tmp_path / "a.csv", ["time_s,position_mm,p_b_bar,force_N"], [t, x, p, f], ",")
@@ -202,7 +202,7 @@ def test_the_voltage_of_a_drive_s_valve_is_its_command_and_no_force(driven, tmp_
 
 
 def test_a_pressure_alone_is_a_fixed_volume(tmp_path):
-    from pneudrive.report.layout_figure import write_layout_figure
+    from pneudrive.report.recordings import write_layout_figure
 
     rows = [f"{100 * i}.000;{3.6 - 1e-4 * i:.4f};{7.2 - 2e-4 * i:.4f}" for i in range(400)]
     (tmp_path / "leak.csv").write_text("\n".join(rows))

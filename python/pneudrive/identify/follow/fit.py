@@ -19,7 +19,6 @@ from pneudrive.identify.base import Fit, FitFile, Undetermined
 from pneudrive.identify.follow.driven import GROUPS, SIDES, UNITS, DrivenCircuit, DrivenRecording, driven_recordings
 from pneudrive.identify.follow.problem import LOCAL, FollowPoint, FollowProblem, FollowSolution, simulated, solve_follow
 from pneudrive.identify.identified import FittedData, number_table, remedy_for, sentence, stated
-from pneudrive.lazy_names import upper
 from pneudrive.numbers import plain
 from pneudrive.progress import Flag, Progress, Watch
 from pneudrive.signals.recording import Recording
@@ -245,10 +244,6 @@ class FollowFit(Fit, kind="motion"):
     def apply(self) -> Circuit:
         """Return the circuit with the identified values."""
         return self.circuit
-
-    def report(self, folder: str | Path = "report") -> Path:
-        """Write the page of the fit into a folder."""
-        return upper("write_fit_report")(self, folder, upper("chambers")(self.solution))
 
     def _residual_lines(self) -> list[str]:
         return [f"{record.name}: {record}" for record in self.records]

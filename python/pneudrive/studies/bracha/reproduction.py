@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import warnings
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -18,9 +18,9 @@ from pneudrive.characterise import Characterisation, characterise_recordings
 from pneudrive.describe.tables.friction import friction_laws
 from pneudrive.errors import PneudriveWarning
 from pneudrive.figures import MEASURED, MODEL, THIN, Axis, Band, Figure, Line, Look, Markers, Panel, Rule, ramp, thin
-from pneudrive.report.layout_figure import rig_diagram
-from pneudrive.report.page import Addition, Paragraph, Topic, figure_of, plural, sections_of, sentence
-from pneudrive.report.strokes import motion_figures, motion_panels, recovered, recovered_part
+from pneudrive.report import page
+from pneudrive.report.page import Paragraph, Report, Topic, figure_of, plural, sections_of, sentence
+from pneudrive.report.recordings import recovered, recovered_part
 from pneudrive.rig import SimulatedRig, shipped_rigs, sweep
 from pneudrive.studies.bracha import figure as bracha
 from pneudrive.studies.bracha import stick_slip as slips
@@ -32,6 +32,7 @@ if TYPE_CHECKING:
 
     import xarray as xr
 
+    from pneudrive.arrays import Columns
     from pneudrive.report.page import Blocks
     from pneudrive.rig.description import RigDescription
 
@@ -240,9 +241,31 @@ SHOWN_M = 3e-3
 
 
 def rig(data: PaperFigure) -> Figure:
-    """Draw figures 4 and 7: the rig."""
+    """Draw figures 4 and 7: the rig with its stated values."""
     assert data.rig is not None
-    return rig_diagram(*data.rig)
+    identity, envelope = data.rig
+    sensor = []
+    if "force_n" in identity.limits:
+        sensor.append(f"±{max(abs(v) for v in identity.limits['force_n']):.0f} N")
+    if "force_n" in identity.accuracy:
+        sensor.append(f"u = {identity.accuracy['force_n']:.2g} N")
+    if identity.stiffness_n_m is not None:
+        sensor.append(f"{1e-6 * identity.stiffness_n_m:.3g} N/µm")
+    low, high = (1e-5 * (p - identity.ambient_pressure_pa) for p in envelope.pressure_pa)
+    return page.sketch(
+        "rig",
+        [identity.chambers if identity.chambers in ("open", "common") else "separate"],
+        low_mm=1e3 * envelope.position_m[0],
+        high_mm=1e3 * envelope.position_m[1],
+        speed_mm_s=1e3 * envelope.speed_m_s,
+        acceleration=envelope.acceleration_m_s2,
+        jerk=envelope.jerk_m_s3,
+        sensor=", ".join(sensor),
+        bore_mm=2e3 * math.sqrt(identity.area_a_m2 / math.pi),
+        mass=identity.mass_beyond_sensor_kg,
+        held="pressures held" if identity.chambers == "held" else "a regulator for each chamber",
+        served=f"{max(low, 0.0):.2g} to {high:.3g} bar gauge",
+    )
 
 
 def cycle(data: PaperFigure) -> Figure:
@@ -379,23 +402,12 @@ class Reproduction:
     chambers: ChamberComparison
     claims: tuple[Claim, ...]
 
-    def addition(self, found: Characterisation | None) -> Addition:
-        """Return the study's addition to the report of `found`; None: a complete report of the study."""
-        own = found is not None and found.synthetic  # such recordings have their own comparison with the ground truth
-        parts = [] if own else sections_of("recordings", {"recovered": recovered_part}, self.found, synthetic=True)
+    def report(self) -> Report:
+        """Return the report of the study."""
+        parts = sections_of("recordings", {"recovered": recovered_part}, self.found, synthetic=True)
         parts += sections_of(PAGE, PARTS, self, synthetic=True)
-        lines = verdict(self, alone=found is None)
-        solver = str(self.chambers.runs[ENERGY_BALANCE].attrs["solver"])
-        cited = (key for run in self.chambers.runs.values() for key in run.attrs["citations"])
-        return Addition(
-            title="The source paper's figures from a simulated rig",
-            verdict=tuple(lines),
-            sections=tuple(parts),
-            validity=Topic(PAGE, "provenance").say("validity"),
-            settings=(("solver of the simulations", solver), ("seed of the simulated sensors", str(SEED))),
-            sources=tuple(values(self.rigs)),
-            cited=("bracha", *cited, *(friction_laws()[name]["source"] for name in ("lugre", "stribeck"))),
-        )
+        parts += sections_of(PAGE, {"study": provenance}, self, synthetic=False)
+        return Report("The source paper's figures from a simulated rig", list(verdict(self, alone=True)), parts)
 
 
 def reproduce(into: str | Path) -> Reproduction:
@@ -428,7 +440,7 @@ def reproduce(into: str | Path) -> Reproduction:
     return Reproduction(figures, rigs, found, chamber_laws, claims)
 
 
-# --- Additions of the study to a report: verdict, sections, provenance.
+# --- The report of the study: verdict, sections, provenance.
 
 PAGE = Path(__file__).with_name("page.toml")
 STICK_SLIP = (1, 2, 3)
@@ -488,19 +500,32 @@ def paper(topic: Topic, made: Reproduction) -> Blocks:
         yield ShownFigure(f"paper-{number}-{name}", caption, drawing(f))
 
 
+#: Longest shown part of a motion, s.
+SHOWN_S = 10.0
+
+
 def stick_slip(topic: Topic, made: Reproduction) -> Blocks:
     """Show figures 1 to 3: numbers, over time, in the phase plane."""
     rows, shown = [], []
     for f in (made.figures[number] for number in STICK_SLIP):
-        c, law = f.columns, topic.say(str(f.number))
+        law = topic.say(str(f.number))
         rows.append({"figure": str(f.number), "friction": law, **f.quantities})
-        motion = c["time_s"], c["position_m"], c["velocity_m_s"]
-        shown.append(motion_panels(f"figure {f.number}: {law}", *motion, f.quantities["mean_speed_m_s"]))
-    over_time, phases = motion_figures(shown)
+        shown.append(motion_panels(f"figure {f.number}: {law}", f.columns, f.quantities["mean_speed_m_s"]))
+    speeds, positions, phases = zip(*shown, strict=True)
     yield topic.text()
     yield topic.table(rows)
-    yield topic.figure("stick-slip-time", over_time)
-    yield topic.figure("stick-slip-phase", phases)
+    yield topic.figure("stick-slip-time", figure_of("motions", [*speeds, *positions], columns=len(rows)))
+    yield topic.figure("stick-slip-phase", figure_of("phase-planes", phases, columns=len(rows)))
+
+
+def motion_panels(title: str, columns: Columns, mean_m_s: float) -> tuple[Panel, Panel, Panel]:
+    """Draw speed and position of a motion over time, and its speed over position minus the mean motion."""
+    time_s, position_m, velocity_m_s = (columns[name] for name in ("time_s", "position_m", "velocity_m_s"))
+    part, trend = time_s <= SHOWN_S, np.polynomial.Polynomial.fit(time_s, position_m, 1)(time_s)
+    mean = Rule(y=mean_m_s, label=f"mean {1e3 * mean_m_s:.2f} mm/s", look=MODEL, width=1.0)
+    speed = Panel([Line(time_s[part], velocity_m_s[part], width=0.8), mean], title, y=Axis("speed / (mm/s)", above=0.2))
+    position = Panel([Line(time_s[part], position_m[part], width=1.0)], y="position / mm")
+    return speed, position, Panel([Line(position_m - trend, velocity_m_s, width=0.5), replace(mean, label="")], title)
 
 
 def chambers(topic: Topic, made: Reproduction) -> Blocks:
@@ -547,10 +572,15 @@ def draw_chambers(compared: ChamberComparison) -> Figure:
     return figure_of("paper-chambers", panels)
 
 
-def values(rigs: Sequence[RigDescription]) -> Blocks:
-    """Yield the values of the default rig, the values that differ in other rigs, and the values of the drives."""
-    topic, base = Topic(PAGE, "provenance"), rigs[0].sources
-    for name, sources in {rig.name: rig.sources for rig in rigs}.items():
+def provenance(topic: Topic, made: Reproduction) -> Blocks:
+    """Show software, the values of the default rig, the differing ones of other rigs, those of the drives, sources."""
+    runs, base = made.chambers.runs, made.rigs[0].sources
+    cited = (key for run in runs.values() for key in run.attrs["citations"])
+    laws = (friction_laws()[name]["source"] for name in ("lugre", "stribeck"))
+    solver = ("solver of the simulations", str(runs[ENERGY_BALANCE].attrs["solver"]))
+    yield topic.text("validity")
+    yield topic.table([*page.software(), solver, ("seed of the simulated sensors", str(SEED))], "software")
+    for name, sources in {rig.name: rig.sources for rig in made.rigs}.items():
         own = sources if sources is base else {k: s for k, s in sources.items() if s != base.get(k)}
         only = "" if sources is base else topic.say("only")
         yield topic.text("values", rig=f"{name[0].lower()}{name[1:]}", only=only)
@@ -558,3 +588,4 @@ def values(rigs: Sequence[RigDescription]) -> Blocks:
     yield topic.text("drives")
     for path in (slips.SLOW_DRIVE, FULL_STROKE):
         yield Paragraph(path.read_text(encoding="utf-8").strip(), "code")
+    yield from topic.listed(page.references(dict.fromkeys(["bracha", *cited, *laws])), "sources")
