@@ -40,6 +40,7 @@ if TYPE_CHECKING:
     from pneudrive.arrays import Array, ArrayPair, NamedNumbers, Pair, Plain
     from pneudrive.describe import Circuit, Drive
     from pneudrive.describe.system import ShortNames
+    from pneudrive.describe.tables.friction import Friction
     from pneudrive.describe.tables.parts import Ambient
 
 
@@ -180,12 +181,10 @@ def numbers_of(described: DriveOrCircuit) -> dict[str, Parameter]:
     if described.system.names is None:
         return {name: p for name, p in circuit_numbers(described.circuit).items() if not math.isnan(p.value)}
     drive = cast("Drive", described)
-    form, written, friction = json.loads(drive.core_json()), marks(drive), drive.friction
-    quantities = parameter_quantities(friction.entry)
+    form, written = json.loads(drive.core_json()), marks(drive)
     found = [*_numbers_of_table("ambient", "ambient", drive.ambient)]
-    for key, value in friction.parameters.items():
-        found.append(_number(f"friction.{key}", f"cylinder.{LAW}{key}", value, quantities[key]))
-    for key, table, _ in friction.entries():
+    found += _numbers_of_law(drive.friction, "friction", "cylinder")
+    for key, table, _ in drive.friction.entries():
         if isinstance(table, Acting):
             found += _numbers_of_table(f"friction.{key}", f"{CYLINDER_FRICTION}{key}", table)
     for name, path, value, entry in component_numbers(form):
@@ -260,6 +259,13 @@ def chosen(drive: DriveOrCircuit, free: Sequence[str]) -> list[Parameter]:
         if not p.lower < p.value < p.upper:
             raise FitError.of("free.start-at-bound", p=p)
     return found
+
+
+def _numbers_of_law(friction: Friction, name: str, component: str) -> Iterator[Parameter]:
+    """Yield the parameters of the friction law of a component."""
+    quantities = parameter_quantities(friction.entry)
+    for key, value in friction.parameters.items():
+        yield _number(f"{name}.{key}", f"{component}.{LAW}{key}", value, quantities[key])
 
 
 def _numbers_of_table(name: str, path: str, table: Ambient | Acting) -> Iterator[Parameter]:
@@ -444,23 +450,14 @@ def circuit_numbers(circuit: Circuit) -> dict[str, Parameter]:
     Names are those of components and their keys, ``left.bore``, ``left.friction.coulomb``. Further names are
     ``ambient.pressure``, ``ambient.temperature`` and ``initial.left.position``.
     """
-    form, found = json.loads(circuit.core_json()), list[Parameter]()
-
-    def add(name: str, path: str, mark: Quantity | StatedPressure, usual: float | None, *, discrete: bool) -> None:
-        table, key = table_of(form, path)
-        value = table.get(key, np.nan)
-        found.append(_number(name, path, value if math.isfinite(value) else np.nan, mark, usual, discrete=discrete))
-
+    found = list[Parameter]()
     for name, one in circuit.components.items():
-        written = one.marks()
-        friction: Any = getattr(one, "friction", None)
-        for key in one.numbers(circuit.ambient.pressure_pa):
-            own = f"{name}.{key}"
-            add(own, own, written[key], _SIGNED.get(key), discrete=key in one.entry["discrete"])
-        if friction is not None:
-            quantities = parameter_quantities(friction.entry)
-            for key in friction.parameters:
-                add(f"{name}.friction.{key}", f"{name}.{LAW}{key}", quantities[key], None, discrete=False)
+        written, discrete = one.marks(), one.entry["discrete"]
+        for key, number in one.numbers(circuit.ambient.pressure_pa).items():
+            path, value = f"{name}.{key}", number if math.isfinite(number) else np.nan
+            found.append(_number(path, path, value, written[key], _SIGNED.get(key), discrete=key in discrete))
+        if (friction := getattr(one, "friction", None)) is not None:
+            found += _numbers_of_law(friction, f"{name}.friction", name)
     found += _numbers_of_table("ambient", "ambient", circuit.ambient)
     lasts = {key: name.rpartition(".")[2] for key, name in circuit.start_names.items()}
     starts = {key: start_mark(last)[1] for key, last in lasts.items() if last != "contact_age_s"}
