@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import combinations
+from itertools import chain, combinations
 from pathlib import Path
-from types import SimpleNamespace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -22,7 +21,7 @@ from pneudrive.friction import pressure
 from pneudrive.friction.budget import CLOCKS, COVERAGE_FACTOR
 from pneudrive.friction.friction_map import AMBIENT, SAME_PA, rows_to_dataset
 from pneudrive.friction.level import Level, RecordingResult
-from pneudrive.friction.sentences import sentence
+from pneudrive.friction.sentences import named, sentence
 from pneudrive.friction.strokes import SampleChoice, Settled, StrokeUse, stroke_notes
 from pneudrive.lazy_names import upper
 from pneudrive.progress import Flag, Progress, Watch
@@ -35,7 +34,6 @@ if TYPE_CHECKING:
     import polars as pl
     import xarray as xr
 
-    Reader = Callable[[], Recording | RecordingFile]
     Input = Sequence[Recording | str | Path | xr.Dataset] | Recording | str | Path | xr.Dataset
 
 
@@ -72,17 +70,13 @@ def _stick_slip_note(level: Level) -> str:
 
 
 def _doubts(levels: Iterable[Level]) -> list[str]:
-    """Return one sentence for each kind of doubtful value, about the first recording concerned."""
-    found: dict[str, list[tuple[str, str]]] = {}
+    """Return one sentence for each kind of doubtful value: recordings, and the doubt of the first one."""
+    found: dict[str, dict[str, str]] = {}
     for level in levels:
         for flag, doubt in level.doubts.items():
-            found.setdefault(flag, []).append((level.recording, doubt))
-    notes = []
-    for members in found.values():
-        names = list(dict.fromkeys(name for name, _ in members))
-        also = f" (and of {len(names) - 1} more: {', '.join(names[1:4])})" if len(names) > 1 else ""
-        notes.append(sentence("note.check_layout", name=names[0], also=also, doubt=members[0][1]))
-    return notes
+            found.setdefault(flag, {}).setdefault(level.recording, doubt)
+    of_flags = ((named(doubts), next(iter(doubts.values()))) for doubts in found.values())
+    return [sentence("note.check_layout", names=names, doubt=doubt) for names, doubt in of_flags]
 
 
 LEAST_SPEEDS = 3  # speed levels of a direction that make its friction a curve over speed
@@ -189,8 +183,8 @@ class Characterisation(Viewed):
         ``u_offset_n``, ``expanded_n`` (U, k = 2), ``spreads`` {+1/-1: Spread(strokes, mean_n, deviation_n, stderr_n,
         effective, slope_n, trend_p, has_trend)}, ``stroke_friction_n`` {+1/-1: (strokes,)} for drift,
         ``budget`` (tuple of BudgetEntry: source, standard_uncertainty, unit, basis, kind, friction_n, offset_n,
-        note), ``peaks`` (tuple of ReversalPeak: direction, time_s, position_m, friction_n, sliding_n, excess_n,
-        significant, dwell_s, loading_rate_n_s, rise_samples, flags), ``stick_slip`` (tuple of StickSlip, one per
+        note), ``peaks`` (tuple of ReversalPeak: direction, time_s, position_m, friction_n, excess_n,
+        significant, dwell_s, loading_rate_n_s, flags), ``stick_slip`` (tuple of StickSlip, one per
         stroke), ``flags``, ``rows``.
     friction_map : xarray.Dataset
         One dimension ``row``; the variables of ``friction_map.COLUMNS``.
@@ -199,12 +193,10 @@ class Characterisation(Viewed):
         stderr, low, high)}, nominal_m2, force_zero_n (Estimate), pressure_pa, half_sum_force_n,
         residual_n (points,), degrees_of_freedom, statement.
     pressure_lines : tuple of PressureLine
-        Friction against gauge pressure per seal: seal, points (recording, seal,
-        run, pressure_pa, speed_m_s, friction_n, expanded_n), intercept_n, slope_n_pa, covariance,
-        band_pressure_pa, band_mean_n, band_low_n, band_high_n (41,), basis, statement.
+        Friction against gauge pressure per seal: seal, table (rows of the table below), intercept_n, slope_n_pa,
+        covariance, band_pressure_pa, band_mean_n, band_low_n, band_high_n (41,), basis, statement.
     table : polars.DataFrame
-        A row for each speed level, also of seals without a line; columns in `pneudrive.friction.pressure`. ``points``
-        has its rows, with the columns as attributes.
+        A row for each speed level, also of seals without a line; columns in `pneudrive.friction.pressure`.
     run_spread : RunSpread or None
         Relative standard deviation between runs; cells (seal, pressure_pa, lowest, highest, relative
         difference). None without repeated runs.
@@ -263,11 +255,6 @@ class Characterisation(Viewed):
         return (*self.reading_notes, *stroke_notes(self.stroke_uses), *notes_of(self))
 
     @property
-    def points(self) -> tuple[SimpleNamespace, ...]:
-        """Rows of the table, also of seals without a line."""
-        return pressure.as_points(self.table)
-
-    @property
     def doubts(self) -> list[str]:
         """Sentences on physically implausible values, each with a check."""
         return _doubts(self.levels)
@@ -311,16 +298,18 @@ def characterise_recordings(
     import polars as pl
 
     choice = protocol if protocol is not None else Settled()
-    watch, (number, readers) = Watch(progress, cancel), _readers(recordings, layout)
+    watch, (number, sources) = Watch(progress, cancel), _sources(recordings, layout)
     is_large = number > KEPT_IN_FULL
     shown = evenly(number, SHOWN) if is_large else np.arange(number)
     results, rows, points = list[RecordingResult](), list[Row](), list[Row]()
     uses, inputs, skipped = dict[str, StrokeUse](), list[dict[str, str]](), list[tuple[str, str]]()
     seen, long = dict[str, str](), list[str]()
-    for place, (name, read) in enumerate(readers):
+    for place, source in enumerate(sources):
         watch.tell(place, number, "recordings characterised")
+        name, recording = source.name, source
         try:
-            recording = read()
+            if isinstance(source, RecordingFile):
+                recording = find_long(source, reduction.LONG_SAMPLES) or source.read()
             if isinstance(recording, RecordingFile):
                 long.append(name)
                 result = reduction.extract_long(recording, choice, watch)
@@ -361,11 +350,8 @@ def characterise_recordings(
     )
 
 
-def _readers(recordings: Input, layout: AnyLayout) -> tuple[int, Iterator[tuple[str, Reader]]]:
-    """Return the number of recordings, and for each its name and a function that reads it (opens it, if long).
-
-    Recordings and trajectories come before files.
-    """
+def _sources(recordings: Input, layout: AnyLayout) -> tuple[int, Iterable[Recording | RecordingFile]]:
+    """Return the number of recordings, and the recordings or their files. Those in memory come first."""
     items: list = [recordings]
     if isinstance(recordings, Iterable) and not (isinstance(recordings, str) or is_run(recordings)):
         items = list(recordings)
@@ -383,17 +369,9 @@ def _readers(recordings: Input, layout: AnyLayout) -> tuple[int, Iterator[tuple[
         else:
             raise RecordingError.of("friction.no_recording", value=type(item).__name__)
     files = recording_files(paths, layout) if paths else []
-    campaigns = [find_cycles(file) if file.has_cycles else None for file in files]
-
-    def readers() -> Iterator[tuple[str, Reader]]:
-        yield from ((recording.name, lambda recording=recording: recording) for recording in loaded)
-        for file, campaign in zip(files, campaigns, strict=True):
-            if campaign is None:
-                yield file.name, lambda file=file: find_long(file, reduction.LONG_SAMPLES) or file.read()
-            else:
-                yield from ((cycle.name, lambda cycle=cycle: cycle) for cycle in campaign[1])
-
-    return len(loaded) + sum(1 if campaign is None else campaign[0].size for campaign in campaigns), readers()
+    parts = [find_cycles(file) if file.has_cycles else (np.zeros(1), iter([file])) for file in files]
+    count = len(loaded) + sum(numbers.size for numbers, _ in parts)
+    return count, chain(loaded, *(sources for _, sources in parts))
 
 
 def _reading_notes(

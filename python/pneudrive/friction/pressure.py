@@ -15,9 +15,8 @@ Each chamber has a gauge pressure with its standard uncertainty, `gauge_a_pa` an
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import pairwise
-from types import SimpleNamespace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -62,11 +61,6 @@ def point_of(level: Level) -> Row:
         row[f"u_{side}_pa"] = known.get(f"pressure {side}: common error", 0.0)
         row[f"area_{side}_m2"] = getattr(recording, f"area_{side}_m2")
     return row
-
-
-def as_points(table: pl.DataFrame) -> tuple[SimpleNamespace, ...]:
-    """Return the rows of the table, with its columns as attributes."""
-    return tuple(SimpleNamespace(**row) for row in table.iter_rows(named=True))
 
 
 @dataclass(frozen=True, eq=False, repr=False)  # holds arrays: equal only to itself
@@ -216,16 +210,17 @@ class RunSpread:
 class PressureLine(Shown):
     """Friction = intercept + slope * gauge pressure for one seal.
 
-    ``table`` has the points, and ``points`` its rows. ``band_mean_n`` over ``band_pressure_pa`` is the line, shape
+    ``table`` has the points. ``band_mean_n`` over ``band_pressure_pa`` is the line, shape
     (41,). ``band_low_n`` and ``band_high_n`` are the 95 % prediction interval of a further run. ``covariance`` belongs
-    to (intercept_n, slope_n_pa), ``quantile`` to the 95 % intervals. ``basis`` is the source of the spread between
-    runs: ``own`` runs, ``pooled`` from other seals, ``unknown``.
+    to (intercept_n, slope_n_pa), and ``slope_interval_n_pa`` is a 95 % interval. ``basis`` is the source of the spread
+    between runs: ``own`` runs, ``pooled`` from other seals, ``unknown``.
     """
 
     seal: str
     table: pl.DataFrame
     intercept_n: float
     slope_n_pa: float
+    slope_interval_n_pa: Interval
     covariance: Array
     band_pressure_pa: Array
     band_mean_n: Array
@@ -233,19 +228,7 @@ class PressureLine(Shown):
     band_high_n: Array
     basis: str
     speed_pressure_correlation: float
-    quantile: float
     statement: str
-
-    @property
-    def points(self) -> tuple[SimpleNamespace, ...]:
-        """Points of the line, with the columns of the table as attributes."""
-        return as_points(self.table)
-
-    @property
-    def slope_interval_n_pa(self) -> Interval:
-        """Ends of the 95 % interval of the slope."""
-        half = self.quantile * float(np.sqrt(self.covariance[1, 1]))
-        return self.slope_n_pa - half, self.slope_n_pa + half
 
 
 def run_spread(points: pl.DataFrame) -> RunSpread | None:
@@ -334,37 +317,33 @@ def _line(title: str, points: pl.DataFrame, spread: RunSpread | None) -> Pressur
     leverage = np.einsum("ij,jk,ik->i", design, inverse, design)
     half = student(freedom) * np.sqrt(single + variance * leverage)
     unit = np.diag([1.0, 1.0 / scale])
-    has_changed = changed(speed, float(np.median(speed_stderr)))
+    has_changed, confounded = changed(speed, float(np.median(speed_stderr))), ""
     together = float(np.corrcoef(speed, pressure)[0, 1]) if has_changed else 0.0
-    line = PressureLine(
+    if abs(together) > CONFOUNDED:
+        word = "falls" if together < 0 else "rises"
+        confounded = sentence("pressure_line.confounded", word=word, together=together)
+    intercept_n, slope_n_pa = float(solution[0]), float(solution[1] / scale)
+    covariance = unit @ (inverse * variance) @ unit
+    half_n, half_n_pa = (student(freedom) * np.sqrt(np.diag(covariance))).tolist()
+    return PressureLine(
         seal=title,
         table=points,
-        intercept_n=float(solution[0]),
-        slope_n_pa=float(solution[1] / scale),
-        covariance=unit @ (inverse * variance) @ unit,
+        intercept_n=intercept_n,
+        slope_n_pa=slope_n_pa,
+        slope_interval_n_pa=(slope_n_pa - half_n_pa, slope_n_pa + half_n_pa),
+        covariance=covariance,
         band_pressure_pa=band,
         band_mean_n=mean,
         band_low_n=mean - half,
         band_high_n=mean + half,
         basis=basis,
         speed_pressure_correlation=together,
-        quantile=student(freedom),
-        statement="",
-    )
-    return replace(line, statement=_line_statement(line, 0.0 if spread is None else spread.relative))
-
-
-def _line_statement(line: PressureLine, spread: float) -> str:
-    half_n, half_n_pa = line.quantile * np.sqrt(np.diag(line.covariance))
-    together, confounded = line.speed_pressure_correlation, ""
-    if abs(together) > CONFOUNDED:
-        word = "falls" if together < 0 else "rises"
-        confounded = sentence("pressure_line.confounded", word=word, together=together)
-    return sentence(
-        "pressure_line.line",
-        seal=line.seal,
-        intercept=with_u(line.intercept_n, half_n),
-        rise=with_u(line.slope_n_pa * 1e5, half_n_pa * 1e5, "N/bar"),
-        interval=sentence(f"pressure_line.{line.basis}", percent=100 * spread),
-        confounded=confounded,
+        statement=sentence(
+            "pressure_line.line",
+            seal=title,
+            intercept=with_u(intercept_n, half_n),
+            rise=with_u(slope_n_pa * 1e5, half_n_pa * 1e5, "N/bar"),
+            interval=sentence(f"pressure_line.{basis}", percent=0.0 if spread is None else 100 * spread.relative),
+            confounded=confounded,
+        ),
     )

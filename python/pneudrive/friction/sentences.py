@@ -9,7 +9,7 @@ from typing import Any
 from pneudrive.errors import package_table
 from pneudrive.views import Finding
 
-NAMED = 3  # most cycles that a sentence names
+NAMED = 3  # most cycles or recordings that a sentence names
 
 
 @dataclass(frozen=True)
@@ -48,7 +48,6 @@ def flag_table() -> dict[str, dict[str, str]]:
 
 
 IMPOSSIBLE = "negative_friction"  # with the doubts, a flag of values that no rig can have
-MOST_NAMED = 3  # recordings that a finding names
 
 
 def flag_findings(raised: Mapping[str, Sequence[str]], count: int) -> list[Finding]:
@@ -64,8 +63,7 @@ def flag_findings(raised: Mapping[str, Sequence[str]], count: int) -> list[Findi
     findings = []
     for name, flag in flag_table().items():
         if names := list(dict.fromkeys(raised.get(name, ()))):
-            more = f" and {len(names) - MOST_NAMED} more" if len(names) > MOST_NAMED else ""
-            where = "all recordings" if len(names) == count > 1 else ", ".join(names[:MOST_NAMED]) + more
+            where = "all recordings" if len(names) == count > 1 else named(names)
             is_bad, is_open = name in table()["doubt"] or name == IMPOSSIBLE, not flag["do"].startswith("Nothing")
             text = f"{name}: {flag['means']} (in {where})."
             findings.append(Finding(text, "bad" if is_bad else "open" if is_open else "good", flag["do"]))
@@ -105,5 +103,7 @@ def say(name: str, /, **values: Any) -> Statement:  # noqa: ANN401 - whatever th
 
 
 def named(names: Iterable[str], separator: str = ", ") -> str:
-    """Return the first few of several names as one text."""
-    return separator.join(list(names)[:NAMED])
+    """Return the first few of several names as one text, and the number of the others."""
+    every = list(names)
+    more = [f"and {len(every) - NAMED} more"] if len(every) > NAMED else []
+    return separator.join([*every[:NAMED], *more])

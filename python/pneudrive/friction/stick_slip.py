@@ -38,24 +38,20 @@ FEWEST_BINS = 3
 class ReversalPeak:
     """Largest friction after one reversal.
 
-    ``friction_n`` is the peak without the offset; ``sliding_n`` the friction level of the window.
-    ``excess_n`` is their difference, ``significant`` whether it exceeds the noise of a single peak.
-    ``rise_samples`` counts samples while friction rises from 10 % to 90 %; ``flags`` names faults of the peak:
+    ``friction_n`` is the peak without the offset. ``excess_n`` is its excess over the friction level of the window,
+    ``significant`` whether this exceeds the noise of a single peak. ``flags`` names faults of the peak:
     ``undersampled``, ``pressure_transient``, ``inertia``, ``gap``, ``no_peak``.
     """
 
     recording: str
-    stroke: int
     direction: int
     time_s: float
     position_m: float
     friction_n: float
-    sliding_n: float
     excess_n: float
     significant: bool
     dwell_s: float
     loading_rate_n_s: float
-    rise_samples: int
     flags: tuple[str, ...]
 
 
@@ -108,18 +104,15 @@ def find_reversal_peaks(
         }
         peaks[stroke.index] = ReversalPeak(
             recording=recording.name,
-            stroke=stroke.index,
             direction=stroke.direction,
             time_s=float(times[top]),
             position_m=float(position[part][top]),
             friction_n=float(friction[top]),
-            sliding_n=sliding,
             excess_n=excess,
             # The largest of m noisy samples is sqrt(2 ln m) deviations too high by chance.
             significant=excess > noise * (np.sqrt(2 * np.log(max(friction.size, 2))) + 1),
             dwell_s=stroke.dwell_s,
             loading_rate_n_s=float(friction[high] - friction[low]) / duration if duration > 0 else np.nan,
-            rise_samples=high - low,
             flags=tuple(name for name, is_so in seen.items() if is_so),
         )
     return peaks

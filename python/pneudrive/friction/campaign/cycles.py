@@ -4,7 +4,7 @@ A cycle is a recording with a plan: one speed, set pressures. A speed level of a
 a plan. Position bins have equal weight, so unevenly spaced samples, such as bursts around a reversal, do not distort
 the means. ``strokes.py`` selects the strokes and computes their means, scatter and breakaway.
 
-A loop is friction over position around a reversal, with presliding and frictional memory.
+A loop is friction over position around a reversal.
 
 Cycles at rest give the gain of the force sensor (known weights) and the zeros of the pressures (zero runs). In an open
 zero run, both chambers should show ambient pressure.
@@ -34,8 +34,6 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from pneudrive.rig.interface import Identity
-    from pneudrive.signals.motion import Stroke
-    from pneudrive.signals.recording import Recording
 
 
 SAME_SPEED = 0.1  # largest difference of the speeds of strokes in one cycle
@@ -167,8 +165,6 @@ def _side_row(motion: RecordedMotion, side: Side, grid: Grid, rows: Array) -> Ro
 
 SHOWN_SAMPLES = 400
 BEFORE, AFTER = 0.05, 0.1  # of the stroke, shown before and after the reversal
-SPEED_BINS = 8  # between 20 % and 80 % of the speed, range for comparing speeding up and slowing down
-PRESLIDINGS = 5.0  # least travel after the reversal: before it, the difference is presliding
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -183,11 +179,6 @@ class Loop(Shown):
     speed_m_s : float
     position_m, friction_n : ndarray, shape (m,)
         `friction_n` is positive if it opposes motion in +x, and does not contain the offset.
-    presliding_m : float
-        Travel in which friction goes from 10 % to 90 % of its change at the reversal.
-    width_n : float
-        Mean difference between deceleration and acceleration at equal speeds: frictional memory. NaN if the ramps have
-        too few samples.
     """
 
     key: str
@@ -195,8 +186,6 @@ class Loop(Shown):
     speed_m_s: float
     position_m: Array
     friction_n: Array
-    presliding_m: float
-    width_n: float
 
 
 def reversal_loop(motion: RecordedMotion, key: str, condition: Condition) -> Loop | None:
@@ -214,52 +203,8 @@ def reversal_loop(motion: RecordedMotion, key: str, condition: Condition) -> Loo
     index = index[np.abs(recording.position_m[index] - after.from_m) <= reach]
     if index.size < 10:
         return None
-    presliding = _presliding(recording, friction, before, after)
     shown = index[evenly(index.size, SHOWN_SAMPLES)]
-    return Loop(
-        key=key,
-        condition=condition,
-        speed_m_s=abs(after.speed_m_s),
-        position_m=recording.position_m[shown],
-        friction_n=friction[shown],
-        presliding_m=presliding,
-        width_n=_width(motion, friction, after, presliding),
-    )
-
-
-def _presliding(recording: Recording, friction: Array, before: Stroke, after: Stroke) -> float:
-    """Return the travel after the reversal in which friction goes from 10 % to 90 % of its change."""
-    part = slice(before.stop - 1, after.stop)
-    start = np.median(friction[max(before.stop - 20, before.start) : before.stop])
-    length = after.stop - after.start
-    middle = slice(after.start + length // 3, after.start + 2 * length // 3)
-    end = np.median(friction[middle])
-    if start == end:
-        return np.nan
-    share = (friction[part] - start) / (end - start)
-    low, high = np.argmax(share >= 0.1), np.argmax(share >= 0.9)
-    if high <= low:
-        return np.nan
-    return float(abs(recording.position_m[part][high] - recording.position_m[part][low]))
-
-
-def _width(motion: RecordedMotion, friction: Array, stroke: Stroke, presliding: float) -> float:
-    """Return the mean difference of friction between deceleration and acceleration, at equal speeds of one stroke."""
-    part = stroke.samples
-    speed = np.abs(motion.velocity_m_s[part]) / abs(stroke.speed_m_s)
-    travel = np.abs(motion.position_m[part] - stroke.from_m)
-    fast = np.flatnonzero(speed >= 0.9)
-    if not fast.size or not np.isfinite(presliding):
-        return np.nan
-    number = np.arange(speed.size)
-    rising = (number < fast[0]) & (travel > PRESLIDINGS * presliding)
-    falling = number > fast[-1]
-    own, differences = stroke.direction * friction[part], []
-    for low, high in pairwise(np.linspace(0.2, 0.8, SPEED_BINS + 1)):
-        slowing, speeding = (own[(speed >= low) & (speed < high) & ramp] for ramp in (falling, rising))
-        if slowing.size and speeding.size:
-            differences.append(slowing.mean() - speeding.mean())
-    return float(np.mean(differences)) if len(differences) >= SPEED_BINS // 2 else np.nan
+    return Loop(key, condition, abs(after.speed_m_s), recording.position_m[shown], friction[shown])
 
 
 # --- Sensors, from cycles at rest.

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from pneudrive.arrays import attributes_of
 from pneudrive.describe.files.toml import sections
 from pneudrive.estimate.estimates import NORMAL_95, Estimate, FTest
 from pneudrive.friction.friction_map import BOTH, CHAMBERS, TABLES, Condition, Skipped, write_map
@@ -320,16 +321,6 @@ class Curve(Shown):
         """Whether each speed was measured, shape (m,); False between the measured speeds."""
         return self.cycles > 0
 
-    @property
-    def statistical_low_n(self) -> Array:
-        """Lower bound of the statistical part of the band, N."""
-        return self.friction_n - NORMAL_95 * self.stderr_n
-
-    @property
-    def statistical_high_n(self) -> Array:
-        """Upper bound of the statistical part of the band, N."""
-        return self.friction_n + NORMAL_95 * self.stderr_n
-
     def shown(self, ambient_pressure_pa: float) -> ShownCurve:
         """Return the curve for display. Each combination of mounting, seal and drive is a group."""
         return ShownCurve(
@@ -481,11 +472,6 @@ class CampaignCharacteristics(Viewed):
             found |= {f"{name}{series}": estimate for name, estimate in s.effects(named).items()}
         return {name: estimate for name, estimate in found.items() if estimate is not None}
 
-    def curve(self, condition: Condition, direction: int = BOTH) -> Curve | None:
-        """Return one curve, or None."""
-        found = (c for c in self.curves if c.condition == condition and c.direction == direction)
-        return next(found, None)
-
 
 # --- Results as files: friction map, curves, effects, stops.
 
@@ -512,20 +498,19 @@ def write_characteristics(found: CampaignCharacteristics, folder: str | Path) ->
     written += write_curves_and_effects(found, folder)
     if len(found.stops):
         stops = found.stops.select(pl.exclude("^trace_.*$")).with_columns(pl.col("flags").list.join(","))
-        written.append(_write_table(stops, folder / "stops.parquet"))
+        written.append(check_target(folder / "stops.parquet"))
+        write_frame(stops, written[-1])
     return written
 
 
 def write_curves_and_effects(found: CampaignCharacteristics, folder: Path) -> list[Path]:
-    """Write curves.parquet, and effects, intervals, budget and statements as effects.toml; without curves only this."""
+    """Write effects, intervals, budget and statements as effects.toml, and curves.parquet if there are curves."""
     tables = _entries(found, "effects") | {"cycles": len(found.cycles), "dwell": [_series(s) for s in found.dwell]}
-    effects = write_tables(tables, folder / "effects.toml")
-    return [_write_table(_curves_frame(found), folder / "curves.parquet"), effects] if found.curves else [effects]
-
-
-def _write_table(table: pl.DataFrame, path: Path) -> Path:
-    write_frame(table, check_target(path, (".parquet",)))
-    return path
+    written = [write_tables(tables, folder / "effects.toml")]
+    if found.curves:
+        written.insert(0, folder / "curves.parquet")
+        write_frame(_curves_frame(found), written[0])
+    return written
 
 
 def _curves_frame(found: CampaignCharacteristics) -> pl.DataFrame:
@@ -534,12 +519,13 @@ def _curves_frame(found: CampaignCharacteristics) -> pl.DataFrame:
 
     frames = []
     for curve in found.curves:
-        rows = pl.DataFrame({name: getattr(curve, name) for name in TABLES["lists"]["curve"]})
-        rows = rows.with_columns(excluded=pl.lit(""))
+        rows = pl.DataFrame(attributes_of(curve, *TABLES["lists"]["curve"])).with_columns(excluded=pl.lit(""))
+        middle, half = pl.col("friction_n"), NORMAL_95 * pl.col("stderr_n")
+        rows = rows.with_columns(statistical_low_n=middle - half, statistical_high_n=middle + half)
         if curve.direction == BOTH:
             out = curve.excluded.with_columns(measured=True, cycles=pl.lit(1, pl.Int64))
             rows = pl.concat([rows, out.rename({"reason": "excluded"})], how="diagonal")
-        of_curve = vars(curve.condition) | {n: getattr(curve, n) for n in ("direction", "contains_air", "complete")}
+        of_curve = vars(curve.condition) | attributes_of(curve, "direction", "contains_air", "complete")
         frames.append(pl.DataFrame([of_curve]).join(rows, how="cross", maintain_order="right"))
     return pl.concat(frames).with_columns(pl.col(pl.Float64).fill_null(np.nan))
 

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
     from pneudrive.friction.campaign.reading import CampaignData
-    from pneudrive.friction.campaign.result import CampaignCharacteristics, Drift
+    from pneudrive.friction.campaign.result import AirShare, Asymmetry, CampaignCharacteristics
 
 SERVICE_BAR = (3.0, 10.0)  # gauge pressures at which such drives are used (assumed)
 FEW_LEVELS = 5  # speeds: fewer do not show the shape of a curve
@@ -45,8 +45,7 @@ def statements(
 def _data(found: CampaignCharacteristics, reading: CampaignData, points: CurvePoints | None) -> Iterator[Statement]:
     if found.skipped:
         several = named((f"{s.key or s.file}: {s.reason}" for s in found.skipped), "; ")
-        more = f"; and {len(found.skipped) - NAMED} more" if len(found.skipped) > NAMED else ""
-        yield say("data.skipped", count=len(found.skipped), named=several + more)
+        yield say("data.skipped", count=len(found.skipped), named=several)
     if found.flags:
         yield say("data.flags", counts=", ".join(f"{flag} in {n}" for flag, n in sorted(found.flags.items())))
     sliding, keys = reading.sliding, reading.sliding["key"]
@@ -128,7 +127,7 @@ def _left(fits: Fits) -> Iterator[Statement]:
         far = np.flatnonzero(off > student(found.degrees_of_freedom) * LEAVES)
         if far.size:
             keys, worst = points["key"][points.use], far[np.argsort(-off[far])].tolist()
-            several = named(f"{keys[i]} by {off[i]:.2g} times" for i in worst)
+            several = named(f"{keys[i]} {off[i]:.2g}" for i in worst)
             yield say("curve.leaves", count=far.size, named=several)
     if fits.doubtful:
         keys = named(points["key"][list(fits.doubtful)])
@@ -142,7 +141,13 @@ def _drift(found: CampaignCharacteristics, fits: Fits) -> Iterator[Statement]:
         yield say("drift.not_carried" if np.ptp(fits.points["order"]) > 0.0 else "drift.no_order")
         return
     yield say("drift.moved", moved=np.ptp(drift.drift_n), drift=drift, share=100.0 * drift.spread_n / fits.level_n)
-    yield from still_changing(drift)
+    last = drift.time_s >= drift.time_s[0] + (1.0 - LAST_SHARE) * np.ptp(drift.time_s)
+    if last.sum() >= NAMED:
+        # From a line: a single cycle at either end is chance.
+        slope, _ = straight_line(drift.time_s[last], drift.drift_n[last])
+        change = slope * np.ptp(drift.time_s[last])
+        if abs(change) > np.mean((drift.high_n - drift.low_n)[last]) / 2.0:
+            yield say("drift.still_changing", change=change, share=100 * LAST_SHARE)
     effects = {"time": drift.per_hour, "travel (run-in)": drift.per_decade_of_travel, "temperature": drift.per_kelvin}
     for cause, effect in effects.items():
         if effect is not None:
@@ -155,38 +160,18 @@ def _drift(found: CampaignCharacteristics, fits: Fits) -> Iterator[Statement]:
         yield say("drift.never_interrupted")
 
 
-def still_changing(drift: Drift) -> Iterator[Statement]:
-    """Return statements on friction that still changes when the campaign ends."""
-    last = drift.time_s >= drift.time_s[0] + (1.0 - LAST_SHARE) * np.ptp(drift.time_s)
-    if last.sum() < NAMED:
-        return
-    # From a line: a single cycle at either end is chance.
-    slope, _ = straight_line(drift.time_s[last], drift.drift_n[last])
-    change = slope * np.ptp(drift.time_s[last])
-    reach = np.mean((drift.high_n - drift.low_n)[last]) / 2.0
-    if abs(change) > reach:
-        yield say("drift.still_changing", change=change, share=100 * LAST_SHARE)
-
-
 def _directions(found: CampaignCharacteristics) -> Iterator[Statement]:
     if found.zero.basis != "tare":
         yield say("direction.no_tare")
         return
     if found.zero.per_hour is not None:
         yield say("zero.drift", effect=found.zero.per_hour)
-    for differs, finding in (
-        (True, "friction differs between the directions"),
-        (False, "friction shows no difference between the directions"),
-    ):
+    for kind, differs in (("differs", True), ("equal", False)):
         group = [a for a in found.asymmetry if (a.mean.p < CHANCE) == differs]
-        means = [a.mean for a in group]
-        if len(group) == 1:
-            condition = group[0].condition.label(found.identity.ambient_pressure_pa)
-            yield say("direction.one", condition=condition, finding=finding, mean=means[0])
-        elif group:
-            ends = {"low": min(m.value for m in means), "high": max(m.value for m in means)}
-            half = max((m.high - m.low) / 2.0 for m in means)
-            yield say("direction.several", count=len(group), finding=finding, half=half, **ends)
+        if group:
+            values, half = [a.mean.value for a in group], max((a.mean.high - a.mean.low) / 2.0 for a in group)
+            ends = " to ".join(dict.fromkeys(f"{v:.3g}" for v in (min(values), max(values))))
+            yield say(f"direction.{kind}", where=_where(found, group), values=ends, half=half)
 
 
 def _pressure_zeros(reading: CampaignData) -> Iterator[Statement]:
@@ -215,15 +200,19 @@ def _air(found: CampaignCharacteristics) -> Iterator[Statement]:
     shares = found.air
     if not shares:
         return
-    label = shares[0].condition.label(found.identity.ambient_pressure_pa)
-    where = f"At {label}" if len(shares) == 1 else f"At {len(shares)} conditions"
-    speed = 1e3 * max(s.speed_m_s[-1] for s in shares)
+    where, speed = f"At {_where(found, shares)}", 1e3 * max(s.speed_m_s[-1] for s in shares)
     if shares[0].separated:
         air, total = _span([s.air_n[-1] for s in shares]), _span([s.total_n[-1] for s in shares])
         half = max((s.air_high_n[-1] - s.air_low_n[-1]) / 2.0 for s in shares)
         yield say("air.separated", where=where, speed=speed, air=air, half=half, total=total)
     else:
         yield say("air.bound", where=where, speed=speed, air=_span([s.air_bound_n[-1] for s in shares]))
+
+
+def _where(found: CampaignCharacteristics, results: Sequence[AirShare | Asymmetry]) -> str:
+    """Return the condition of results as text, or the number of several conditions."""
+    label = results[0].condition.label(found.identity.ambient_pressure_pa)
+    return label if len(results) == 1 else f"{len(results)} conditions"
 
 
 def _span(values: Sequence[float], form: str = ".2f") -> str:
@@ -258,5 +247,5 @@ def _unsteady(found: CampaignCharacteristics) -> Iterator[Statement]:
     if excluded:
         slowest, fastest = excluded[0][0], excluded[-1][0]
         at = f"{slowest:.3g}" if fastest - slowest < 0.01 * slowest else f"{slowest:.3g} to {fastest:.3g}"
-        kind = "stick-slip.excluded_one" if len(excluded) == 1 else "stick-slip.excluded"
-        yield say(kind, count=len(excluded), speeds=at, reasons=", ".join(sorted({why for _, why in excluded})))
+        reasons = ", ".join(sorted({why for _, why in excluded}))
+        yield say("stick-slip.excluded", count=len(excluded), speeds=at, reasons=reasons)

@@ -108,7 +108,7 @@ def test_a_large_campaign_keeps_a_sample_of_curves(plan, monkeypatch):
     found = characterise_recordings(plan, LAYOUT)
     assert found.friction_map.sizes["row"] == 24
     assert [r.name for r in found.recordings] == ["plan/0", "plan/5", "plan/11"]
-    assert len(found.points) == 12
+    assert len(found.table) == 12
     assert "12 recordings" in found.notes[0]
     (fit,) = found.closures
     assert fit.areas_m2["b"].value == pytest.approx(fit.nominal_m2["b"], rel=1e-3)
