@@ -14,7 +14,7 @@ from pneudrive.errors import RecordingError
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from pneudrive.arrays import Array, ArrayPair, Bools, Ints, Pair
+    from pneudrive.arrays import Array, Bools, Ints, Pair
 
     Levels = list[list["Stroke"]]  # strokes of one speed, slowest first
 
@@ -448,16 +448,3 @@ class Directions:
         if levels is None or self.sign(values) == 0:
             return 0.0
         return abs(levels[0] - levels[1]) / max(abs(levels[0]) + abs(levels[1]), 1e-300)
-
-    def correlation(self, force: Array, pressure: Array) -> float:
-        """Return the correlation of force and pressure within one direction, where friction does not change sign."""
-        parts: list[ArrayPair] = []
-        for moving in (self.up, self.down):
-            there = moving & np.isfinite(force) & np.isfinite(pressure)
-            if there.sum() >= FEWEST:
-                parts.append((force[there] - force[there].mean(), pressure[there] - pressure[there].mean()))
-        if not parts:
-            return 0.0
-        first, second = (np.concatenate([part[at] for part in parts]) for at in (0, 1))
-        changes = np.ptp(first) > 0 and np.ptp(second) > 0
-        return float(np.corrcoef(first, second)[0, 1]) if changes else 0.0

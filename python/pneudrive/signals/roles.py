@@ -20,14 +20,14 @@ if TYPE_CHECKING:
     from pneudrive.arrays import Array
     from pneudrive.signals.text_table import FileForm
 
-CLEAR = 1.0  # least difference of the weights of two candidates
+CLEAR = 1.0  # least difference of the weights of two candidates; swings with the direction weigh by their logarithm
 CLEAR_STROKES = 0.5  # the same of two signals, in unevenness
-CLEAR_SWING = 2.0  # least ratio of the swings of a force and of the next signal
+LEAST_EVEN = 3.0  # largest unevenness of a position without a name
 CLEAR_PRESSURES = 1.6  # least ratio of two pressures, beyond that of the areas of a piston with a rod
-CLEAR_SHARE = 0.5  # least correlation of force and pressure within one direction
 WHOLE_SPAN = 500  # whole numbers over more than this are counts
 HELD = ("constant from step to step, unlike a force",)
 ASK_RATE = 'state the rate of the samples, time = { rate = "50 Hz" }'
+SEVERAL = "more than one column is possible"
 ASK_CHAMBER = "neither names nor forces show the chamber: chamber a grows with the position"
 
 
@@ -302,38 +302,27 @@ class RoleSearch:
 
     def _position(self) -> None:
         """Find the position by name, otherwise as the signal that moves evenly, with few small reversals."""
-        if named := self.candidates("position"):
-            named = _backed(named, "strokes", lambda values: unevenness(values, is_one_of_many=True) < np.inf)
-            chosen = self._choose("position", named)
-        else:
-            signals = self._signals()
-            ranked = sorted((unevenness(one.values, is_one_of_many=len(signals) > 1), one.index) for one in signals)
-            ranked = [(badness, index) for badness, index in ranked if badness < 3.0]
-            close = [index for badness, index in ranked if badness < ranked[0][0] + CLEAR_STROKES]
-            chosen = self._only_one("position", ranked, close, "even strokes", "these columns move alike")
+        named = _backed(
+            self.candidates("position"), "strokes", lambda values: unevenness(values, is_one_of_many=True) < np.inf
+        )
+        why = SEVERAL
+        if not named:
+            signals, why = self._signals(), "these columns move alike"
+            rated = [(unevenness(one.values, is_one_of_many=len(signals) > 1), one) for one in signals]
+            even = [(badness, one) for badness, one in rated if badness < LEAST_EVEN]
+            named = [Candidate(one, -badness / CLEAR_STROKES, ("even strokes",)) for badness, one in even]
+        chosen = self._choose("position", named, why)
         if chosen is not None:
             self._accept("position", chosen)
             self.directions = Directions.of(chosen.column.values)
 
-    def _only_one(
-        self, role: str, ranked: Sequence[tuple[float, int]], close: Sequence[int], evidence: str, why: str
-    ) -> Candidate | None:
-        """Return the only candidate among columns without names. If several are close, the user is asked."""
-        some = [Candidate(self.columns[index], PHYSICS, (evidence,)) for index in close]
-        if len(some) > 1:
-            self._ask(role, why, some)
-            self.taken |= set(close)
-        rank = f"next: column {self.columns[ranked[1][1]].place!r}" if len(ranked) > 1 else NO_OTHER
-        return some[0]._replace(rank=rank) if len(some) == 1 else None
-
     def _force(self) -> None:
-        directions, named, chosen = self.directions, self.candidates("force"), None
-        if named:
-            if directions is not None:
-                named = _backed(named, "changes with the direction", lambda values: directions.sign(values) != 0)
-            chosen = self._choose("force", named)
-        elif directions is not None and self.guess("command") is None:
-            chosen = self._force_by_swing(directions)
+        directions, named, why = self.directions, self.candidates("force"), SEVERAL
+        if directions is not None:
+            named = _backed(named, "changes with the direction", lambda values: directions.sign(values) != 0)
+            if not named and self.guess("command") is None:
+                named, why = self._swinging(directions), "these columns change with the direction"
+        chosen = self._choose("force", named, why)
         if chosen is None:
             return
         self.sign = 0 if directions is None else directions.sign(chosen.column.values)
@@ -344,19 +333,18 @@ class RoleSearch:
         else:
             self._accept("force", chosen)
 
-    def _force_by_swing(self, directions: Directions) -> Candidate | None:
-        """Find the signal that changes most with the direction."""
+    def _swinging(self, directions: Directions) -> list[Candidate]:
+        """Return the signals that change with the direction, unless the strongest one is a held command."""
         signals = self._signals()
-        ranked = sorted(((directions.swing(one.values), one.index) for one in signals), reverse=True)
-        if not ranked or ranked[0][0] == 0.0:
-            return None
-        best = self.columns[ranked[0][1]]
-        if is_held(best.values) and len(signals) >= FEWEST:
-            self._accept("command", Candidate(best, PHYSICS, HELD))
-            return None
-        close = [index for swing, index in ranked if swing * CLEAR_SWING > ranked[0][0]]
-        most = "changes most with the direction" if len(close) == 1 else "changes with the direction"
-        return self._only_one("force", ranked, close, most, "these columns change with the direction")
+        swings = [(directions.swing(one.values), one) for one in signals]
+        found = [
+            Candidate(one, float(np.log2(swing)), ("changes with the direction",)) for swing, one in swings if swing
+        ]
+        best = max(found, key=lambda one: one.score, default=None)
+        if best is not None and is_held(best.column.values) and len(signals) >= FEWEST:
+            self._accept("command", best._replace(evidence=HELD))
+            return []
+        return found
 
     def _pressures(self) -> None:
         named = self.candidates("pressure")
@@ -385,7 +373,7 @@ class RoleSearch:
             side = "b" if "a" in sides else "a"
             self._accept(f"pressure_{side}", free[0]._replace(rank=f"chamber {side}: the other pressure is named"))
         elif free:
-            self._ask("the other pressure", "more than one column is possible", free)
+            self._ask("the other pressure", SEVERAL, free)
 
     def _without_names(self, free: list[Candidate]) -> None:
         """Assign pressures to chambers by the force balance, or ask the user."""
@@ -415,11 +403,6 @@ class RoleSearch:
                 is_first = len(means) == 1 or means[0] > means[1]
                 side = "b" if (mean > 0) == is_first else "a"
                 return side, f"the higher pressure balances the mean force towards {'+x' if mean > 0 else '-x'}"
-        together = [directions.correlation(values, p) for p in pressures]
-        place, strongest = max(enumerate(together), key=lambda pair: abs(pair[1]))
-        if abs(strongest) > CLEAR_SHARE:
-            side = "b" if (strongest > 0) == (place == 0) else "a"
-            return side, f"the force towards +x {'grows' if strongest > 0 else 'falls'} with this pressure"
         return "", ASK_CHAMBER
 
     def _unit_of_time(self) -> None:
@@ -453,14 +436,16 @@ class RoleSearch:
         if chosen is not None:
             self._accept(role, chosen._replace(rank=note + chosen.rank))
 
-    def _choose(self, role: str, named: list[Candidate]) -> Candidate | None:
-        """Return the best candidate. If others are similarly good and show other signals, the user is asked."""
+    def _choose(self, role: str, named: list[Candidate], why: str = SEVERAL) -> Candidate | None:
+        """Return the best candidate, if any. If others are similarly good and show other signals, the user is asked."""
+        if not named:
+            return None
         best, *rest = sorted(named, key=lambda one: -one.score)
         close = [one for one in rest if one.score > best.score - CLEAR]
         others = [one for one in close if not same_signal(best.column.values, one.column.values)]
         self.taken |= {one.column.index for one in (best, *close)}
         if others:
-            self._ask(role, "more than one column is possible", [best, *others])
+            self._ask(role, why, [best, *others])
             return None
         rank = f"next: column {rest[0].column.place!r} ({', '.join(rest[0].evidence)})" if rest else NO_OTHER
         return best._replace(rank=rank)
