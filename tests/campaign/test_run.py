@@ -45,7 +45,7 @@ def finish(folder, undisturbed):
 
 def done(folder, rig, **further):
     """Run a campaign to its end; return what it holds."""
-    assert run_campaign(protocol(), rig, folder, options=QUICK, **further).ended == DONE
+    assert run_campaign(protocol(), rig, folder, options=replace(QUICK, **further)).ended == DONE
     return contents(folder)
 
 
@@ -216,12 +216,12 @@ def test_ctrl_c_finishes_the_cycle_and_asks_and_twice_stops_at_once(tmp_path, un
         press(rig)
 
     rig, prompt = FakeRig(trouble=on_part(4, press)), Answers("")
-    assert run_campaign(protocol(), rig, tmp_path / "a", options=QUICK, prompt=prompt).ended == DONE
+    assert run_campaign(protocol(), rig, tmp_path / "a", options=replace(QUICK, prompt=prompt)).ended == DONE
     assert "Paused after 3 of 10 cycles" in prompt.shown[0]
     assert rig.calls.count("home") == 1  # nothing was broken off
     assert contents(tmp_path / "a") == undisturbed
     rig, prompt = FakeRig(trouble=on_part(4, twice)), Answers("a")
-    assert run_campaign(protocol(), rig, tmp_path / "b", options=QUICK, prompt=prompt).ended == ENDED
+    assert run_campaign(protocol(), rig, tmp_path / "b", options=replace(QUICK, prompt=prompt)).ended == ENDED
     assert "Paused after 2 of 10 cycles" in prompt.shown[0]
     assert at_rest(rig)
     finish(tmp_path / "b", undisturbed)
@@ -233,7 +233,7 @@ def test_ctrl_c_in_a_pause_ends_the_campaign(tmp_path):
             press(None)
 
     rig = FakeRig(trouble=on_part(4, press))
-    assert run_campaign(protocol(), rig, tmp_path / "c", options=QUICK, prompt=Presses()).ended == ENDED
+    assert run_campaign(protocol(), rig, tmp_path / "c", options=replace(QUICK, prompt=Presses())).ended == ENDED
     assert at_rest(rig)
 
 
@@ -278,7 +278,7 @@ def test_ctrl_c_where_nobody_would_answer_ends_after_the_cycle(tmp_path, undistu
     rig = FakeRig(trouble=on_part(4, press))
     nobody = Answers()
     nobody.there = False
-    result = run_campaign(protocol(), rig, tmp_path / "c", options=QUICK, prompt=nobody)
+    result = run_campaign(protocol(), rig, tmp_path / "c", options=replace(QUICK, prompt=nobody))
     assert (result.finished, result.ended) == (3, ENDED)
     assert at_rest(rig)
     finish(tmp_path / "c", undisturbed)
@@ -327,7 +327,7 @@ def test_operators_steps_are_confirmed_and_kept(tmp_path):
             assert at_rest(rig)
 
     rig, prompt = FakeRig(), AtRest("", "bob")
-    run_campaign(protocol(MOUNTING), rig, tmp_path / "c", options=QUICK, prompt=prompt)
+    run_campaign(protocol(MOUNTING), rig, tmp_path / "c", options=replace(QUICK, prompt=prompt))
     assert [text.splitlines()[0] for text in prompt.shown] == [
         "Operator's step: Mount the drive by its foot.",
         "Operator's step: Mount the drive by its flange.",

@@ -12,7 +12,7 @@ from pneudrive import __version__, own_code
 from pneudrive.campaign.planning.plan import lay_out
 from pneudrive.campaign.planning.preflight import check_levels
 from pneudrive.campaign.planning.protocol import Protocol, read_protocol
-from pneudrive.campaign.running.campaign_run import DONE, ENDED, CampaignRun, Options, Subscribers, Terminal
+from pneudrive.campaign.running.campaign_run import DONE, ENDED, CampaignRun, Options, Subscribers
 from pneudrive.campaign.storage.control import FolderLock, make_folder, now
 from pneudrive.campaign.storage.folder import ABOUT, Campaign, create, plan_of
 from pneudrive.errors import CampaignError
@@ -25,7 +25,6 @@ if TYPE_CHECKING:
 
     from pneudrive.arrays import Plain
     from pneudrive.campaign.planning.preflight import Plan
-    from pneudrive.campaign.running.live import Display
 
 
 @dataclass(frozen=True, repr=False)
@@ -55,8 +54,6 @@ def run_campaign(
     options: Options | None = None,
     labels: Mapping[str, str] | None = None,
     pace: float | None = None,
-    display: Display | None = None,
-    prompt: Terminal | None = None,
     subscribers: Subscribers = (),
 ) -> Result:
     """Run a campaign into a folder, or resume it if the folder already contains it.
@@ -74,10 +71,6 @@ def run_campaign(
         Free text in addition to the protocol's labels.
     pace : float, optional
         Seconds of a simulated rig per second of wall-clock time. Default: as fast as possible.
-    display : Display, optional
-        Default: nothing is shown.
-    prompt : Terminal, optional
-        Source of answers in pauses and for operator's steps. Default: the terminal.
     subscribers : sequence of callable
         Called with bluesky's documents (name, document): a start, a descriptor, an event for each finished
         cycle, a stop.
@@ -98,13 +91,12 @@ def run_campaign(
     """
     asked = protocol if isinstance(protocol, Protocol) else read_protocol(protocol)
     folder = Path(into)
-    audience: Plain = {"display": display, "prompt": prompt, "subscribers": subscribers}
     if (folder / ABOUT).exists():
         there = Campaign.open(folder)
         if asked.text.strip() != there.protocol.strip():
             names = {"there": there.about.get("name", ""), "name": asked.name, "folder": folder}
             raise CampaignError.of("campaign.other-protocol", where=folder, **names)
-        return resume_campaign(folder, rig, options=options, pace=pace, **audience)
+        return resume_campaign(folder, rig, options=options, pace=pace, subscribers=subscribers)
     with _bench(rig, asked.seed, pace) as (bench, source):
         check_levels(asked, bench)
         plan = lay_out(asked, bench.identity(), bench.limits())
@@ -117,7 +109,7 @@ def run_campaign(
             inputs = [stored_input("rig", source, source, _digest(source))] if Path(source).is_file() else []
             about |= stored_beside({INPUTS: inputs}, folder)
             campaign = create(folder, asked.text, plan.identity, about)
-            return _run(campaign, plan, bench, options, lock, audience)
+            return _run(campaign, plan, bench, options, lock, subscribers)
 
 
 def resume_campaign(
@@ -127,8 +119,6 @@ def resume_campaign(
     options: Options | None = None,
     pace: float | None = None,
     allow_code: str | None = None,
-    display: Display | None = None,
-    prompt: Terminal | None = None,
     subscribers: Subscribers = (),
 ) -> Result:
     """Resume a campaign; see `run_campaign`.
@@ -141,7 +131,7 @@ def resume_campaign(
         which code runs. Optional for a simulated rig or a replay.
     allow_code : str, optional
         Instead of `rig`: SHA-256 of the file of the custom code that started the campaign.
-    options, pace, display, prompt, subscribers
+    options, pace, subscribers
         As in `run_campaign`.
 
     Raises
@@ -176,8 +166,7 @@ def resume_campaign(
             raise CampaignError.of("campaign.other-rig", where=campaign.path, names=", ".join(other))
         if (limits := bench.limits()) != plan.envelope:
             lay_out(plan.protocol, campaign.identity, limits)  # check again: the rig may allow less than before
-        audience = {"display": display, "prompt": prompt, "subscribers": subscribers}
-        return _run(campaign, plan, bench, options, lock, audience)
+        return _run(campaign, plan, bench, options, lock, subscribers)
 
 
 def can_be_resumed(error: BaseException) -> bool:
@@ -186,12 +175,12 @@ def can_be_resumed(error: BaseException) -> bool:
 
 
 def _run(
-    campaign: Campaign, plan: Plan, bench: Rig, options: Options | None, lock: FolderLock, audience: Plain
+    campaign: Campaign, plan: Plan, bench: Rig, options: Options | None, lock: FolderLock, subscribers: Subscribers
 ) -> Result:
     """Run a campaign to its end. The operator is taken from the folder, unless the options name one."""
     options = options or Options()
     operator = options.operator or str(campaign.about.get("operator", ""))
-    run = CampaignRun(campaign, plan, bench, replace(options, operator=operator), lock, **audience)
+    run = CampaignRun(campaign, plan, bench, replace(options, operator=operator), lock, subscribers)
     ended = run.run()
     return Result(campaign, len(run.finished), run.total, ended)
 

@@ -199,7 +199,7 @@ def _options(operator: str, yes: bool, timeout: str) -> campaigns.Options:
     seconds = quantity("--timeout", timeout, "s")
     if seconds < 0.0:
         raise CommandError(f"--timeout {timeout} is out of bounds", rule="zero or more")
-    return campaigns.Options(operator=operator, yes=yes, patience_s=seconds)
+    return campaigns.Options(operator, yes, seconds, display=live.TerminalDisplay())
 
 
 def _again(folder: Path, rig: str, allow_code: str = "") -> str:
@@ -216,7 +216,7 @@ def _run(begin: Callable[..., campaigns.Result], again: str, **options: Any) -> 
     in_main = threading.current_thread() is threading.main_thread()  # others must not
     before = signal.signal(signal.SIGTERM, signal.default_int_handler) if in_main else None
     try:
-        result = begin(display=live.TerminalDisplay(), **options)
+        result = begin(**options)
     except PneudriveError as error:
         if not campaigns.can_be_resumed(error):
             raise

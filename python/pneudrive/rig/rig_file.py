@@ -272,11 +272,8 @@ def _kind(text: str) -> tuple[str, str]:
     if path.is_dir():
         return "folder", str(path)
     if path.is_file() and path.suffix == ".toml":
-        return _said(path), str(path)
+        tables, _ = toml.read(path, RigError, "The guides on rigs show examples of rig files.")
+        return str(tables.get("kind", "simulated")), str(path)
     if own_code.split(text) is not None:
         return CODE, text
     raise RigError.of("rig.no-rig", rig=text, remedy=nearest(text, known))
-
-
-def _said(path: Path) -> str:
-    return str(toml.read(path, RigError, "The guides on rigs show examples of rig files.")[0].get("kind", "simulated"))

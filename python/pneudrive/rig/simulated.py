@@ -147,7 +147,7 @@ class SimulatedRig:
         result = drag(core_rig(d, pressures), motion, times, motion.start_m)
         return Trace(result.columns, motion, speed_m_s, *pressures)
 
-    def record(self, trace: Trace, seed: int | Sequence[int] = 0, *, name: str | None = None) -> Recording:
+    def record(self, trace: Trace, seed: int | Sequence[int] = 0) -> Recording:
         """Read a trace with the rig's sensors.
 
         Parameters
@@ -155,8 +155,6 @@ class SimulatedRig:
         trace : Trace
         seed : int or sequence of int
             Seed of the noise; equal seeds give equal recordings.
-        name : str, optional
-            Name of the recording.
 
         Returns
         -------
@@ -174,7 +172,7 @@ class SimulatedRig:
         # Of all channels but time and temperature.
         shared["accuracy"] = {channel: identity.accuracy[channel] for channel in CHANNELS[1:-1]}
         return Recording(
-            name=name or f"{speed}, {shown}",
+            name=f"{speed}, {shown}",
             time_s=true["time_s"],
             position_m=d.encoder.read(true["carriage_position_m"]),
             force_n=d.force_sensor.read(true["sensor_force_n"], rng),
@@ -199,10 +197,9 @@ class SimulatedRig:
         *,
         count: int = 1,
         seed: int | Sequence[int] = 0,
-        name: str | None = None,
     ) -> Recording:
         """Drag and record in one step; see :meth:`drag` and :meth:`record`."""
-        return self.record(self.drag(speed_m_s, gauge_pa, count=count), seed, name=name)
+        return self.record(self.drag(speed_m_s, gauge_pa, count=count), seed)
 
     def true_friction(
         self, speed_m_s: float | Array, pressure_a_pa: float | None = None, pressure_b_pa: float | None = None

@@ -152,6 +152,10 @@ class Options:
         Time of good conditions before the campaign continues.
     look_s : float
         Interval between queries of the rig's state while waiting.
+    display : Display, optional
+        Default: nothing is shown.
+    prompt : Terminal, optional
+        Source of answers in pauses and for operator's steps. Default: the terminal.
     """
 
     operator: str = ""
@@ -159,6 +163,8 @@ class Options:
     patience_s: float = 600.0
     steady_s: float = 3.0
     look_s: float = 1.0
+    display: Display | None = None
+    prompt: Terminal | None = None
 
 
 class CampaignRun:
@@ -174,7 +180,7 @@ class CampaignRun:
     rig : Rig
     options : Options
     lock : FolderLock
-    display, prompt, subscribers
+    subscribers : sequence of callable
         As in `pneudrive.campaign.run.run_campaign`.
     """
 
@@ -185,15 +191,12 @@ class CampaignRun:
         rig: Rig,
         options: Options,
         lock: control.FolderLock,
-        *,
-        display: Display | None,
-        prompt: Terminal | None,
         subscribers: Subscribers,
     ) -> None:
         self.campaign, self.plan, self.options = campaign, plan, options
-        self._lock, self._prompt, self._subscribers = lock, prompt or Terminal(), subscribers
+        self._lock, self._prompt, self._subscribers = lock, options.prompt or Terminal(), subscribers
         self._log = partial(control.append_line, campaign.path / LOG)
-        self._displays = (display or Display(), LiveFiles(campaign.path))
+        self._displays = (options.display or Display(), LiveFiles(campaign.path))
         files, tidied = tidy(campaign)
         for line in tidied:
             self._tell(line)
