@@ -20,8 +20,8 @@ with used_later(__name__):
     from pneudrive.campaign.planning import protocol
     from pneudrive.control import mismatch, tuning
     from pneudrive.control import references as trajectories
+    from pneudrive.describe import base, kinds
     from pneudrive.describe import components as component_texts
-    from pneudrive.describe import kinds
     from pneudrive.describe.files import catalogue as parts
     from pneudrive.describe.files import load, toml
     from pneudrive.files import content
@@ -115,17 +115,13 @@ def _show_entry(e: parts.Entry) -> None:
         parts.check(e)
     values = parts.all_values(e)
     named = [*((v.key, v) for v in values), *((f"printed.{v.key}", v) for v in e.printed)]
-    typer.echo(f"\n{aligned((key, _plain(v.value), v.said) for key, v in named)}")
+    typer.echo(f"\n{aligned((key, base.inline(v.value), v.said) for key, v in named)}")
     if not e.is_drive and e.open:
         typer.echo(f"\nNot in the catalogue; give these values with the part: {', '.join(e.open)}.")
     for note in filter(None, notes):
         typer.echo(f"\n{note}")
     for key in sorted({v.source for _, v in named if v.source is not None} & references.entries().keys()):
         typer.echo(f"\n{references.bibtex(key)}")
-
-
-def _plain(value: object) -> str:
-    return ", ".join(f"{k} = {v}" for k, v in value.items()) if isinstance(value, dict) else str(value)
 
 
 def components(kind: str | None = None) -> None:

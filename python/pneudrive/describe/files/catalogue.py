@@ -151,18 +151,28 @@ def _built_in() -> dict[str, Entry]:
     return {one.name: one for path in paths for one in _read(path)}
 
 
-def entry(name: str) -> Entry:
+def entry(name: str, what: str = "", key: str = "") -> Entry:
     """Return one part or drive.
+
+    Parameters
+    ----------
+    name : str
+        Name, or ``catalogue:NAME``.
+    what : str
+        ``"drive"`` or ``"part"``; empty for both.
+    key : str
+        Key of a file that names it.
 
     Raises
     ------
     DescriptionError
         The catalogue has no entry of this name; the message gives the nearest name.
     """
-    known = entries()
+    known = {one: found for one, found in entries().items() if not what or found.is_drive == (what == DRIVE)}
     name = name.removeprefix(PREFIX)
     if name not in known:
-        raise DescriptionError(f"the catalogue has no '{name}'", remedy=nearest(name, known))
+        missing = f"{what} '{name}'".lstrip()
+        raise wrong(key, f"the catalogue has no {missing}", remedy=nearest(name, known))
     return known[name]
 
 
@@ -180,17 +190,8 @@ def all_values(found: Entry) -> list[Value]:
 
 def drive_values(reference: str) -> tuple[str, list[Value]]:
     """Return the title of a drive, and its values by keys of the drive file, for ``catalogue:NAME``."""
-    found = _referred("drive", reference, "drive")
+    found = entry(reference, DRIVE, "drive")
     return found.title, all_values(found)
-
-
-def _referred(key: str, reference: str, what: str) -> Entry:
-    """Return the drive or part that a key of a file names."""
-    name = reference.removeprefix(PREFIX)
-    known = {one: found for one, found in entries().items() if found.is_drive == (what == DRIVE)}
-    if name not in known:
-        raise wrong(key, f"the catalogue has no {what} '{name}'", remedy=nearest(name, known))
-    return known[name]
 
 
 def part_table(reference: object) -> dict[str, Any]:
@@ -203,7 +204,7 @@ def part_table(reference: object) -> dict[str, Any]:
     """
     if not isinstance(reference, str) or not reference.startswith(PREFIX):
         raise wrong("use", f"use = {reference!r} is not a part of the catalogue", remedy=f'Write use = "{PREFIX}NAME".')
-    part = _referred("use", reference, "part")
+    part = entry(reference, "part", "use")
     check(part)
     given = [(v.key, {"value": v.value} | v.origin) for v in part.values if v.key != "kind"]
     return {"kind": part.kind} | toml.nested(given)
