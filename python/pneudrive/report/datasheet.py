@@ -34,10 +34,6 @@ if TYPE_CHECKING:
 SUFFIXES = (".html", ".pdf")
 MOST_CURVES, MOST_BARS, MOST_VALUES = 5, 12, 24  # of one result in a table
 LOGARITHMIC = 30.0  # ratio of frequencies from which on their axis is logarithmic
-CURVES = (
-    *("velocity", "force-speed", "square-response", "impact", "natural-frequency"),
-    *("bode", "flow", "exergy"),
-)
 #: Replacement in the first picture, the circuit drawing, that makes it smaller than the page.
 SMALL_CIRCUIT = ("<svg ", '<svg style="max-width: 26rem; display: block" ')
 
@@ -208,7 +204,7 @@ def sheet_view(found: Datasheet) -> View:
     bands = next(iter(found.results.values())).attrs.get("interval", "") if found.results else ""
     values = ((value.key.removeprefix("components."), value.value, value.origin) for value in found.values)
     tables = [topics["numbers"].table(found.numbers)]
-    drawn = {name: found.results[name] for name in CURVES if name in found.results}
+    drawn = {name: found.results[name] for name in topics["curves"].texts["shown"] if name in found.results}
     panels = [
         panel for name, result in drawn.items() for panel in characteristic_panels(result, name.replace("-", " "))
     ]

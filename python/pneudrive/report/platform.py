@@ -162,7 +162,6 @@ FRAMES_S = {".mp4": 30, ".gif": 25}
 #: Shortest and longest animation, s. Shorter runs are slowed down, longer runs are sped up.
 SHORTEST_S, LONGEST_S = 2.0, 20.0
 MOST_POSES = 400  # of a path
-MOST_SAMPLES = 4000  # of a curve
 #: Panels of legs: label, and the form of its columns.
 LEG_PANELS = Topic("trajectory", "legs").texts["panels"]
 
@@ -457,7 +456,7 @@ def _panels(platform: Platform, columns: Columns) -> list[tuple[str, Columns]]:
 def run_figure(platform: Platform, columns: Columns) -> Figure:
     """Draw the platform at the end of a run and the curves of the run. One legend names the legs."""
     time, pose = columns["time_s"], motion_of(platform, columns)[0]
-    part, legs, panels = thin(time, MOST_SAMPLES), {leg.name for leg in platform.legs}, []
+    part, legs, panels = thin(time), {leg.name for leg in platform.legs}, []
     of_legs: dict[str, Line] = {}
     for label, each in _panels(platform, columns):
         named = enumerate(each.items())

@@ -39,7 +39,7 @@ if TYPE_CHECKING:
 
 # --- Pictures of simulated runs: a trajectory over time, and speed and stroke time over the tubes of a drive.
 
-WITHOUT = Look("grey", "--")
+REFERENCE = Look("grey", "--")
 MOST_IN_A_ROW = 4  # entries of a legend
 TITLE_LETTERS = 100  # of a line
 MOST_SHOWN = 4000  # samples of a curve in a view
@@ -154,7 +154,7 @@ def tubes_figure(study: xr.Dataset) -> Figure:
                    filled=True, joined=True)
             for number, bore in enumerate(bores)
         ]  # fmt: skip
-        without = Rule(y=study.attrs["without_tubes"][name], label="without tubes", look=WITHOUT, width=1.1)
+        without = Rule(y=study.attrs["without_tubes"][name], label="without tubes", look=REFERENCE, width=1.1)
         panels.append(Panel([*curves, without], y=Axis(label, low=0.0)))
     return figure_of("tubes", panels)
 
@@ -181,7 +181,6 @@ def view_of_tubes(study: xr.Dataset) -> View:
 # --- Runs under control.
 
 SMALL_M = 5e-3  # largest error that is drawn in micrometres
-REFERENCE = Look("grey", "--")
 
 
 def plot_control(run: xr.Dataset, path: str | Path | None = None) -> DrawnFigure:
@@ -225,17 +224,11 @@ def run_figure(run: xr.Dataset) -> Figure:
 
 
 def _axis_panels(time: Array, known: Columns, title: str) -> list[Panel]:
-    off = known["reference"] - known["position"]
-    pressures = [
-        Line(time, known["pressure_a"], "chamber a"),
-        Line(time, known["pressure_b"], "chamber b", figures.MODEL),
-    ]
+    off, chambers = known["reference"] - known["position"], (("a", figures.MEASURED), ("b", figures.MODEL))
+    both = [Line(time, known["reference"], "reference", figures.MODEL), Line(time, known["position"], "position")]
+    pressures = [Line(time, known[f"pressure_{side}"], f"chamber {side}", own) for side, own in chambers]
     return [
-        Panel(
-            [Line(time, known["reference"], "reference", figures.MODEL), Line(time, known["position"], "position")],
-            title,
-            y="position / mm",
-        ),
+        Panel(both, title, y="position / mm"),
         Panel([Line(time, off), Rule(y=0.0)], y=f"error / {error_unit([off])}"),
         Panel(pressures, y="pressure / bar abs"),
         Panel([Line(time, known["command"], width=0.8, steps=True)], y="command"),
@@ -339,9 +332,7 @@ def controllers_view(found: ControlComparison, measures: Collection[str] = ()) -
         leading=leading[:MOST_LEADING],
         findings=findings,
         tables=(Topic("control", "true").table(truth),) if found.truth else (),
-        figures=tuple(
-            figure for number in range(len(found.references)) for figure in _reference_figures(found, number)
-        ),
+        figures=tuple(_track_figures(found)),
     )
 
 
@@ -364,23 +355,23 @@ def _conditions(found: ControlComparison) -> Iterator[str]:
         yield topic.say("spread", spread=found.spread)
 
 
-def _reference_figures(found: ControlComparison, number: int) -> Iterator[ShownFigure]:
-    """Yield the tracks of all laws along a reference in one picture, with their errors."""
-    topic, along = Topic("control", "reference"), list(found.references)[number]
-    said: Plain = {"called": _called(along, found.references[along]), "spread": found.spread}
-    tracks, references, errors = [], [], []
-    for run, track in tracks_of(found, along):
-        part, own = thin(track["time_s"], MOST_SHOWN), look(found.laws.index(run.law))
-        time, position, reference, error = (values[part] for values in track.values())
-        tracks.append(Line(time, position, run.law, own, 0.9))
-        references.append(Line(time, reference, "reference", Look("red"), 0.6))
-        errors.append(Line(time, error, look=own, width=0.9))
-    if tracks:
-        error = Axis(f"error / {error_unit([line.y for line in errors])}", "far")
-        positions = Panel([*tracks, *references[:1]], y="position / mm")
-        panels = [positions, Panel([*errors, Rule(y=0.0)], y=error)]
-        caption = topic.say("tracks", which="member 1" if found.spread else "first seed", **said)
-        yield ShownFigure(f"tracks-{number + 1}", caption, stack(panels, 4.2))
+def _track_figures(found: ControlComparison) -> Iterator[ShownFigure]:
+    """Yield, for each reference, the tracks of all laws in one picture, with their errors."""
+    topic, which = Topic("control", "reference"), "member 1" if found.spread else "first seed"
+    for number, (along, text) in enumerate(found.references.items(), 1):
+        tracks, references, errors = [], [], []
+        for run, track in tracks_of(found, along):
+            part, own = thin(track["time_s"], MOST_SHOWN), look(found.laws.index(run.law))
+            time, position, reference, error = (values[part] for values in track.values())
+            tracks.append(Line(time, position, run.law, own, 0.9))
+            references.append(Line(time, reference, "reference", Look("red"), 0.6))
+            errors.append(Line(time, error, look=own, width=0.9))
+        if tracks:
+            error = Axis(f"error / {error_unit([line.y for line in errors])}", "far")
+            positions = Panel([*tracks, *references[:1]], y="position / mm")
+            caption = topic.say("tracks", which=which, called=_called(along, text))
+            panels = [positions, Panel([*errors, Rule(y=0.0)], y=error)]
+            yield ShownFigure(f"tracks-{number}", caption, stack(panels, 4.2))
 
 
 def tracks_of(found: ControlComparison, along: str) -> Iterator[tuple[ControlledRun, Columns]]:
