@@ -80,7 +80,7 @@ def test_the_catalogues_on_off_valves_refuse_fractions_everywhere(tmp_path, refu
         with pytest.raises(pn.PneudriveError) as refused:
             call()
         assert all((refused.value.rule, refused.value.remedy)), refused.value
-    with pytest.raises(pn.PneudriveError, match=r"valve\.overlap belongs to a proportional valve"):
+    with pytest.raises(pn.PneudriveError, match=r"valve\.overlap is not a known key"):
         drive.replace({"valve.overlap": 0.02})
     delayed = (tmp_path / "old.toml").read_text().replace("nominal_flow", 'delay = "5 ms"\nnominal_flow')
     (tmp_path / "delayed.toml").write_text(delayed)

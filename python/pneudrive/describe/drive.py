@@ -179,7 +179,7 @@ class Drive(DescribedSystem):
     @property
     def is_plain(self) -> bool:
         """Whether the drive has no tubes and flow controls, and a proportional valve without overlap and leakage."""
-        return not (self.tubing or self.flow_control or self.valve.has_shape or self.valve.is_switching)
+        return self.valve.is_plain and not (self.tubing or self.flow_control)
 
     @property
     def plain(self) -> Drive:

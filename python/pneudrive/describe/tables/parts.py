@@ -284,8 +284,6 @@ class Cylinder(_DrivePart):
 KV = marks.NumberOf("", "Kv", POSITIVE, {"Kv": 1.0, "m3/h": 1.0})
 CV = marks.NumberOf("", "Cv", POSITIVE, {"Cv": 1.0})
 SWITCHING = "switching-5/3"
-#: Keys of a switching valve, and keys of a proportional valve.
-_TIMES, _SHARES = ("time_on", "time_off"), ("overlap", "leakage", "command")
 
 
 class Valve(_DrivePart):
@@ -326,15 +324,6 @@ class Valve(_DrivePart):
             key, rule = "valve.critical_pressure_ratio", "a valve is given by C and b, or by a nominal flow, kv or cv"
             raise wrong(key, f"{key} is missing", rule=rule, remedy="Write critical_pressure_ratio = 0.3.")
         valve_flow.check_shape("valve", self.critical_pressure_ratio, self.linear_above)
-        own, others = (_TIMES, _SHARES) if self.is_switching else ((), _TIMES)
-        given = self.to_dict()
-        for key in others:
-            if key in given:
-                other = "proportional" if self.is_switching else "switching"
-                raise invalid(f"valve.{key}", "describe.of-other-valve", key=key, other=other, kind=self.kind)
-        for key in own:
-            if key not in given:
-                raise invalid(f"valve.{key}", "describe.no-switching-time", key=key)
         return self
 
     @property
@@ -343,9 +332,10 @@ class Valve(_DrivePart):
         return self.kind == SWITCHING
 
     @property
-    def has_shape(self) -> bool:
-        """Whether overlap or leakage of the edges is given."""
-        return self.overlap is not None or self.leakage is not None
+    def is_plain(self) -> bool:
+        """Whether the valve is proportional, without overlap, leakage and times."""
+        more = (self.overlap, self.leakage, self.time_on_s, self.time_off_s)
+        return not self.is_switching and more == (None,) * 4
 
     def _sizes(self) -> tuple[float | None, ...]:
         return self.conductance_given, self.nominal_flow_m3_s_anr, self.kv, self.cv

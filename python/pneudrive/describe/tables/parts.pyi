@@ -180,8 +180,6 @@ class Cylinder(_DrivePart):
 KV: Incomplete
 CV: Incomplete
 SWITCHING: str
-_TIMES: Incomplete
-_SHARES: Incomplete
 
 class Valve(_DrivePart):
     table_name: ClassVar[str]
@@ -203,7 +201,7 @@ class Valve(_DrivePart):
     @property
     def is_switching(self) -> bool: ...
     @property
-    def has_shape(self) -> bool: ...
+    def is_plain(self) -> bool: ...
     @property
     def conductance(self) -> units.UnitFloat: ...
     @property
