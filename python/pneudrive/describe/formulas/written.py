@@ -108,12 +108,9 @@ class Written(DescribedFile):
             A key is outside its table, unknown or missing.
         """
         output, needed = _table(tables, "output"), outputs[0]
-        known = ["output", *(key for key in cls.keys() if key not in (*outputs, "kind"))]  # noqa: SIM118 - a method
-        for key in tables:
-            if key in outputs:
-                raise wrong(key, f"{key} is outside its table", remedy=f"Write it under [output]: {key} = ...")
-            if key not in known:
-                raise invalid(key, "describe.unknown-key-of", key=key, called=cls.called, remedy=nearest(key, known))
+        outside = next((key for key in outputs if key in tables), None)
+        if outside:
+            raise wrong(outside, f"{outside} is outside its table", remedy=f"Write it under [output]: {outside} = ...")
         misplaced = next((key for key in outputs if key in _table(tables, "let")), None)
         if misplaced:
             raise invalid(f"let.{misplaced}", "describe.output-under-let", misplaced=misplaced)
