@@ -209,9 +209,9 @@ def test_gas_that_cannot_come_or_go_is_told():
         ('"valve_r.4 -> fc_ra -> right.a"', '"valve_r.4 -> ambient", "fc_ra.2 -> right.a"'),
         ('"valve_r.2 -> fc_rb -> right.b"', '"valve_r.2 -> ambient", "right.b -> fc_rb -> fc_ra.1"'),
     )
-    with pytest.warns(PneudriveWarning, match="component right is not connected to any reservoir"):
+    with pytest.warns(PneudriveWarning, match="no reservoir is connected: right"):
         circuit = pn.Circuit.load(text)
-    assert circuit.notes == ["component right is not connected to any reservoir: its gas cannot enter or leave"]
+    assert circuit.notes == ["gas cannot enter or leave, because no reservoir is connected: right"]
 
 
 def test_an_island_of_many_is_told_once():

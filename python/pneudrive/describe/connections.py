@@ -334,13 +334,9 @@ class Wiring:
             full = {port.component for joint in group for port in joint.ports if port.holds == "volume"}
             names = [name for name in self.parts if name in full]
             if names:
-                one = len(names) == 1
-                rest = f" and {len(names) - MOST_NAMED} more" if len(names) > MOST_NAMED else ""
-                listed = f"component{'' if one else 's'} {', '.join(names[:MOST_NAMED])}{rest}"
-                gas = "its gas" if one else "their gas"
-                self.warnings.append(
-                    f"{listed} {'is' if one else 'are'} not connected to any reservoir: {gas} cannot enter or leave"
-                )
+                rest = ", ..." if len(names) > MOST_NAMED else ""
+                listed = f"{', '.join(names[:MOST_NAMED])}{rest}"
+                self.warnings.append(f"gas cannot enter or leave, because no reservoir is connected: {listed}")
             else:
                 self.problems.add(invalid(group[0].key, "describe.no-gas", joint=group[0]))
 
