@@ -218,7 +218,7 @@ def test_an_island_of_many_is_told_once():
     tanks, links = ([f"{letter}{i}" for i in range(7)] for letter in "tf")
     pair = {"kind": "fitting", "conductance": "1 dm3/(s bar)", "critical_pressure_ratio": 0.3, "copies": links}
     chains = [f"{one} -> {link} -> {other}" for one, link, other in zip(tanks, links, [*tanks[1:], "t0"], strict=True)]
-    with pytest.warns(PneudriveWarning, match=r"components t0, t1, t2, t3, t4 and 2 more are not") as told:
+    with pytest.warns(PneudriveWarning, match="connected: t0, t1, t2, t3, t4, ...") as told:
         pn.Circuit(components={"t": {"kind": "tank", "volume": "1 l", "copies": tanks}, "f": pair}, connections=chains)
     assert len(told) == 1
 
