@@ -34,6 +34,7 @@ if TYPE_CHECKING:
 
     import xarray as xr
 
+    from pneudrive.arrays import Array
     from pneudrive.friction.campaign.result import CampaignCharacteristics
     from pneudrive.friction.characterisation import Characterisation
     from pneudrive.friction.level import Level
@@ -311,35 +312,24 @@ def speed_figure(groups: list[tuple[MapGroup, list[ShownCurve]]], fits: Fits) ->
 # --- Recovered truth of simulated recordings.
 
 
-def recovered(found: Characterisation) -> pl.DataFrame | None:
-    """Return errors and uncertainties of simulated recordings, N; None without simulated recordings."""
+def recovered(found: Characterisation) -> Array:
+    """Return errors, standard errors and U (k = 2) of simulated recordings, N, shape (3, recordings)."""
     rows = []
     for result in found.results:
-        truth = result.recording.truth
-        if truth is None or "friction_n" not in truth or len(result.levels) != 1:
-            continue
-        (level,) = result.levels
-        rows.append(
-            {
-                "error_n": level.friction_n - truth["friction_n"],
-                "stderr_n": level.stderr_n,
-                "expanded_n": level.expanded_n,
-                "is_inside": abs(level.friction_n - truth["friction_n"]) <= level.expanded_n,
-            }
-        )
-    return pl.DataFrame(rows) if rows else None
+        truth, levels = result.recording.truth or {}, result.levels
+        if "friction_n" in truth and len(levels) == 1:
+            rows.append((levels[0].friction_n - truth["friction_n"], levels[0].stderr_n, levels[0].expanded_n))
+    return np.array(rows, dtype=float).reshape(-1, 3).T
 
 
 def recovered_part(topic: Topic, found: Characterisation) -> Blocks:
     """Show the recovered friction of simulated recordings."""
-    pairs = recovered(found)
-    if pairs is None:
-        return
-    errors_n, expanded = np.abs(pairs["error_n"].to_numpy()), pairs["expanded_n"]
-    ends = dict.fromkeys(f"{value:.2f}" for value in (expanded.min(), expanded.max()))
-    within = int(np.sum(errors_n <= 2 * np.nan_to_num(pairs["stderr_n"].to_numpy())))
-    counts = {"all": pairs.height, "inside": pairs["is_inside"].sum(), "within": within}
-    yield topic.text(**counts, reach=" to ".join(ends), worst=1e3 * errors_n.max())
+    errors, stderr, expanded = np.abs(recovered(found))
+    if errors.size:
+        ends = dict.fromkeys(f"{value:.2f}" for value in (expanded.min(), expanded.max()))
+        within = np.sum(errors <= 2 * np.nan_to_num(stderr))
+        counts = {"all": errors.size, "inside": np.sum(errors <= expanded), "within": within}
+        yield topic.text(**counts, reach=" to ".join(ends), worst=1e3 * errors.max())
 
 
 # --- The view of a characterisation.

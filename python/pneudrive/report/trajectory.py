@@ -224,7 +224,8 @@ def run_figure(run: xr.Dataset) -> Figure:
 
 
 def _axis_panels(time: Array, known: Columns, title: str) -> list[Panel]:
-    off, chambers = known["reference"] - known["position"], (("a", figures.MEASURED), ("b", figures.MODEL))
+    off = known["reference"] - known["position"]
+    chambers = ("a", figures.MEASURED), ("b", figures.MODEL)
     both = [Line(time, known["reference"], "reference", figures.MODEL), Line(time, known["position"], "position")]
     pressures = [Line(time, known[f"pressure_{side}"], f"chamber {side}", own) for side, own in chambers]
     return [
@@ -357,7 +358,8 @@ def _conditions(found: ControlComparison) -> Iterator[str]:
 
 def _track_figures(found: ControlComparison) -> Iterator[ShownFigure]:
     """Yield, for each reference, the tracks of all laws in one picture, with their errors."""
-    topic, which = Topic("control", "reference"), "member 1" if found.spread else "first seed"
+    topic = Topic("control", "reference")
+    which = "member 1" if found.spread else "first seed"
     for number, (along, text) in enumerate(found.references.items(), 1):
         tracks, references, errors = [], [], []
         for run, track in tracks_of(found, along):

@@ -152,7 +152,8 @@ def _curve(
     drive: Drive, condition: str, direction: int, gauges_pa: Iterable[float], speed_m_s: Array, *measured_n: Array
 ) -> pl.DataFrame:
     """Return measured friction with its band, and the law's friction in one direction; for 0, the mean of both."""
-    gauges, signs = tuple(gauges_pa), (direction,) if direction else (1, -1)
+    gauges = tuple(gauges_pa)
+    signs = (direction,) if direction else (1, -1)
     model = np.mean([law_n(drive, sign * speed_m_s, *gauges) for sign in signs], axis=0)
     names = ("speed_m_s", "friction_n", "low_n", "high_n", "model_n")
     columns = dict(zip(names, (speed_m_s, *measured_n, model), strict=True))

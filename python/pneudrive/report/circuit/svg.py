@@ -161,7 +161,8 @@ def _element(stroke: PenStroke) -> str:
     """Return a stroke as an element of SVG, y down."""
     size = PT * stroke.size
     if stroke.text:
-        ((x, y),), (side, _, hangs) = stroke.points, stroke.align.partition(" ")
+        ((x, y),) = stroke.points
+        side, _, hangs = stroke.align.partition(" ")
         down = 0.8 if hangs == "top" else 0.35  # of the size of the text, from its point to its base line
         return (
             f'<text x="{x:.4g}" y="{down * size - y:.4g}" font-size="{size:.3g}" text-anchor="{ANCHORS[side]}" '

@@ -449,9 +449,9 @@ LINES = {ENERGY_BALANCE: (MEASURED, "energy balance"), AS_PRINTED: (MODEL, "as p
 
 def verdict(made: Reproduction, *, alone: bool) -> Iterator[str]:
     """Yield the results as a few lines, or as one line."""
-    topic, pairs = Topic(PAGE, "verdict"), recovered(made.found)
+    topic, (errors, _, expanded) = Topic(PAGE, "verdict"), np.abs(recovered(made.found))
     first = topic.say("paper", count=count_verdicts(made.claims))
-    truth = "" if pairs is None else topic.say("recovered", inside=pairs["is_inside"].sum(), all=pairs.height)
+    truth = topic.say("recovered", inside=np.sum(errors <= expanded), all=errors.size)
     if not alone:
         yield f"{first}; {truth}."
         return
