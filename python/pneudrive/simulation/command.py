@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, TypeAlias, cast
 from pneudrive import units
 from pneudrive.describe.marks import Signal
 from pneudrive.errors import CommandError, naming, nearest
-from pneudrive.files.content import exists, read_text
+from pneudrive.files.content import read_csv
 
 if TYPE_CHECKING:
     import numpy as np
@@ -194,34 +194,23 @@ def _from_text(text: str, signal: Signal | None) -> Steps:
 
 
 def _from_file(path: Path) -> Steps:
-    if not exists(path):
-        raise CommandError(f"there is no command file {path}")
-    text = read_text(path, CommandError)
-    lines = [(number, line) for number, line in enumerate(text.splitlines(), start=1) if line.strip()]
-    if not lines:
-        raise CommandError(f"{path} is empty", rule="a command file is CSV: time_s,command")
-    header = [name.strip().strip('"') for name in lines[0][1].split(",")]
-    if header != ["time_s", "command"]:
-        raise CommandError.of("simulation.command-header", where=f"{path}:{lines[0][0]}", lines=lines[0][1].strip())
-    places, pairs = [], []
-    for number, line in lines[1:]:
-        fields = line.split(",")
-        where = f"{path}:{number}"
-        if len(fields) != 2:
-            raise CommandError(f"{len(fields)} values instead of 2", where=where, value=line.strip())
-        pairs.append((_number(fields[0], "time", where), _number(fields[1], "command", where)))
-        places.append(where)
-    if not pairs:
-        raise CommandError(f"{path} holds no entries", rule="the first entry is at 0 s")
-    return _checked(pairs, places)
+    import polars as pl
+
+    names = ("time_s", "command")
+    frame = read_csv(path, dict.fromkeys(names, pl.String), CommandError, names)
+    frame = frame.filter(~pl.all_horizontal(pl.all().is_null()))  # without empty lines
+    pairs = []
+    for number, (time, value) in enumerate(frame.iter_rows(), start=1):
+        where = f"{path}, entry {number}"
+        pairs.append((_number(time, "time", where), _number(value, "command", where)))
+    return _checked(pairs, path)
 
 
-def _checked(pairs: Sequence[tuple[float, float]], places: Sequence[str] | None = None) -> Steps:
+def _checked(pairs: Sequence[tuple[float, float]], where: Path | None = None) -> Steps:
     if not pairs:
-        raise CommandError("the command is empty", rule="the first entry is at 0 s")
+        raise CommandError("the command is empty", where=where, rule="the first entry is at 0 s")
     before = -math.inf
     for i, (time, value) in enumerate(pairs):
-        where = places[i] if places else None
         if i == 0 and time != 0.0:
             raise CommandError(f"the command begins at {time:g} s", where=where, rule="the first entry is at 0 s")
         if not time > before:
