@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pneudrive import _core
-from pneudrive.arrays import Array, Bools, evenly
+from pneudrive.arrays import Array, Bools
 from pneudrive.estimate.autocorrelation import stderr_of_mean, stderrs_of_means
 from pneudrive.signals.motion import straight_line
 
@@ -142,16 +142,14 @@ def known_mean(values: Array, axis: int) -> Array:
 
 TREND_LEVEL = 0.05
 MINIMUM_FOR_TREND = 5
-MOST_PAIRED = 1000  # most strokes for slopes of all pairs; of more, this many evenly spread ones
 
 
 @dataclass(frozen=True)
 class Spread:
     """Spread of stroke means in one direction.
 
-    ``stderr_n`` is NaN for a single stroke. ``slope_n`` is the robust drift per stroke (Theil-Sen), and ``trend_p`` the
-    p-value of Kendall's test for a drift (1 if not testable). ``effective`` is the number of independent strokes,
-    smaller than ``strokes`` with a drift.
+    ``stderr_n`` is NaN for a single stroke. ``trend_p`` is the p-value of Kendall's test for a drift (1 if not
+    testable). ``effective`` is the number of independent strokes, smaller than ``strokes`` with a drift.
     """
 
     strokes: int
@@ -159,8 +157,7 @@ class Spread:
     deviation_n: float
     stderr_n: float
     effective: float
-    slope_n: float
-    trend_p: float
+    trend_p: float = 1.0
 
     @property
     def has_trend(self) -> bool:
@@ -173,26 +170,17 @@ def spread_of(stroke_means_n: Array) -> Spread:
     values = stroke_means_n[np.isfinite(stroke_means_n)]
     n = values.size
     if n == 0:
-        return Spread(0, np.nan, np.nan, np.nan, 0.0, np.nan, 1.0)
+        return Spread(0, np.nan, np.nan, np.nan, 0.0)
     mean = float(values.mean())
     if n == 1:
-        return Spread(1, mean, np.nan, np.nan, 1.0, np.nan, 1.0)
-    deviation = float(values.std(ddof=1))
-    slope, p = _trend(values)
+        return Spread(1, mean, np.nan, np.nan, 1.0)
+    deviation, p = float(values.std(ddof=1)), 1.0
+    if n >= MINIMUM_FOR_TREND and np.ptp(values) > 0:
+        from scipy.stats import kendalltau
+
+        p = float(np.asarray(kendalltau(np.arange(n), values))[1])
     effective = _effective_number(values, has_trend=p < TREND_LEVEL)
-    return Spread(n, mean, deviation, deviation / np.sqrt(effective), effective, slope, p)
-
-
-def _trend(values: Array) -> tuple[float, float]:
-    n = values.size
-    some = evenly(n, MOST_PAIRED)
-    first, second = (some[index] for index in np.triu_indices(some.size, 1))
-    slope = float(np.median((values[second] - values[first]) / (second - first)))
-    if n < MINIMUM_FOR_TREND or np.ptp(values) == 0:
-        return slope, 1.0
-    from scipy.stats import kendalltau
-
-    return slope, float(np.asarray(kendalltau(np.arange(n), values))[1])
+    return Spread(n, mean, deviation, deviation / np.sqrt(effective), effective, p)
 
 
 def _effective_number(values: Array, *, has_trend: bool) -> float:

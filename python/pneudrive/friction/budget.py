@@ -265,10 +265,6 @@ class SharedTerms:
         """Return the uncertainty of half the difference of both directions, for the mean state of the campaign."""
         return np.sqrt(self.gain_n**2 + self.hysteresis_n**2 + self.position_n**2)
 
-    def direction_n(self) -> Array:
-        """Return the uncertainty of one direction."""
-        return np.hypot(self.friction_n(), np.hypot(self.zero_n, self.half_sum_n))
-
 
 def combined(entries: Sequence[BudgetEntry]) -> tuple[float, float]:
     """Return the standard uncertainties of friction and offset from independent sources."""

@@ -181,11 +181,9 @@ class Characterisation(Viewed):
         ``profile`` (Profile: position_m, up_n, down_n, friction_n, offset_n, each (m,); up_strokes_n, down_strokes_n
         (strokes, m); in_window (m,)), ``window_m``, ``friction_n``, ``offset_n``, ``stderr_n``, ``u_systematic_n``,
         ``u_offset_n``, ``expanded_n`` (U, k = 2), ``spreads`` {+1/-1: Spread(strokes, mean_n, deviation_n, stderr_n,
-        effective, slope_n, trend_p, has_trend)}, ``stroke_friction_n`` {+1/-1: (strokes,)} for drift,
-        ``budget`` (tuple of BudgetEntry: source, standard_uncertainty, unit, basis, kind, friction_n, offset_n,
-        note), ``peaks`` (tuple of ReversalPeak: direction, time_s, position_m, friction_n, excess_n,
-        significant, dwell_s, loading_rate_n_s, flags), ``stick_slip`` (tuple of StickSlip, one per
-        stroke), ``flags``, ``rows``.
+        effective, trend_p, has_trend)}, ``budget`` (tuple of BudgetEntry: source, standard_uncertainty, unit, basis,
+        kind, friction_n, offset_n, note), ``peaks`` (tuple of ReversalPeak: direction, friction_n, loading_rate_n_s,
+        flags), ``stick_slip`` (tuple of StickSlip, one per stroke), ``flags``, ``rows``.
     friction_map : xarray.Dataset
         One dimension ``row``; the variables of ``friction_map.COLUMNS``.
     closures : tuple of ClosureFit

@@ -20,7 +20,7 @@ import numpy as np
 
 from pneudrive.batching import in_advance
 from pneudrive.errors import RecordingError
-from pneudrive.friction.bins import MIDDLE, Profile, Spread, pair_stderr, profile_stderr, spread_of, within_stderr
+from pneudrive.friction.bins import MIDDLE, Profile, Spread, pair_stderr, profile_stderr, within_stderr
 from pneudrive.friction.budget import COVERAGE_FACTOR, BudgetEntry, chance_n, combined, systematic_budget, window_entry
 from pneudrive.friction.friction_map import TABLES, group_of
 from pneudrive.friction.sentences import sentence
@@ -35,14 +35,13 @@ from pneudrive.signals.recording import PRESSURES_PA, SLOWEST_M_S, SPEEDS_M_S, R
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
-    from pneudrive.arrays import Array, Bools, Columns, Interval, NamedNumbers, Row
+    from pneudrive.arrays import Bools, Columns, Interval, NamedNumbers, Row
     from pneudrive.friction.strokes import MeasuredStroke
     from pneudrive.signals.load import RecordingFile
 
     Part = tuple[RecordedMotion, tuple[Stroke, ...]]
 
 
-NO_STROKES = spread_of(np.zeros(0))
 BELOW_AMBIENT = 0.1  # of ambient pressure: lower ones are a vacuum, or gauge pressures written as absolute
 UNFOLLOWED = 0.25  # of pressure times area: least unexplained part of the force
 SMALLEST_N = 1e-3  # friction below the resolution of force sensors of piston drives
@@ -104,8 +103,8 @@ class Level(Shown):
 
     @property
     def spreads(self) -> dict[int, Spread]:
-        """Spread of the means of the used strokes, for both directions."""
-        return {way: self.sides[way].spread if way in self.sides else NO_STROKES for way in (1, -1)}
+        """Spread of the means of the used strokes, by direction."""
+        return {way: side.spread for way, side in self.sides.items()}
 
     @property
     def friction_n(self) -> float:
@@ -218,12 +217,6 @@ class Level(Shown):
     def run(self) -> str:
         """Label of the run."""
         return self.motion.recording.labels.get("run", "1")
-
-    @property
-    def stroke_friction_n(self) -> dict[int, Array]:
-        """Direction -> mean friction of its used strokes in the window, N: direction * (mean force - offset)."""
-        offset = self.offset_n if len(self.sides) == 2 else 0.0
-        return {way: way * (side.means_n - offset) for way, side in self.sides.items()}
 
     @property
     def peaks(self) -> tuple[ReversalPeak, ...]:

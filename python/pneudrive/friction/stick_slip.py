@@ -38,19 +38,12 @@ FEWEST_BINS = 3
 class ReversalPeak:
     """Largest friction after one reversal.
 
-    ``friction_n`` is the peak without the offset. ``excess_n`` is its excess over the friction level of the window,
-    ``significant`` whether this exceeds the noise of a single peak. ``flags`` names faults of the peak:
-    ``undersampled``, ``pressure_transient``, ``inertia``, ``gap``, ``no_peak``.
+    ``friction_n`` is the peak without the offset. ``flags`` names faults of the peak: ``undersampled``,
+    ``pressure_transient``, ``inertia``, ``gap``, ``no_peak``.
     """
 
-    recording: str
     direction: int
-    time_s: float
-    position_m: float
     friction_n: float
-    excess_n: float
-    significant: bool
-    dwell_s: float
     loading_rate_n_s: float
     flags: tuple[str, ...]
 
@@ -74,8 +67,7 @@ def find_reversal_peaks(
     after = [stroke for stroke in strokes if stroke.start != 0 and stroke.index != 0]
     if (np.isfinite(profile.offset_n) & profile.in_window).sum() < FEWEST_BINS or not after:
         return {}
-    sliding, step = float(np.nanmean(profile.friction_n[profile.in_window])), motion.middle(np.diff(recording.time_s))
-    noise = motion.noise_level(balance_n)
+    step = motion.middle(np.diff(recording.time_s))
     noise_pa = [motion.noise_level(p, quantisation=False) for p in (recording.pressure_a_pa, recording.pressure_b_pa)]
     position, time, peaks = recording.position_m, recording.time_s, dict[int, ReversalPeak]()
     for stroke in after:
@@ -92,7 +84,7 @@ def find_reversal_peaks(
         low, high = rise(friction[: top + 1])
         times = time[part]
         duration = float(times[high] - times[low])
-        swing, excess = float(friction[top] - friction[low]), float(friction[top] - sliding)
+        swing = float(friction[top] - friction[low])
         gap = np.diff(times[low : top + 1]).max(initial=0.0)
         moved = _pressure_moves_n(recording, slice(begin, begin + top + 1), noise_pa)
         seen = {
@@ -102,19 +94,9 @@ def find_reversal_peaks(
             "gap": gap > 5 * step,
             "no_peak": top >= friction.size - 2,  # still rising at the end of the search: no maximum
         }
-        peaks[stroke.index] = ReversalPeak(
-            recording=recording.name,
-            direction=stroke.direction,
-            time_s=float(times[top]),
-            position_m=float(position[part][top]),
-            friction_n=float(friction[top]),
-            excess_n=excess,
-            # The largest of m noisy samples is sqrt(2 ln m) deviations too high by chance.
-            significant=excess > noise * (np.sqrt(2 * np.log(max(friction.size, 2))) + 1),
-            dwell_s=stroke.dwell_s,
-            loading_rate_n_s=float(friction[high] - friction[low]) / duration if duration > 0 else np.nan,
-            flags=tuple(name for name, is_so in seen.items() if is_so),
-        )
+        flags = tuple(name for name, is_so in seen.items() if is_so)
+        rate_n_s = float(friction[high] - friction[low]) / duration if duration > 0 else np.nan
+        peaks[stroke.index] = ReversalPeak(stroke.direction, float(friction[top]), rate_n_s, flags)
     return peaks
 
 
@@ -193,7 +175,7 @@ class StickSlip(Shown):
     the travel, and the piston is stuck for at least 5 % of the time. ``period_s`` and ``step_m`` are medians over
     periods. ``peak_speed_m_s`` is the median of the slips' peaks. ``stuck_share`` is the fraction of time below 20 % of
     the mean speed. ``mean_speed_m_s`` is the mean over the section. ``ripple`` is the standard deviation of speed over
-    its mean. ``resolution_s`` is the shortest period that sampling and noise resolve.
+    its mean.
     """
 
     found: bool
@@ -207,7 +189,6 @@ class StickSlip(Shown):
     stuck_share: float
     mean_speed_m_s: float
     ripple: float
-    resolution_s: float
 
 
 def find_stick_slip(time_s: Array, position_m: Array) -> list[StickSlip]:
@@ -251,10 +232,8 @@ def measure_stick_slip(time_s: Array, position_m: Array, velocity_m_s: Array | N
     distance = float(position_m[-1] - position_m[0])
     direction = 1 if distance >= 0 else -1
     mean = abs(distance) / duration if duration > 0 else 0.0
-    step = duration / max(time_s.size - 1, 1)
-    half_width = 0
     if velocity_m_s is None:
-        half_width = _smoothing(step, position_m, mean)
+        half_width = _smoothing(duration / max(time_s.size - 1, 1), position_m, mean)
         velocity_m_s = motion.local_slope(time_s, position_m, half_width)
     speed = direction * velocity_m_s
     weights = np.gradient(time_s)  # duration that each sample represents
@@ -279,7 +258,6 @@ def measure_stick_slip(time_s: Array, position_m: Array, velocity_m_s: Array | N
         stuck_share=stuck_share,
         mean_speed_m_s=mean,
         ripple=ripple,
-        resolution_s=2 * (2 * half_width + 1) * step,
     )
 
 

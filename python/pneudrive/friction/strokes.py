@@ -141,7 +141,7 @@ class Strokes:
         for way, rows in ways.items():  # strokes have equal weight
             some, balance = [self.rows[i] for i in rows], self.balance_n[rows]
             columns = {name: np.array([row.means[name] for row in some]) for name in some[0].means}
-            means = stroke_means(balance, bins) if uses_window else columns["mean_n"]
+            means_n = stroke_means(balance, bins) if uses_window else columns["mean_n"]
             peaks = [row.peak for row in some if row.peak]
             sides[way] = Side(
                 **{name: float(columns[name].mean()) for name in MEANS},
@@ -149,8 +149,7 @@ class Strokes:
                 strokes=len(rows),
                 strokes_recorded=sum(row.stroke.direction == way for row in self.rows),
                 used=tuple(row.stroke for row in some),
-                means_n=means,
-                spread=spread_of(means),
+                spread=spread_of(means_n),
                 pressure_moves_n=float(np.median(columns["pressure_moves_n"])),
                 breakaway_n=median([peak.friction_n for peak in peaks if not peak.flags]),
                 dwell_s=median([row.stroke.dwell_s for row in some if row.stroke.index > 0]),
@@ -171,10 +170,8 @@ class Side:
     samples, strokes, strokes_recorded : int
         Used samples, used strokes, and all strokes of the direction.
     used : tuple of Stroke
-    means_n : ndarray, shape (strokes,)
-        Balance of each used stroke at equal positions.
     spread : Spread
-        Spread of these means.
+        Spread of the means of the strokes at equal positions.
     pressure_moves_n : float
         Usual range of the pressure force within a stroke.
     breakaway_n, dwell_s, loading_rate_n_s : float
@@ -197,7 +194,6 @@ class Side:
     strokes: int
     strokes_recorded: int
     used: tuple[Stroke, ...]
-    means_n: Array
     spread: Spread
     pressure_moves_n: float
     breakaway_n: float

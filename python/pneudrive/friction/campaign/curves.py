@@ -18,7 +18,7 @@ import numpy as np
 from pneudrive.estimate.estimates import NORMAL_95, Estimate, rms
 from pneudrive.estimate.mixed import MixedModel, Predicted, RandomEffect
 from pneudrive.friction.bins import known_mean
-from pneudrive.friction.budget import SharedTerms
+from pneudrive.friction.budget import SharedTerms, unseen_n
 from pneudrive.friction.campaign import result, smooth
 from pneudrive.friction.campaign.cycles import GROWING, OF_SIDES, WAYS, CycleTable, Gain
 from pneudrive.friction.campaign.points import NAMES, OUTLIER, STICK_SLIP, CurvePoints
@@ -198,7 +198,10 @@ def systematic(fits: Fits, friction_n: Array, half_sum_n: Array, condition: int)
 
     The zero is left out if it is known.
     """
-    points, (unseen, unseen_offset_n) = fits.points, fits.points.pattern.unseen()
+    points, pattern = fits.points, fits.points.pattern
+    # The common range stands for the whole stroke: relative uncertainty of friction, and that of half the sum, N.
+    of_bins = (values[pattern.common] for values in (pattern.friction, pattern.offset_n))
+    unseen, unseen_offset_n = (unseen_n(values, pattern.common.mean()) for values in of_bins)
     here = points.at(points.use & (points["curve"] == condition))
     gain = here["u_gain_n"].mean() / max(abs(here["friction_n"].mean()), 1e-12)
     spread, size = fits.friction.drift.mean.std(), np.abs(friction_n)
@@ -255,7 +258,7 @@ def curves_of(fits: Fits, *, contains_air: bool) -> tuple[result.Curve, ...]:
             centre, below, above, u = value, value - band.low_n, band.high_n - value, shared.friction_n()
             if direction != BOTH:
                 centre = value + direction * band.offset.mean if fits.has_zero else value
-                reach, u = band.offset.half_width(), shared.direction_n()
+                reach, u = band.offset.half_width(), np.hypot(u, np.hypot(shared.zero_n, shared.half_sum_n))
                 below, above = np.hypot(below, reach), np.hypot(above, reach)
             low, high = centre - np.hypot(below, NORMAL_95 * u), centre + np.hypot(above, NORMAL_95 * u)
             values: dict[str, Any] = {"friction_n": centre, "low_n": low, "high_n": high, "u_systematic_n": u}
@@ -433,7 +436,8 @@ def sources(fits: Fits, gain: Gain, known: ForceCalibration | None) -> tuple[res
     used = fits.points.at(fits.points.use)
     assumed = bool(fits.points["assumed"].any())
     stated = "data" if np.isfinite(gain.stderr) else "assumed" if assumed else "stated"
-    chance = ", ".join(("noise within cycles", *fits.friction.sources))
+    random = (c.name for c in fits.friction.fit.model.components if c.name in {"cycle", "drift", "block"})
+    chance = ", ".join(("noise within cycles", *random))
     known_to = [name for name in (*GROWING, *CONSTANT) if np.isfinite(used[name][0])]  # that a calibration names
     named = {name: u for name in known_to if (u := rms(used[name])) > 0.0}
     words = "" if known is None else f"{known.words()}: equal in all cycles"
@@ -508,15 +512,10 @@ def asymmetries(fits: Fits) -> tuple[result.Asymmetry, ...]:
     """Return half the difference of friction between the directions at each condition."""
     found = []
     for band in fits.bands:
-        measured = band.cycles > 0
-        speeds, value = band.speed_m_s[measured], band.offset.mean[measured]
-        # Without zero runs it includes the zero, and no statement on symmetry is possible.
-        u = band.shared.zero_n[measured]
-        half = np.hypot(band.offset.half_width()[measured], NORMAL_95 * u)
-        (mean,) = fits.offset.over(band.number, speeds).mean().estimates()
-        mean = mean.widened(float(np.mean(u)))
-        ends, basis = (value - half, value + half), "tare"
-        if not fits.has_zero:
+        measured, basis = band.cycles > 0, "tare"
+        (mean,) = fits.offset.over(band.number, band.speed_m_s[measured]).mean().estimates()
+        mean = mean.widened(float(np.mean(band.shared.zero_n[measured])))
+        if not fits.has_zero:  # the mean includes the zero, and no statement on symmetry is possible
             mean, basis = replace(mean, p=np.nan), "not separable"
-        found.append(result.Asymmetry(band.condition, speeds, value, *ends, mean, basis))
+        found.append(result.Asymmetry(band.condition, band.speed_m_s[measured], mean, basis))
     return tuple(found)

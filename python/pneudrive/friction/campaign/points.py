@@ -14,7 +14,7 @@ import numpy as np
 
 from pneudrive.estimate.autocorrelation import cells, levels, means, moderate, stderrs_of_means
 from pneudrive.friction.bins import known_mean, pair_stderr
-from pneudrive.friction.budget import chance_n, unseen_n
+from pneudrive.friction.budget import chance_n
 from pneudrive.friction.campaign.cycles import CycleTable
 from pneudrive.friction.friction_map import PA_PER_BAR, Condition
 from pneudrive.friction.level import BELOW_AMBIENT
@@ -152,14 +152,6 @@ class Pattern:
     common: Bools
     friction: Array
     offset_n: Array
-
-    def unseen(self) -> tuple[float, float]:
-        """Return standard uncertainties of the common range's means as estimates of the whole stroke's means.
-
-        The first is relative, of friction; the second is that of half the sum, N.
-        """
-        friction, offset = (unseen_n(each[self.common], self.common.mean()) for each in (self.friction, self.offset_n))
-        return friction, offset
 
 
 def reduce(cycles: CycleTable, edges_m: Array, steady: Bools) -> tuple[Pattern, Columns]:

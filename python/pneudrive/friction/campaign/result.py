@@ -159,19 +159,17 @@ class Asymmetry:
     Attributes
     ----------
     condition : Condition
-    speed_m_s, half_difference_n, low_n, high_n : ndarray, shape (m,)
-        (F(+x) - F(-x)) / 2, without the zero of the sensor if there are zero runs.
+    speed_m_s : ndarray, shape (m,)
+        Measured speeds.
     mean : Estimate
-        Mean over all speeds. Its p-value tests symmetry.
+        (F(+x) - F(-x)) / 2, mean over all speeds, without the zero of the sensor if there are zero runs. Its p-value
+        tests symmetry.
     basis : str
         "tare", or "not separable": without zero runs the difference includes the zero of the sensor.
     """
 
     condition: Condition
     speed_m_s: Array
-    half_difference_n: Array
-    low_n: Array
-    high_n: Array
     mean: Estimate
     basis: str
 

@@ -186,11 +186,6 @@ class CurveFit:
         """Whether the response is the logarithm of friction."""
         return self.data.logarithmic
 
-    @property
-    def sources(self) -> tuple[str, ...]:
-        """Names of the sources of scatter that the design determines."""
-        return tuple(c.name for c in self.fit.model.components if c.name in {"cycle", "drift", "block"})
-
     def at(self, curve: int, speed_m_s: Array) -> mixed.Predicted:
         """Return the curve at these speeds, in the unit of the response (its logarithm if `logarithmic`)."""
         return self.over(curve, speed_m_s).predict()

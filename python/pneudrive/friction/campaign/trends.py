@@ -204,27 +204,23 @@ def _describe(points: CurvePoints, title: str, condition: Condition | None, memb
     if rows.shape[0] < FEWEST_CYCLES or position.size < FEWEST_BINS:
         return None
     slowness = 1.0 / (here["speed_m_s"] * np.abs(here["friction_n"]))[enough]
-    rows = rows - _trend(position, rows, slowness, (), 1.0)[1] * slowness[:, None] * (position - position.mean())
+    rows = rows - _trend(position, rows, slowness, ())[1] * slowness[:, None] * (position - position.mean())
     known = np.isfinite(rows)
     count = known.sum(axis=0)
     mean = np.where(known, rows, 0.0).sum(axis=0) / np.maximum(count, 1)
     squares = np.where(known, rows - mean, 0.0) ** 2
     deviation = np.sqrt(squares.sum(axis=0) / np.maximum(count - 1, 1))
     half = np.array([student(n - 1) for n in count]) * deviation / np.sqrt(np.maximum(count, 1))
-    width = float(position[1] - position[0])
-    length = position.size * width
-    waves = _waves(position, mean, deviation / np.sqrt(np.maximum(count, 1)), length)
-    coefficients = _each(_columns(position, waves, length), rows)
-    trend = _trend(position, rows, slowness, waves, length)[0]
+    waves = _waves(position, mean, deviation / np.sqrt(np.maximum(count, 1)))
+    coefficients = _each(_columns(position, waves), rows)
+    trend = _trend(position, rows, slowness, waves)[0]
     parts = zip(waves, coefficients[:, 2::2].T, coefficients[:, 3::2].T, strict=True)
-    harmonics = tuple(_harmonic(times, length / times, *both) for times, *both in parts)
+    harmonics = tuple(_harmonic(times, _length(position) / times, *both) for times, *both in parts)
     ends = (mean - half, mean + half)
     return PositionPattern(condition, position, mean, *ends, trend, harmonics, rows.shape[0], title)
 
 
-def _trend(
-    position: Array, rows: Array, slowness: Array, waves: Sequence[float], length: float
-) -> tuple[Estimate, float]:
+def _trend(position: Array, rows: Array, slowness: Array, waves: Sequence[float]) -> tuple[Estimate, float]:
     """Estimate the common trend along x, free of the drift of the sensor's zero, and the rate of this drift, N/s.
 
     The zero drifts during a cycle. In strokes towards +x, the drift grows along x; in strokes towards -x, it falls
@@ -233,8 +229,8 @@ def _trend(
     trend. The wave lengths of each cycle may therefore deviate slightly.
     """
     # Relative trend of friction along x in each cycle, and its variance from noise within the cycle.
-    columns = _columns(position, waves, length)
-    columns = np.hstack([columns, _stretches(position, np.nanmean(rows, axis=0), columns, length)])
+    columns = _columns(position, waves)
+    columns = np.hstack([columns, _stretches(position, np.nanmean(rows, axis=0), columns)])
     slopes = _each(columns, rows)
     rest = np.nan_to_num(rows - slopes @ columns.T)
     weights = np.linalg.pinv(columns)[1]
@@ -260,9 +256,9 @@ def _trend(
     return fit.contrast(np.array([1.0, 0.0]), "1/m"), fit.contrast(np.array([0.0, 1.0])).value / usual
 
 
-def _columns(position: Array, waves: Sequence[float], length: float) -> Array:
+def _columns(position: Array, waves: Sequence[float]) -> Array:
     """Return columns of mean, trend, cosine and sine of waves of these orders; shape (n, 2 + 2 waves)."""
-    away = position - position.mean()
+    away, length = position - position.mean(), _length(position)
     columns = [np.ones(away.size), away]
     for times in waves:
         phase = 2.0 * np.pi * times * away / length
@@ -270,7 +266,12 @@ def _columns(position: Array, waves: Sequence[float], length: float) -> Array:
     return np.column_stack(columns)
 
 
-def _waves(position: Array, mean: Array, stderr: Array, length: float) -> list[float]:
+def _length(position: Array) -> float:
+    """Return the length of the range of even bins from their centres."""
+    return position.size * float(position[1] - position[0])
+
+
+def _waves(position: Array, mean: Array, stderr: Array) -> list[float]:
     """Find the order of each wave: the number of periods in the range, rarely a whole number.
 
     Waves are added one by one, the strongest first, as long as they are significant. With each new wave, all orders are
@@ -281,7 +282,7 @@ def _waves(position: Array, mean: Array, stderr: Array, length: float) -> list[f
     def left(waves: Sequence[float]) -> float:
         if len(waves) > 1 and np.diff(np.sort(waves)).min() < RESOLVED:
             return np.inf
-        columns = weight[:, None] * _columns(position, waves, length)
+        columns = weight[:, None] * _columns(position, waves)
         rest = weight * mean - projection(weight * mean, columns)
         return float(rest @ rest)
 
@@ -299,10 +300,10 @@ def _waves(position: Array, mean: Array, stderr: Array, length: float) -> list[f
     return waves
 
 
-def _stretches(position: Array, mean: Array, columns: Array, length: float) -> Array:
+def _stretches(position: Array, mean: Array, columns: Array) -> Array:
     """Return the derivative of the mean pattern with respect to the order of each wave, shape (n, waves)."""
     found = np.linalg.lstsq(columns, mean, rcond=None)[0]
-    phase = 2.0 * np.pi * (position - position.mean()) / length
+    phase = 2.0 * np.pi * (position - position.mean()) / _length(position)
     pairs = [(k, k + 1) for k in range(2, columns.shape[1], 2)]
     parts = [phase * (found[sine] * columns[:, cosine] - found[cosine] * columns[:, sine]) for cosine, sine in pairs]
     return np.column_stack(parts) if parts else np.zeros((position.size, 0))

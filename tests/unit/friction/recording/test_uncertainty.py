@@ -25,7 +25,6 @@ def test_a_drift_is_found_and_leaves_fewer_independent_strokes():
     values = 5.0 + 0.1 * np.arange(10) + np.random.default_rng(4).normal(0.0, 0.05, 10)
     spread = spread_of(values)
     assert spread.has_trend
-    assert spread.slope_n == pytest.approx(0.1, abs=0.02)
     assert spread.effective < 5
     assert spread.stderr_n > values.std(ddof=1) / np.sqrt(10)
 

@@ -59,11 +59,10 @@ def test_a_well_sampled_peak_is_measured(make, offset):
     level = characterise_recordings(with_peaks(make, rate=1000.0, offset=offset)).levels[0]
     good = [p for p in level.peaks if not p.flags]
     assert len(good) >= 8
-    assert all(p.significant for p in good)
     a = np.linspace(0.0, 2e-3, 2001)
     truth = (5 * (1 - 2 * np.exp(-a / 1e-4)) + PEAK * np.exp(-a / DECAY) * (1 - np.exp(-a / 1e-4))).max()
     assert np.median([p.friction_n for p in good]) == pytest.approx(truth, abs=0.1 if offset == 0.0 else 0.5)
-    assert all(p.dwell_s == pytest.approx(0.5, abs=0.05) for p in good)
+    assert level.sides[1].dwell_s == pytest.approx(0.5, abs=0.05)
     assert all(p.loading_rate_n_s > 100 for p in good)
     for row in level.rows:
         assert row["breakaway_n"] == pytest.approx(truth, abs=0.1 if offset == 0.0 else 0.5)
@@ -91,8 +90,3 @@ def test_noise_of_the_pressure_is_no_transient(make):
         force_n=recording.force_n + noise * recording.area_b_m2,
     )
     assert not any("pressure_transient" in p.flags for p in characterise_recordings(noisy).levels[0].peaks)
-
-
-def test_without_a_peak_nothing_is_significant(make):
-    level = characterise_recordings(make(rate=1000.0, noise=0.05)).levels[0]
-    assert np.mean([p.significant for p in level.peaks]) < 0.3

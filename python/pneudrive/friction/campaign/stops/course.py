@@ -31,7 +31,7 @@ import numpy as np
 from pneudrive.campaign.storage.folder import RESTS, CycleFile, recording_of, speed_of, steps_from_motion, steps_of
 from pneudrive.errors import RecordingError
 from pneudrive.estimate.autocorrelation import cells, corrected_criterion, means
-from pneudrive.estimate.estimates import NORMAL_95, rms, student
+from pneudrive.estimate.estimates import NORMAL_95, rms
 from pneudrive.estimate.mixed import Scan, refined
 from pneudrive.friction.bins import profile_stderr
 from pneudrive.friction.campaign.reading import condition_of, read_each
@@ -453,9 +453,8 @@ def recover(bins: Array, running_stderr_n: float, speed_m_s: float) -> Row:
     -------
     dict
         Empty if the excess at the peak is not distinguishable from zero. Otherwise distance and time from the peak to 5
-        % of the excess, friction at the end minus friction before the stop, travel after the peak, and whether the move
-        is long enough. If not, upper bounds are infinite. If the excess is not exponential within its noise, the
-        distance is read from the bins.
+        % of the excess, travel after the peak, and whether the move is long enough. If not, upper bounds are infinite.
+        If the excess is not exponential within its noise, the distance is read from the bins.
     """
     s, time, y, sigma = bins
     first = slice(0, max(2, s.size // 10))
@@ -483,8 +482,6 @@ def recover(bins: Array, running_stderr_n: float, speed_m_s: float) -> Row:
         value, low, high = _by_bins(s, y - left, sigma)
     complete = high <= seen
     high = high if complete else np.inf
-    level = np.hypot(np.sqrt(found.scale(freedom, 1.0) * found.covariance[best, 1, 1]), running_stderr_n)
-    reach = student(freedom) * level
     # Beyond the observed travel, at the speed of the move.
     ends = np.array([value, low, high])
     beyond = np.maximum(ends - seen, 0.0)
@@ -492,7 +489,6 @@ def recover(bins: Array, running_stderr_n: float, speed_m_s: float) -> Row:
     return {
         **_interval("recovery_m", *ends.tolist()),
         **_interval("recovery_s", *times.tolist()),
-        **_interval("left_n", left, left - reach, left + reach),
         "recovery_seen_m": seen,
         "recovery_complete": complete,
     }

@@ -291,7 +291,6 @@ def fit_contact_age(
     )
 
 
-FEWEST_PAIRS = 4  # share of durations and conditions with restarts in both directions
 #: Longest stop, s, that does not determine the time of saturation under any law (assumed: hours to days for
 #: elastomers).
 LONG_S = 1000.0
@@ -300,8 +299,6 @@ RATE_SPREAD, RATE_CORRELATION = 0.2, 0.5
 
 def dwell_statements(series: DwellSeries, stops: pl.DataFrame) -> Iterator[Statement]:
     """Return statements on the values that the stops of a series determine."""
-    import polars as pl
-
     where = f"Stops ({series.name})"
     flags = Counter(flag for raised in stops["flags"].to_list() for flag in raised if flag in SPOILING)
     if flags:
@@ -316,13 +313,6 @@ def dwell_statements(series: DwellSeries, stops: pl.DataFrame) -> Iterator[State
     share = f"; {100 * series.share.value:.2g} % of running friction" if series.share is not None else ""
     numbers = {"slope": slope, "reference": series.reference_s, "stops": len(series.stops), "durations": durations}
     yield say(f"stops.{'slope' if slope.differs else 'slope_not_shown'}", where=where, share=share, **numbers)
-    # Peaks of both directions, from cells with both.
-    cell = ("pressure_a_pa", "pressure_b_pa", pl.col("stop_s").round(6))
-    cells = series.stops.group_by(*cell, maintain_order=True)
-    out, back = (pl.col("increment_n").filter(direction=way).mean() for way in (1, -1))
-    pairs = cells.agg(difference=out - back)["difference"].drop_nulls().to_numpy()
-    if pairs.size >= FEWEST_PAIRS and (found := mean_estimate(pairs)).differs:
-        yield say("stops.directions", where=where, found=found)
     if slope.differs:  # else there is no effect
         yield from _laws(where, series, durations)
     yield from _confounding(where, series, series.curve)

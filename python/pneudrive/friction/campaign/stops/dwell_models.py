@@ -123,8 +123,6 @@ class DwellLawFit(Shown):
         inf with too few stops.
     delta : float
         AICc minus that of the best law.
-    weight : float
-        Akaike weight among the laws.
     """
 
     form: DwellForm
@@ -138,7 +136,6 @@ class DwellLawFit(Shown):
     aicc: float
     bic: float
     delta: float = np.nan
-    weight: float = np.nan
 
     @property
     def name(self) -> str:
@@ -173,10 +170,7 @@ def fit_forms(curve: DwellCurve, reference_s: float) -> tuple[DwellLawFit, ...]:
     scatter = replace(model, components=tuple(model.components[i] for i in kept)).covariance(curve.fit.sd[kept])
     whitener = np.linalg.inv(np.linalg.cholesky(scatter)).astype(float)
     fits = sorted((_fit(curve, form, whitener, reference_s) for form in FORMS), key=lambda f: f.aicc)
-    delta = [f.aicc - fits[0].aicc for f in fits]
-    weight = np.exp(-0.5 * np.array(delta))
-    weight /= weight.sum()
-    return tuple(replace(f, delta=d, weight=float(w)) for f, d, w in zip(fits, delta, weight, strict=True))
+    return tuple(replace(f, delta=f.aicc - fits[0].aicc) for f in fits)
 
 
 def _fit(curve: DwellCurve, form: DwellForm, whitener: Array, reference_s: float) -> DwellLawFit:
@@ -446,15 +440,11 @@ class StopDesign(Shown):
     repeats: tuple[int, ...]
     half_widths: dict[str, float]
 
-    @property
-    def seconds(self) -> float:
-        """Total duration of the stops, without moves."""
-        return float(np.dot(self.durations_s, self.repeats))
-
     def __str__(self) -> str:
         """Return the stops and the expected intervals."""
         times = ", ".join(f"{t:g} s x {n}" for t, n in zip(self.durations_s, self.repeats, strict=True))
-        lines = [f"stops for the {self.form} law: {times}; {self.seconds / 60.0:.3g} min at rest"]
+        minutes = np.dot(self.durations_s, self.repeats) / 60.0
+        lines = [f"stops for the {self.form} law: {times}; {minutes:.3g} min at rest"]
         lines.append("expected half-width of the 95 % interval, for an increment of 1 N and the given noise:")
         lines += [f"  {name:<18} {value:.3g}" for name, value in self.half_widths.items()]
         return "\n".join(lines)

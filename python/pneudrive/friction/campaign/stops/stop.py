@@ -222,9 +222,9 @@ def find_stops(
         (`dwell_s`); `running_n`, friction of uninterrupted sliding at the stop, and its `basis`; `breakaway_n`, the
         peak after the restart; `increment_n`, the peak minus running friction; `loading_rate_n_s` and `loading_s`, rate
         and time of the rise of the force; `inertia_n`, the largest contribution of the moving mass; relaxation of the
-        held force; recovery: travel and time until the excess over sliding has fallen to 5 %, and the excess that is
-        left; `usable`, whether the increment is used for the law of breakaway over duration; `flags`. Bounds of 95 %
-        intervals have the suffixes `_low` and `_high`.
+        held force; recovery: travel and time until the excess over sliding has fallen to 5 %; `usable`, whether the
+        increment is used for the law of breakaway over duration; `flags`. Bounds of 95 % intervals have the suffixes
+        `_low` and `_high`.
     tuple of Skipped
         Unreadable stops with reasons.
     """
@@ -477,7 +477,9 @@ def find_breakaway(
     inside = friction[first:last]
     nearest = int(np.argmin(np.abs(time - at)))
     top = first + int(np.argmax(_quick(inside))) if inside.size else nearest
-    corner = corner_height(friction, top, value - running_n, noise.total, noise.of_many())
+    # Correlated noise matters more for means of many samples.
+    many_n = np.sqrt(noise.white**2 + noise.slow**2 * (1.0 + 2.0 * noise.memory))
+    corner = corner_height(friction, top, value - running_n, noise.total, many_n)
     if corner is not None:
         # The loss by smoothing is corrected, and is part of the uncertainty.
         value, stderr = corner[0], np.hypot(corner[1], corner[0] - value)
@@ -549,10 +551,6 @@ class Noise:
     def total(self) -> float:
         """Standard deviation of one sample."""
         return np.hypot(self.white, self.slow)
-
-    def of_many(self) -> float:
-        """Return the equivalent deviation of one sample for means of many, where correlated noise matters more."""
-        return np.sqrt(self.white**2 + self.slow**2 * (1.0 + 2.0 * self.memory))
 
     def of_mean(self, weights: Array, spacing: int, share: float = 1.0) -> float:
         """Return the standard deviation of a weighted sum of samples that are `spacing` s apart.
