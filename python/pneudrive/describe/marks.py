@@ -189,21 +189,10 @@ class EachChamber(Quantity):
         """Convert and check both values."""
         if isinstance(given, PerChamber):
             given = self.show(given)
-        if not isinstance(given, dict):
+        if not isinstance(given, dict) or set(given) != {"a", "b"}:
             raise DescriptionError(f"{given!r} is not one value for each chamber", remedy="Write { a = ..., b = ... }.")
-        for key in given:
-            if key not in {"a", "b"}:
-                raise wrong(str(key), f"'{key}' is not known here", remedy=nearest(str(key), ["a", "b"]))
-        values = []
-        for chamber in ("a", "b"):
-            if chamber not in given:
-                raise DescriptionError(f"chamber {chamber} is missing", remedy="Write { a = ..., b = ... }.")
-            try:
-                values.append(super().read(given[chamber]))
-            except DescriptionError as error:
-                error.key = chamber
-                raise
-        return PerChamber(*values)
+        one = Quantity(self.si_unit, self.written, self.bounds)
+        return PerChamber(*(one.read_at(chamber, given[chamber]) for chamber in "ab"))
 
     def show(self, value: PerChamber) -> dict[str, str]:  # type: ignore[override]
         """Write both values as users would."""
