@@ -6,9 +6,9 @@ This module is in a layer above `pneudrive.rig`, because it reads campaign folde
 from __future__ import annotations
 
 import threading
-import time
 from dataclasses import replace
 from pathlib import Path
+from time import monotonic
 from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
@@ -125,13 +125,13 @@ class ReplayRig:
     def move(self, to_m: float, speed_m_s: float) -> None:
         """Move without recording; no recording is played."""
         self._halted.clear()
-        self._wait(time.monotonic(), abs(to_m - self._state.position_m) / speed_m_s)
+        self._wait(monotonic(), abs(to_m - self._state.position_m) / speed_m_s)
         self._state = replace(self._state, position_m=to_m)
 
     def hold(self, duration_s: float, released: bool = False) -> None:
         """Wait at rest without recording."""
         self._halted.clear()
-        self._wait(time.monotonic(), duration_s)
+        self._wait(monotonic(), duration_s)
 
     def acquire(self, steps: Sequence[Step], sampling: Sampling) -> Iterator[Samples]:
         """Play the recording that matches these steps, with its recorded sample times."""
@@ -150,7 +150,7 @@ class ReplayRig:
         """Prefer the recording with this key over others that match."""
         self._key = key
         for file in self.files:
-            if file.head.cycle.key == key:
+            if file.cycle.key == key:
                 self._state = replace(self._state, time_s=file.head.began_s)
 
     def memory(self) -> dict[str, Any]:
@@ -163,7 +163,7 @@ class ReplayRig:
 
     def levels(self) -> dict[str, tuple[str, ...]]:
         """Return the mountings of the recordings."""
-        levels = [file.head.cycle.levels for file in self.files]
+        levels = [file.cycle.levels for file in self.files]
         factors = dict.fromkeys(factor for mounted in levels for factor in mounted)
         return {f: tuple(dict.fromkeys(mounted[f] for mounted in levels if f in mounted)) for f in factors}
 
@@ -182,10 +182,10 @@ class ReplayRig:
             is_near = is_mounted and max(self._apart_pa(cycle)) <= self.pressure_tolerance_pa
             return is_near and matches(steps, cycle.steps, self.speed_tolerance)
 
-        matching = [file for file in self.files if fits(file.head.cycle)]
+        matching = [file for file in self.files if fits(file.cycle)]
         if not matching:
             raise self._none_like(steps)
-        return min(matching, key=lambda file: (file.head.cycle.key != self._key, self._played[file.name]))
+        return min(matching, key=lambda file: (file.cycle.key != self._key, self._played[file.name]))
 
     def _none_like(self, steps: Sequence[Step]) -> RigError:
         moves = [step for step in steps if isinstance(step, Move)]
@@ -193,8 +193,8 @@ class ReplayRig:
         wanted = moves[-1].speed_m_s if moves else 0.0
 
         def distance(file: CycleFile) -> float:
-            apart = (abs(np.log(speed / wanted)) for speed in speeds_of(file.head.cycle) if wanted)
-            return sum(self._apart_pa(file.head.cycle)) / self.pressure_tolerance_pa + min(apart, default=9)
+            apart = (abs(np.log(speed / wanted)) for speed in speeds_of(file.cycle) if wanted)
+            return sum(self._apart_pa(file.cycle)) / self.pressure_tolerance_pa + min(apart, default=9)
 
         near = sorted(self.files, key=distance)[:SHOWN]
         asked = {"moves": len(moves), "speed": 1e3 * wanted, "stop": stop, "pressures": _bar(self._state)}
@@ -205,7 +205,7 @@ class ReplayRig:
     def _play(self, file: CycleFile, samples: Samples) -> Iterator[Samples]:
         if not len(samples):
             return
-        began, start, began_s = time.monotonic(), samples.time_s[0], file.head.began_s
+        began, start, began_s = monotonic(), samples.time_s[0], file.head.began_s
         duration = float(np.nanmax(samples.time_s) - start)
         count = max(1, round(duration / PART_S / self.pace)) if self.pace else max(1, len(samples) // 1000)
         self._state = replace(self._state, moving=True, time_s=began_s)
@@ -227,7 +227,7 @@ class ReplayRig:
 
     def _wait(self, began: float, until_s: float) -> None:
         if self.pace is not None:
-            self._halted.wait(max(0.0, began + until_s / self.pace - time.monotonic()))
+            self._halted.wait(max(0.0, began + until_s / self.pace - monotonic()))
 
 
 def _bar(pressures: Cycle | RigState) -> str:
@@ -236,9 +236,9 @@ def _bar(pressures: Cycle | RigState) -> str:
 
 def _described(file: CycleFile) -> str:
     """Describe a recorded cycle in words."""
-    speeds = speeds_of(file.head.cycle)
+    speeds = speeds_of(file.cycle)
     speed = f"{1e3 * np.median(speeds):.4g} mm/s" if speeds else "no move"
-    return f"{file.name} ({speed}, {_bar(file.head.cycle)})"
+    return f"{file.name} ({speed}, {_bar(file.cycle)})"
 
 
 class ReplayFile(RigFile):
@@ -266,7 +266,7 @@ def load_replay(source: str | Path, seed: int, pace: float | None) -> ReplayRig:
     if not (folder / ABOUT).is_file():
         raise RigError.of("campaign.not-replayed", folder=folder)
     campaign = Campaign.open(folder)
-    files = [file for file in campaign.cycles() if file.head.cycle.kind != "operator"]
+    files = [file for file in campaign.cycles() if file.cycle.kind != "operator"]
     if not files:
         raise RigError("the campaign has no finished cycle to play", where=folder)
     identity, envelope = identity or campaign.identity, campaign.about.get("envelope")
@@ -276,11 +276,11 @@ def load_replay(source: str | Path, seed: int, pace: float | None) -> ReplayRig:
 
 def _envelope(files: Sequence[CycleFile], identity: Identity) -> Envelope:
     """Return the limits of a rig that is known only from recordings: the range that all recordings cover."""
-    moves = ([step.to_m for step in file.head.cycle.steps if isinstance(step, Move)] for file in files)
+    moves = ([step.to_m for step in file.cycle.steps if isinstance(step, Move)] for file in files)
     ends = [end for ends in moves if len(ends) > 1 for end in ends]
     if not ends:
         raise RigError("no recording moves in both directions", rule="the range of the axis is unknown then")
-    cycles = [file.head.cycle for file in files]
+    cycles = [file.cycle for file in files]
     pressures = [pressure for cycle in cycles for pressure in (cycle.pressure_a_pa, cycle.pressure_b_pa)]
     force = identity.limits.get("force_n", (-NO_LIMIT_N, NO_LIMIT_N))
     return Envelope(

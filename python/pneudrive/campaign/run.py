@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import contextlib
 import hashlib
+from contextlib import ExitStack, contextmanager
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -142,7 +142,7 @@ def resume_campaign(
     folder = Path(folder)
     campaign = Campaign.open(folder)
     plan = plan_of(campaign)
-    with FolderLock(folder) as lock, contextlib.ExitStack() as opened:
+    with FolderLock(folder) as lock, ExitStack() as opened:
         found: dict[str, str | None] = {}
         if rig is None:  # the rig named in the folder, if this is allowed
             rig = campaign.about.get("rig")
@@ -185,7 +185,7 @@ def _run(
     return Result(campaign, len(run.finished), run.total, ended)
 
 
-@contextlib.contextmanager
+@contextmanager
 def _bench(
     rig: Rig | str | Path,
     seed: int,

@@ -74,7 +74,7 @@ def status_of(folder: str | Path) -> Status:
     if foreign:
         note = f"{foreign} of {len(files)} have no checksum: their samples are checked by `pneudrive characterise`"
         problems.append(Problem(CYCLES, note, lost=False))
-    done = {file.head.cycle.key for file in files}
+    done = {file.cycle.key for file in files}
     planned, remaining, extra = None, None, 0
     try:
         plan = plan_of(campaign, checked=False)  # it was before the first cycle
@@ -101,7 +101,7 @@ def preliminary_frictions(files: Sequence[CycleFile], identity: Identity) -> lis
     CampaignError
         If a file is damaged.
     """
-    wanted = [file for file in files if file.head.cycle.kind in MEASURED]
+    wanted = [file for file in files if file.cycle.kind in MEASURED]
     frictions = {}
     for file, samples in zip(wanted, read_samples(wanted), strict=True):
         if isinstance(samples, CampaignError):
@@ -115,7 +115,7 @@ def preliminary_friction(file: CycleFile, samples: Samples, identity: Identity) 
     from pneudrive.friction.level import extract
     from pneudrive.friction.strokes import Settled
 
-    cycle = file.head.cycle
+    cycle = file.cycle
     try:
         recording, _ = recording_of(file, identity, samples)
         if cycle.kind == "stop":

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import time
 from copy import deepcopy
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from threading import Event, RLock
+from time import monotonic
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -91,8 +91,7 @@ class SimulatedRig:
         d, tables = self.description, self.description.tables
         channels = {
             "force_n": (d.force_sensor, tables.force_sensor.accuracy),
-            "pressure_a_pa": (d.pressure_sensor, tables.pressure_sensor.accuracy),
-            "pressure_b_pa": (d.pressure_sensor, tables.pressure_sensor.accuracy),
+            **dict.fromkeys(("pressure_a_pa", "pressure_b_pa"), (d.pressure_sensor, tables.pressure_sensor.accuracy)),
             "temperature_k": (d.thermometer, tables.temperature_sensor.accuracy),
         }
         (area_a, area_b), errors = d.areas_m2, WORDS["calibration"]
@@ -451,7 +450,7 @@ class RigSession:
             began = self.past.clock_s
             self.past = self._machine.settle(self.past, a_pa, b_pa)
             duration = self.past.clock_s - began
-        self._wait(time.monotonic(), duration)
+        self._wait(monotonic(), duration)
 
     def move(self, to_m: float, speed_m_s: float) -> None:
         """Move from rest to rest without recording."""
@@ -546,7 +545,7 @@ class RigSession:
             self._running = run = _Run()
             self._halted.clear()
         rng = None if sampling is None else self._rng
-        began, done_s = time.monotonic(), 0.0
+        began, done_s = monotonic(), 0.0
         last = max((i for i, step in enumerate(steps) if getattr(step, "duration_s", 1.0) > 0.0), default=-1)
         try:
             for i, step in enumerate(steps):
@@ -631,4 +630,4 @@ class RigSession:
     def _wait(self, began: float, until_s: float) -> None:
         """Wait until a time of the rig at its pace, or until the rig is stopped."""
         if self.pace is not None:
-            self._halted.wait(max(0.0, began + until_s / self.pace - time.monotonic()))
+            self._halted.wait(max(0.0, began + until_s / self.pace - monotonic()))

@@ -205,7 +205,7 @@ def read_channels(
             continue
         raw = table.columns[table.places[column.column]]
         if column.wraps is not None or channel == "position":
-            raw, count = times.unwrapped(raw, times.COUNTERS if column.wraps is None else (column.wraps,))
+            raw, count = times.unwrapped(raw, column.moduli)
             wraps += count if column.wraps is None else 0
         if column.clock is not None:
             full = times.on_clock(time, table.columns[table.places[column.clock]], raw)
@@ -231,8 +231,7 @@ def _time_of(column: TimeColumn, table: ForeignTable, where: str) -> tuple[Array
         raise RecordingError.of("signals.shared-stamps", where=f"{where}, column {column.column!r}", count=count)
     clocks = times.clocks_of(column.format if column.is_date else None, column.conversion.factor)
     time, midnights = times.unwrapped(time, clocks, forward=True)
-    counters = times.COUNTERS if column.wraps is None else (column.wraps,)
-    time, wraps = (time, 0) if midnights else times.unwrapped(time, counters, forward=True)
+    time, wraps = (time, 0) if midnights else times.unwrapped(time, column.moduli, forward=True)
     for number, row in enumerate(table.segments, 2):
         if 0 < row < size and time[row] < time[row - 1]:
             back = f"{time[row]:g} after {time[row - 1]:g}"

@@ -26,7 +26,7 @@ from pneudrive.repr_tables import Shown
 from pneudrive.signals.columns import ColumnUnit, column_unit, uncertainty
 from pneudrive.signals.force_calibration import ForceCalibration, of_quantities
 from pneudrive.signals.text_table import TextForm
-from pneudrive.signals.times import DATE_TIME, ISO
+from pneudrive.signals.times import COUNTERS, DATE_TIME, ISO
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -106,6 +106,11 @@ class Column(Described):
     def conversion(self) -> ColumnUnit:
         """Linear conversion of the unit to SI. A command and a date have the factor 1."""
         return self.unit if isinstance(self.unit, ColumnUnit) else ColumnUnit(1.0)
+
+    @property
+    def moduli(self) -> tuple[float, ...]:
+        """Possible numbers of counts after which this column starts again, if it is a counter."""
+        return COUNTERS if self.wraps is None else (self.wraps,)
 
     def in_unit(self, raw: Array) -> Array:
         """Return raw numbers in the column's unit, with the sign of +x. Unchanged numbers are not copied."""

@@ -379,9 +379,12 @@ def same_signal(first: Array, second: Array) -> bool:
         return False
     slope, intercept = np.polyfit(first, second, 1)
     rest = np.std(second - slope * first - intercept)
-    spacings = (np.diff(np.unique(values)) for values in (first, second))
-    steps = [np.min(s[s > 0], initial=np.inf) for s in spacings]
-    return rest <= max(abs(slope) * steps[0], steps[1])
+    return rest <= max(abs(slope) * resolution(first), resolution(second))
+
+
+def resolution(values: Array) -> float:
+    """Return the smallest difference between two different values; infinite if all values are equal."""
+    return float(np.min(np.diff(np.unique(values)), initial=np.inf))
 
 
 def unevenness(values: Array, *, is_one_of_many: bool) -> float:

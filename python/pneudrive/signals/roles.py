@@ -10,7 +10,7 @@ import numpy as np
 from pneudrive.describe.files.toml import value_text
 from pneudrive.signals import columns as headers
 from pneudrive.signals.columns import NAME, PHYSICS, ROLES, SECONDARY, UNIT, Candidate, FileColumn, words_of
-from pneudrive.signals.motion import FEWEST, Directions, is_held, same_signal, unevenness
+from pneudrive.signals.motion import FEWEST, Directions, is_held, resolution, same_signal, unevenness
 from pneudrive.signals.times import COUNTERS, DATE_TIME, clocks_of, filled, on_clock, samples_of_a_stamp, unwrapped
 from pneudrive.units import converter
 
@@ -296,9 +296,7 @@ class RoleSearch:
         a, b = a[both], b[both]
         if {first.index, second.index} & set(self.form.dates):  # dates count from the first one
             a, b = a - a[0], b - b[0]
-        each = (np.diff(a), np.diff(b))
-        quantum = max(float(np.min(steps[steps > 0], initial=np.inf)) for steps in each)
-        return bool(np.abs(b - a).max() <= 1.01 * quantum)
+        return bool(np.abs(b - a).max() <= 1.01 * max(resolution(a), resolution(b)))
 
     def _position(self) -> None:
         """Find the position by name, otherwise as the signal that moves evenly, with few small reversals."""

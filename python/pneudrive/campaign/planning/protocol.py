@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
@@ -164,11 +165,9 @@ class ListOf(Mark):
             raise DescriptionError("the list is empty")
         Bounds(bound="count").beyond(f"{len(entries)} entries", len(entries))
         values = [self.mark.read(entry) for entry in entries]
-        seen = set()
-        for value in sorted(values) if self.sorts else values:
-            if value in seen:
-                raise DescriptionError(f"{self.mark.show(value)} occurs twice", remedy="Use `repeats` for repetitions.")
-            seen.add(value)
+        twice = [value for value, count in Counter(values).items() if count > 1]
+        if twice:
+            raise DescriptionError(f"{self.mark.show(twice[0])} occurs twice", remedy="Use `repeats` for repetitions.")
         return tuple(sorted(values) if self.sorts else values)
 
     def _range(self, given: Plain) -> tuple[Any, ...]:

@@ -203,7 +203,7 @@ class CampaignRun:
         self._requests = control.Requests(campaign.path)
         self._bounds = MeasuringBounds.of(plan)
         self._attempts = Attempts(rig, self._bounds, partial(self._show, "part"))
-        self.finished = {file.head.cycle.key: file.head.flags for file in files}
+        self.finished = {file.cycle.key: file.head.flags for file in files}
         numbers = (path.name.partition("-")[0] for path in (campaign.path / CYCLES).glob("[0-9]*"))
         self._index = max((int(number) for number in numbers if number.isdigit()), default=0)
         if files:

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import contextlib
 import json
 import sys
 import threading
-import time
+from contextlib import suppress
+from time import monotonic
 from typing import TYPE_CHECKING, Any
 from zlib import crc32
 
@@ -56,10 +56,10 @@ class Display:
 
     def began(self, plan: Plan, done: Collection[str]) -> None:
         """Show that the campaign begins; `done` has the keys of the cycles that are finished already."""
-        sizes = {p.cycle.key: (p.time_s, float(p.samples)) for p in plan.planned}
-        self.title, self.total = plan.protocol.name, len(sizes.keys() | done)
-        self._left = {key: size for key, size in sizes.items() if key not in done}
-        self._began, self._passed = time.monotonic(), np.zeros(2)
+        times = {p.cycle.key: p.time_s for p in plan.planned}
+        self.title, self.total = plan.protocol.name, len(times.keys() | done)
+        self._left = {key: time_s for key, time_s in times.items() if key not in done}
+        self._began, self._passed = monotonic(), 0.0
 
     @property
     def count(self) -> int:
@@ -68,16 +68,9 @@ class Display:
 
     @property
     def left(self) -> str:
-        """Remaining wall-clock time at the pace so far, in words.
-
-        For a real rig, the planned time counts. For a simulated rig without a pace, the number of samples counts.
-        """
-        left = np.sum([*self._left.values()] or [(0.0, 0.0)], axis=0)
-        took = time.monotonic() - self._began
-        if self._passed[0] <= 0.0:
-            return duration(float(left[0]))
-        by_samples = took < 0.5 * self._passed[0] and self._passed[1] > 0.0  # in virtual time
-        return duration(float(left[int(by_samples)] * took / self._passed[int(by_samples)]))
+        """Remaining wall-clock time at the pace so far, in words. Before the first cycle ends, the planned time."""
+        took = monotonic() - self._began
+        return duration(sum(self._left.values()) * (took / self._passed if self._passed > 0.0 else 1.0))
 
     def cycle(self, cycle: Cycle) -> None:
         """Show that a cycle begins, or another attempt at it."""
@@ -89,7 +82,7 @@ class Display:
 
     def finished(self, cycle: Cycle, flags: dict[str, int]) -> None:
         """Show that a cycle is stored."""
-        self._passed += self._left.pop(cycle.key, (0.0, 0.0))
+        self._passed += self._left.pop(cycle.key, 0.0)
 
     def say(self, text: str) -> None:
         """Show a line."""
@@ -229,12 +222,12 @@ class LiveFiles(Display):
         if self._thread.is_alive():
             self._thread.join()
         for name in (LIVE, LIVE_POINTS):
-            with contextlib.suppress(OSError):
+            with suppress(OSError):
                 (self._folder / name).unlink()
 
     def _write_on(self) -> None:
         while not self._end.wait(EVERY_S):
-            with contextlib.suppress(CampaignError):  # a disk that is full tells the campaign itself
+            with suppress(CampaignError):  # a disk that is full tells the campaign itself
                 self._write()
 
     def _write(self) -> None:

@@ -6,7 +6,6 @@ times a second, and removes each one. Files work on every file system, even over
 
 from __future__ import annotations
 
-import contextlib
 import errno
 import getpass
 import json
@@ -15,11 +14,12 @@ import queue
 import signal
 import socket
 import threading
-import time
 from collections import deque
+from contextlib import contextmanager, suppress
 from dataclasses import asdict, dataclass, replace
 from datetime import datetime
 from pathlib import Path
+from time import monotonic, sleep, time_ns
 from typing import TYPE_CHECKING, Any
 
 from pneudrive.campaign.cycle import WORDS
@@ -41,7 +41,7 @@ NO_SUCH_THING = (errno.EINVAL, errno.ENOTSUP, errno.EBADF)
 REMEDIES = {getattr(errno, name): text for name, text in WORDS["remedies"].items()}
 
 
-@contextlib.contextmanager
+@contextmanager
 def clear_errors(what: str, path: Path) -> Iterator[None]:
     """Turn errors of the operating system into one clear message.
 
@@ -84,7 +84,7 @@ def write_whole(path: Path, data: bytes, *, flush: bool = True) -> None:
                     os.fsync(file.fileno())
             temporary.replace(path)
         except OSError:
-            with contextlib.suppress(OSError):
+            with suppress(OSError):
                 temporary.unlink()
             raise
         if flush:
@@ -219,14 +219,14 @@ class FolderLock:
         if self._file is None:
             return
         text = json.dumps(asdict(self._holder)).encode()
-        with contextlib.suppress(OSError):  # a full disk must not end the campaign here: readers wait
+        with suppress(OSError):  # a full disk must not end the campaign here: readers wait
             os.pwrite(self._file, text, 0)
             os.ftruncate(self._file, len(text))
 
     def release(self) -> None:
         """Release the folder."""
         if self._file is not None:
-            with contextlib.suppress(OSError):
+            with suppress(OSError):
                 os.ftruncate(self._file, 0)
             os.close(self._file)
             self._file = None
@@ -263,7 +263,7 @@ def user() -> str:
 def append_line(path: Path, text: str) -> None:
     """Append a line with date and time to a log. A failure of the log, such as a full disk, never ends a campaign."""
     line = " | ".join(part for part in text.splitlines() if part.strip())
-    with contextlib.suppress(OSError, CommandError), open_to_append(path) as file:
+    with suppress(OSError, CommandError), open_to_append(path) as file:
         file.write(f"{now()} {line}\n")
 
 
@@ -316,7 +316,7 @@ class Requests:
         self.presses, self._last_press = 0, 0.0
         # Not a threading.Event: its lock is not re-entrant, and a signal handler may run while its thread holds it.
         self._arrived: queue.SimpleQueue[None] = queue.SimpleQueue()
-        with contextlib.suppress(OSError):
+        with suppress(OSError):
             make_folder(self._folder)
         for path in self._waiting():  # left for a process that is gone
             self._take_file(path)
@@ -334,7 +334,7 @@ class Requests:
 
     def wait(self, seconds: float = LOOK_S) -> None:
         """Wait for a request or a call of `wake`, up to a time."""
-        with contextlib.suppress(queue.Empty):
+        with suppress(queue.Empty):
             self._arrived.get(timeout=seconds)
 
     def wake(self) -> None:
@@ -357,11 +357,11 @@ class Requests:
             request = Request(str(data["word"]), str(data["by"]))
         except (OSError, CampaignError, KeyError, TypeError):
             request = None
-        with contextlib.suppress(OSError):
+        with suppress(OSError):
             taken.unlink()
         return request if request is not None and request.word in REQUESTS else None
 
-    @contextlib.contextmanager
+    @contextmanager
     def signals(self) -> Iterator[None]:
         """Turn signals into requests: Ctrl-C pauses after the cycle, a second Ctrl-C stops now; SIGTERM and SIGHUP end.
 
@@ -387,7 +387,7 @@ class Requests:
         elif number != signal.SIGINT:
             self.put(Request(ABORT, signal.Signals(number).name))
         else:
-            since, self._last_press = time.monotonic() - self._last_press, time.monotonic()
+            since, self._last_press = monotonic() - self._last_press, monotonic()
             if since >= BOUNCE_S:
                 self.presses += 1
                 self.put(Request({1: PAUSE, 2: STOP}.get(self.presses, ABORT), CTRL_C))
@@ -411,15 +411,13 @@ def ask(folder: Path, word: str, by: str) -> Holder:
         raise CampaignError.of("campaign.no-process", where=folder, folder=folder)
     no_links(folder)
     make_folder(folder / FOLDER)
-    write_whole(
-        folder / FOLDER / f"{time.time_ns()}-{word}", json.dumps({"word": word, "by": by, "at": now()}).encode()
-    )
+    write_whole(folder / FOLDER / f"{time_ns()}-{word}", json.dumps({"word": word, "by": by, "at": now()}).encode())
     return running
 
 
 def wait_for(folder: Path, states: tuple[str, ...], seconds: float) -> Holder | None:
     """Wait until the process that runs a campaign is in one of these states, or has ended; return its state."""
-    until = time.monotonic() + seconds
-    while (running := holder(folder)) is not None and running.state not in states and time.monotonic() < until:
-        time.sleep(LOOK_S)
+    until = monotonic() + seconds
+    while (running := holder(folder)) is not None and running.state not in states and monotonic() < until:
+        sleep(LOOK_S)
     return running

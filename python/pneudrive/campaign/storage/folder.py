@@ -24,7 +24,7 @@ import numpy as np
 
 from pneudrive.arrays import attributes_of
 from pneudrive.batching import many_objects
-from pneudrive.campaign.cycle import SCHEMA, Head, check_schema, read_head
+from pneudrive.campaign.cycle import SCHEMA, Cycle, Head, check_schema, read_head
 from pneudrive.campaign.storage.control import FOLDER, PART, clear_errors, make_folder, write_whole
 from pneudrive.errors import CampaignError, PneudriveError, RecordingError
 from pneudrive.files.content import exists, read_json, read_text
@@ -156,6 +156,11 @@ class CycleFile(Shown):
         """Name of the file without its ending: index and key."""
         return self.path.stem
 
+    @property
+    def cycle(self) -> Cycle:
+        """The cycle as run."""
+        return self.head.cycle
+
     def samples(self) -> Samples:
         """Read the raw samples.
 
@@ -191,7 +196,7 @@ def read_samples(
     columns = read_columns([file.path for file in files], COLUMNS, CampaignError)
     for file, found in zip(files, columns, strict=True):
         try:
-            yield _samples(file, found, steps_of is None or file.head.cycle.kind in steps_of)
+            yield _samples(file, found, steps_of is None or file.cycle.kind in steps_of)
         except CampaignError as error:  # noqa: PERF203 - each file has its own error
             yield error
 
@@ -214,7 +219,7 @@ def _samples(file: CycleFile, columns: dict[str, NDArray[Any]] | PneudriveError,
     missing = [name for name in REQUIRED_COLUMNS if name not in channels]
     if missing:
         raise CampaignError(f"the file lacks the column {missing[0]}", where=where, rule="names have SI units")
-    cycle, count = file.head.cycle, channels["time_s"].size
+    cycle, count = file.cycle, channels["time_s"].size
     usual = {"pressure_a_pa": cycle.pressure_a_pa, "pressure_b_pa": cycle.pressure_b_pa, "temperature_k": np.nan}
     channels = {name: np.full(count, value) for name, value in usual.items()} | channels
     if step is None:
@@ -234,14 +239,14 @@ def recording_of(file: CycleFile, identity: Identity, samples: Samples) -> tuple
     RecordingError
         If more than half of the samples are damaged, or if values are impossible.
     """
-    name = file.head.cycle.key
+    name = file.cycle.key
     count = len(samples)
     flags = {kind: int(number) for kind, number in file.head.flags.items() if number}
     good, backwards = _forwards(samples)
     if backwards:
         flags["time_backwards"] = backwards
     # A released axis creeps by single counts: this is not a stuck sensor.
-    stands = bool(file.head.cycle.steps) and not any(isinstance(step, Move) for step in file.head.cycle.steps)
+    stands = bool(file.cycle.steps) and not any(isinstance(step, Move) for step in file.cycle.steps)
     channels = {channel: getattr(samples, channel)[good] for channel in CHANNELS[:-1]}
     if stands and np.isfinite(position := channels["position_m"]).any():
         channels["position_m"] = np.full(position.size, float(np.nanmedian(position)))
@@ -251,7 +256,7 @@ def recording_of(file: CycleFile, identity: Identity, samples: Samples) -> tuple
         if "force_n" in identity.limits:
             low, high = known.force_n(np.array(identity.limits["force_n"])).tolist()
             shared["limits"] = identity.limits | {"force_n": (low, high)}
-    labels = dict(file.head.cycle.levels)
+    labels = dict(file.cycle.levels)
     recording = clean(Recording(name=name, **channels, **shared, labels=labels, source=file.path))
     if len(recording) < (1.0 - LOST_SHARE) * count:
         found = ", ".join(f"{kind} {number}" for kind, number in {**flags, **recording.flags}.items())
@@ -450,7 +455,7 @@ class Campaign(Shown):
         found.sort(key=lambda file: file.head.index)  # equal indices stay in the order of their names
         unique: dict[str, CycleFile] = {}
         for file in found:
-            key = file.head.cycle.key
+            key = file.cycle.key
             if (first := unique.setdefault(key, file)) is not file:
                 problems.append(Problem(f"{CYCLES}/{file.path.name}", f"cycle {key!r} is in {first.path.name} already"))
         return list(unique.values()), problems

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-import contextlib
 import json
 import secrets
 import threading
-import time
 import weakref
 from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, suppress
 from pathlib import Path
+from time import monotonic, sleep
 from typing import Any
 from urllib.parse import urlsplit
 
@@ -18,10 +18,11 @@ import numpy as np
 from pneudrive.arrays import Plain
 from pneudrive.errors import ConnectionLostError, RigError, warn
 from pneudrive.files.content import parse_json
-from pneudrive.rig import interface
-from pneudrive.rig.opcua import nodes as node_map
+from pneudrive.rig import Envelope, Hold, Identity, Move, RigState, Samples, Sampling
+from pneudrive.rig.interface import Step, envelope_of, identity_of
 from pneudrive.rig.opcua.access import SCHEME, OpcUaFile
 from pneudrive.rig.opcua.link import COUNTER, HungUpError, Link, LinkError
+from pneudrive.rig.opcua.nodes import HOLD, RELEASED, SAMPLES, SAMPLING, SHUT, STATE, STEPS, Verb, load_map
 
 STOP_S = 10.0  # s; time in which stopping tries to reach a lost server
 FIRST_WAIT_S, LONGEST_WAIT_S = 0.1, 1.0
@@ -56,61 +57,61 @@ class OpcUaRig:
         self._known = link.number  # the connection that the caller knows
         self._starting = threading.RLock()
         self._told = self._told_name()
-        self._identity = identity or interface.identity_of(self._described("identity"), link.url)[0]
+        self._identity = identity or identity_of(self._described("identity"), link.url)[0]
         link.ambient_pa = self._identity.ambient_pressure_pa
-        self._limits = limits or interface.envelope_of(self._described("limits"), link.url)
+        self._limits = limits or envelope_of(self._described("limits"), link.url)
         self._id = secrets.randbelow(COUNTER)  # not the id of another client, as some servers share the node
 
     def close(self) -> None:
         """Close the connection; the server then receives no heartbeat and brings the axis to rest."""
         self._finalizer()
 
-    def identity(self) -> interface.Identity:
+    def identity(self) -> Identity:
         """Return the identity of the rig."""
         return self._identity
 
-    def limits(self) -> interface.Envelope:
+    def limits(self) -> Envelope:
         """Return the limits of the rig."""
         return self._limits
 
-    def state(self) -> interface.RigState:
+    def state(self) -> RigState:
         """Return the state of the rig; a lost connection is reopened first, and the next verb reports it."""
         try:
-            *values, fault = self._link.read(*node_map.STATE, "state.fault")
+            *values, fault = self._link.read(*STATE, "state.fault")
         except LinkError as error:
             self._reconnect(str(error))
             return self.state()
-        said: Plain = dict(zip(node_map.STATE.values(), values, strict=True))
-        return interface.RigState(**{**said, "moving": bool(said["moving"])}, fault=fault or None)
+        said: Plain = dict(zip(STATE.values(), values, strict=True))
+        return RigState(**{**said, "moving": bool(said["moving"])}, fault=fault or None)
 
     def home(self) -> None:
         """Bring the axis to its home position."""
-        self._do(node_map.Verb.HOME)
+        self._do(Verb.HOME)
 
     def set_pressure(self, a_pa: float, b_pa: float) -> None:
         """Bring the chambers to these absolute pressures, Pa."""
-        self._do(node_map.Verb.SET_PRESSURE, arguments={"command.pressure_a": a_pa, "command.pressure_b": b_pa})
+        self._do(Verb.SET_PRESSURE, arguments={"command.pressure_a": a_pa, "command.pressure_b": b_pa})
 
     def move(self, to_m: float, speed_m_s: float) -> None:
         """Move from rest to rest without recording."""
-        self._do(node_map.Verb.MOVE, [interface.Move(to_m, speed_m_s)])
+        self._do(Verb.MOVE, [Move(to_m, speed_m_s)])
 
     def hold(self, duration_s: float, released: bool = False) -> None:
         """Rest for a time without recording."""
-        self._do(node_map.Verb.HOLD, [interface.Hold(duration_s, released)])
+        self._do(Verb.HOLD, [Hold(duration_s, released)])
 
-    def acquire(self, steps: Sequence[interface.Step], sampling: interface.Sampling) -> Iterator[interface.Samples]:
+    def acquire(self, steps: Sequence[Step], sampling: Sampling) -> Iterator[Samples]:
         """Run the steps in their order, and yield the samples in parts as they arrive."""
         patience = SLACK * self._expected_s(steps) + self._nodes.handshake.patience_s
         running = True
         try:
             with self._one_connection("the acquisition"):
                 (taken,) = self._link.read("samples.written")
-                known = {name: field for name, field in node_map.SAMPLING.items() if name in self._nodes}
+                known = {name: field for name, field in SAMPLING.items() if name in self._nodes}
                 rates = {name: getattr(sampling, field) for name, field in known.items()}
                 arguments = {**self._program(steps), **rates, "samples.acknowledged": taken}
-                identity = self._start(node_map.Verb.ACQUIRE, arguments)
-                deadline, look = time.monotonic() + patience, FIRST_LOOK_S
+                identity = self._start(Verb.ACQUIRE, arguments)
+                deadline, look = monotonic() + patience, FIRST_LOOK_S
                 while running:
                     running = not self._ended(identity)
                     (written,) = self._link.read("samples.written")
@@ -120,49 +121,49 @@ class OpcUaRig:
                         part = self._chunk(taken)
                         self._link.write({"samples.acknowledged": taken})
                         yield part
-                        deadline = time.monotonic() + patience
+                        deadline = monotonic() + patience
                     if running:
-                        self._wait(look, deadline, node_map.Verb.ACQUIRE)
-                self._check_fault(node_map.Verb.ACQUIRE)
+                        self._wait(look, deadline, Verb.ACQUIRE)
+                self._check_fault(Verb.ACQUIRE)
         except (_EndedError, ConnectionLostError):
             running = False  # another client has ended it, or the server is gone
             raise
         finally:
             if running:  # at rest now, with the same pressures; another error is already being raised
-                with contextlib.suppress(LinkError, RigError):
-                    self._run(node_map.Verb.HALT)
+                with suppress(LinkError, RigError):
+                    self._run(Verb.HALT)
 
     def stop(self) -> None:
         """Bring the axis to rest and release the pressure; safe to call at any time, also twice."""
-        with contextlib.suppress(LinkError), self._starting:
+        with suppress(LinkError), self._starting:
             if self._link.lost is None:
-                self._run(node_map.Verb.STOP)
+                self._run(Verb.STOP)
         # Connecting again stops the axis, too.
         if self._link.lost is not None and not self._back_within(min(STOP_S, self._link.file.reconnect_s)):
             beat = self._nodes.handshake.heartbeat_s
             raise RigError.of("rig.stop-lost", where=self._url, reason=self._link.lost, beat=beat)
         self._known = self._link.number
 
-    def _do(self, verb: node_map.Verb, steps: Sequence[interface.Step] = (), arguments: Plain | None = None) -> None:
+    def _do(self, verb: Verb, steps: Sequence[Step] = (), arguments: Plain | None = None) -> None:
         """Run a command and wait until it is done."""
         with self._one_connection(_words(verb)):
             self._run(verb, self._program(steps) if steps else arguments, self._expected_s(steps))
 
-    def _start(self, verb: node_map.Verb, arguments: Plain | None) -> int:
+    def _start(self, verb: Verb, arguments: Plain | None) -> int:
         """Wait for the answer to a pending stop, then write the arguments, then the id that starts the command."""
         with self._starting:
-            if verb not in (node_map.Verb.HALT, node_map.Verb.STOP):  # any client may
+            if verb not in (Verb.HALT, Verb.STOP):  # any client may
                 self._link.beat()
             self._id = self._id % COUNTER + 1
             self._link.write({**(arguments or {}), "command.verb": int(verb)})
             self._link.write({"command.id": self._id})
             return self._id
 
-    def _run(self, verb: node_map.Verb, arguments: Plain | None = None, expected_s: float = 0.0) -> None:
+    def _run(self, verb: Verb, arguments: Plain | None = None, expected_s: float = 0.0) -> None:
         """Start a command and wait for its answer."""
         identity = self._start(verb, arguments)
         look, handshake = FIRST_LOOK_S, self._nodes.handshake
-        deadline = time.monotonic() + SLACK * expected_s + handshake.patience_s
+        deadline = monotonic() + SLACK * expected_s + handshake.patience_s
         while not self._ended(identity):
             self._wait(look, deadline, verb)
             look = min(2.0 * look, handshake.poll_s)
@@ -177,38 +178,33 @@ class OpcUaRig:
             raise RigError.of("rig.other-client", where=self._url)
         return done == identity
 
-    def _wait(self, look: float, deadline: float, verb: node_map.Verb) -> None:
-        if time.monotonic() > deadline:
+    def _wait(self, look: float, deadline: float, verb: Verb) -> None:
+        if monotonic() > deadline:
             raise RigError.of("rig.unfinished", where=self._url, verb=_words(verb))
-        time.sleep(look)
+        sleep(look)
 
-    def _check_fault(self, verb: node_map.Verb) -> None:
+    def _check_fault(self, verb: Verb) -> None:
         (fault,) = self._link.read("answer.fault")
         if fault:
             what, *rest = fault.splitlines()
             raise RigError(f"{_words(verb)} failed: {what}", where=self._url, value="\n".join(rest).strip() or None)
 
-    def _chunk(self, number: int) -> interface.Samples:
+    def _chunk(self, number: int) -> Samples:
         slot = self._nodes.slot_of(number)
-        sequence, count, *read = self._link.read("samples.sequence", "samples.count", *node_map.SAMPLES, slot=slot)
+        sequence, count, *read = self._link.read("samples.sequence", "samples.count", *SAMPLES, slot=slot)
         if sequence != number:
             raise RigError.of("rig.lost-samples", where=self._url, slot=slot, sequence=sequence, number=number)
         columns = [np.full(count, c) if np.ndim(c) == 0 else c[:count] for c in read]
         if any(column.size != count for column in columns):
-            sizes = ", ".join(f"{name} {column.size}" for name, column in zip(node_map.SAMPLES, columns, strict=True))
+            sizes = ", ".join(f"{name} {column.size}" for name, column in zip(SAMPLES, columns, strict=True))
             raise RigError(f"chunk {number} of {count} samples has columns of different lengths", value=sizes)
-        return interface.Samples(**dict(zip(node_map.SAMPLES.values(), columns, strict=True)))
+        return Samples(**dict(zip(SAMPLES.values(), columns, strict=True)))
 
-    def _program(self, steps: Sequence[interface.Step]) -> Plain:
+    def _program(self, steps: Sequence[Step]) -> Plain:
         """Write steps as arrays, within the limits of the rig."""
         most = self._link.served["step.kind"].length or self._nodes.handshake.steps
-        arrays = {name: [getattr(step, field, 0.0) for step in steps] for name, field in node_map.STEPS.items()}
-        kinds = [
-            node_map.HOLD | node_map.RELEASED * step.released | node_map.SHUT * step.shut
-            if isinstance(step, interface.Hold)
-            else 0
-            for step in steps
-        ]
+        arrays = {name: [getattr(step, field, 0.0) for step in steps] for name, field in STEPS.items()}
+        kinds = [HOLD | RELEASED * step.released | SHUT * step.shut if isinstance(step, Hold) else 0 for step in steps]
         if len(steps) > most:
             raise RigError(f"{len(steps)} steps are too many for the rig", rule=f"at most {most} steps in a program")
         if any(arrays["step.weight"]) and "step.weight" not in self._nodes:
@@ -216,11 +212,10 @@ class OpcUaRig:
         known = {name: values for name, values in arrays.items() if name in self._nodes}
         return {"step.count": len(steps), "step.kind": kinds, **known}
 
-    def _expected_s(self, steps: Sequence[interface.Step]) -> float:
+    def _expected_s(self, steps: Sequence[Step]) -> float:
         low, high = self._limits.position_m
         return sum(
-            step.duration_s if isinstance(step, interface.Hold) else (high - low) / max(step.speed_m_s, 1e-9)
-            for step in steps
+            step.duration_s if isinstance(step, Hold) else (high - low) / max(step.speed_m_s, 1e-9) for step in steps
         )
 
     def _described(self, table: str) -> Any:  # noqa: ANN401 - JSON
@@ -229,7 +224,7 @@ class OpcUaRig:
         (text,) = self._link.read(f"rig.{table}")
         return parse_json(text, self._url, RigError)
 
-    @contextlib.contextmanager
+    @contextmanager
     def _one_connection(self, doing: str) -> Iterator[None]:
         """Run a block within one connection, which the caller knows.
 
@@ -267,14 +262,14 @@ class OpcUaRig:
 
     def _back_within(self, limit_s: float) -> bool:
         """Connect again, with growing waits between attempts, and stop the rig; return whether it succeeded."""
-        deadline, wait = time.monotonic() + limit_s, FIRST_WAIT_S
+        deadline, wait = monotonic() + limit_s, FIRST_WAIT_S
         while True:
-            with contextlib.suppress(LinkError):
+            with suppress(LinkError):
                 self._connect()
                 return True
-            if time.monotonic() + wait > deadline:
+            if monotonic() + wait > deadline:
                 return False
-            time.sleep(wait)
+            sleep(wait)
             wait = min(2.0 * wait, LONGEST_WAIT_S)
 
     def _connect(self) -> None:
@@ -283,7 +278,7 @@ class OpcUaRig:
             if self._link.lost is None:
                 return
             self._link.connect()
-            self._run(node_map.Verb.STOP)
+            self._run(Verb.STOP)
             if (name := self._told_name()) != self._told:
                 raise RigError(f"another rig is served: {name!r} instead of {self._told!r}", where=self._url)
 
@@ -291,7 +286,7 @@ class OpcUaRig:
         """Return the name of the rig as stated by the server; empty without a name."""
         if "rig.identity" not in self._nodes:
             return ""
-        return interface.identity_of(self._described("identity"), self._url)[0].name
+        return identity_of(self._described("identity"), self._url)[0].name
 
 
 class SimulatedOpcUaRig(OpcUaRig):
@@ -299,25 +294,25 @@ class SimulatedOpcUaRig(OpcUaRig):
 
     def begin_cycle(self, key: str) -> None:
         """Seed the noise of the next cycle from the rig's seed and this key."""
-        self._ask(node_map.Verb.BEGIN_CYCLE, key)
+        self._ask(Verb.BEGIN_CYCLE, key)
 
     def memory(self) -> Plain:
         """Return the saved state of the rig."""
-        return self._ask(node_map.Verb.MEMORY)
+        return self._ask(Verb.MEMORY)
 
     def restore(self, memory: Plain) -> None:
         """Restore a saved state from `memory`."""
-        self._ask(node_map.Verb.RESTORE, memory)
+        self._ask(Verb.RESTORE, memory)
 
     def levels(self) -> dict[str, tuple[str, ...]]:
         """Return the factors that can be changed, with their possible levels."""
-        return {factor: tuple(levels) for factor, levels in self._ask(node_map.Verb.LEVELS).items()}
+        return {factor: tuple(levels) for factor, levels in self._ask(Verb.LEVELS).items()}
 
     def change(self, levels: dict[str, str]) -> None:
         """Set mounted factor levels."""
-        self._ask(node_map.Verb.CHANGE, levels)
+        self._ask(Verb.CHANGE, levels)
 
-    def _ask(self, verb: node_map.Verb, question: object = None) -> Any:  # noqa: ANN401 - plain data
+    def _ask(self, verb: Verb, question: object = None) -> Any:  # noqa: ANN401 - plain data
         with self._one_connection(_words(verb)):
             self._run(verb, {"simulation.text": json.dumps(question)})
             (answer,) = self._link.read("simulation.answer")
@@ -348,7 +343,7 @@ def open_rig(file: OpcUaFile) -> OpcUaRig:
         _ = urlsplit(file.url).port
     except ValueError as error:
         raise RigError.of("rig.address", where=file.url, error=error) from None
-    link = Link(file, node_map.load_map(file.map and file.beside(file.map)))
+    link = Link(file, load_map(file.map and file.beside(file.map)))
     try:
         for wait_s in (*AGAIN_S, 0.0):
             try:
@@ -357,7 +352,7 @@ def open_rig(file: OpcUaFile) -> OpcUaRig:
             except HungUpError:
                 if not wait_s:
                     raise
-                time.sleep(wait_s)
+                sleep(wait_s)
         simulated = "simulation.abilities" in link.nodes and link.read("simulation.abilities")[0]
         return (SimulatedOpcUaRig if simulated else OpcUaRig)(link)
     except BaseException as error:
@@ -367,5 +362,5 @@ def open_rig(file: OpcUaFile) -> OpcUaRig:
         raise RigError.of("rig.unreachable", where=file.url, error=error) from None
 
 
-def _words(verb: node_map.Verb) -> str:
+def _words(verb: Verb) -> str:
     return f"'{verb.name.lower().replace('_', ' ')}'"

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import asyncio
-import contextlib
 import logging
 import threading
 import time
 from collections.abc import Callable, Coroutine
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any, TypeVar
 
@@ -302,9 +302,9 @@ def _node_id(text: str, namespace: str, uris: list[str], url: str) -> Any:  # no
 async def _hang_up(client: Any) -> None:  # noqa: ANN401 - asyncua's client
     """Close a connection, by the protocol if the server still answers."""
     transport = getattr(client.uaclient.protocol, "transport", None)
-    with contextlib.suppress(Exception):  # any exception of a half-closed connection is ignored
+    with suppress(Exception):  # any exception of a half-closed connection is ignored
         await asyncio.wait_for(client.disconnect(), CLOSING_S / 2)
-    with contextlib.suppress(Exception):
+    with suppress(Exception):
         client.disconnect_socket()
     if transport is not None:
         transport.abort()  # do not wait for unsent data

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import asyncio
-import contextlib
 import gc
 import json
 import logging
-import time
 from collections.abc import Coroutine
 from concurrent.futures import Future
+from contextlib import suppress
 from dataclasses import asdict
+from time import monotonic
 from typing import Any
 
 import numpy as np
@@ -177,11 +177,11 @@ class RigServer:
 
     def __exit__(self, *_: object) -> None:
         """Bring the axis to rest, release the pressure and end."""
-        with contextlib.suppress(TimeoutError, asyncio.TimeoutError):
+        with suppress(TimeoutError, asyncio.TimeoutError):
             self._loop.run(self._stop("the server ends"), CLOSING_S)
         self._stop_thread.close(CLOSING_S)
         self._command_thread.close(CLOSING_S)
-        with contextlib.suppress(Exception):  # of the library, when connections break
+        with suppress(Exception):  # of the library, when connections break
             self._loop.run(self._server.stop(), CLOSING_S)
         self._loop.close()
         gc.unfreeze()
@@ -270,7 +270,7 @@ class RigServer:
         before, self._values[name] = self._values[name], node.to_si(raw, self._ambient_pa)
         await self._server.iserver.write_attribute_value(node_id, value)
         if name == "heartbeat.client" and raw != before:
-            self._beat_at = time.monotonic()
+            self._beat_at = monotonic()
         elif name == "samples.acknowledged":
             self._samples_taken = min(raw, self._samples_written)
             self._room.set()
@@ -312,14 +312,14 @@ class RigServer:
         tick, limit = TICK_SHARE * self.heartbeat_s, SILENT_SHARE * self.heartbeat_s
         seen_late, ticks = None, 0
         while True:
-            began, ticks = time.monotonic(), ticks + 1
+            began, ticks = monotonic(), ticks + 1
             if ticks % TICKS_A_BEAT == 0:
                 await self._show({"heartbeat.server": ticks // TICKS_A_BEAT % COUNTER})
             for connection in list(self._server.bserver.clients):
                 if connection.transport is not None and connection.transport.get_write_buffer_size() > UNREAD:
                     connection.transport.abort()
             await asyncio.sleep(tick)
-            now, last = time.monotonic(), self._beat_at
+            now, last = monotonic(), self._beat_at
             if last is None or now - last < limit:
                 continue
             if now - began > 2.0 * tick and last != seen_late:
@@ -384,10 +384,10 @@ class RigServer:
         self._room.set()
         async with self._stopping:
             gently = verb == Verb.HALT and (running.done() or self._verb == Verb.ACQUIRE)
-            until = time.monotonic() + STOPPING_S
+            until = monotonic() + STOPPING_S
             try:
                 rests = gently and await _ends_within(GENTLE_S, running)
-                while not rests and time.monotonic() < until:
+                while not rests and monotonic() < until:
                     await asyncio.wrap_future(self._stop_thread.start(self.rig.stop))
                     rests = await _ends_within(AGAIN_S, running)
                 fault = "" if rests else "the running command does not end"
