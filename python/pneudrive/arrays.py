@@ -25,6 +25,8 @@ Pair: TypeAlias = tuple[float, float]
 Row: TypeAlias = dict[str, Any]
 #: Real numbers by name.
 NamedNumbers: TypeAlias = dict[str, float]
+#: Intervals by name.
+NamedIntervals: TypeAlias = dict[str, Interval]
 #: Plain data by key, as in TOML and JSON: writable, and read-only.
 Plain: TypeAlias = dict[str, Any]
 Keyed: TypeAlias = Mapping[str, Any]

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
     from typing_extensions import Self
 
-    from pneudrive.arrays import Array, Interval, NamedNumbers, Pair, Plain
+    from pneudrive.arrays import Array, Interval, NamedIntervals, NamedNumbers, Pair, Plain
 
 #: Note of a fit of simulated data.
 SIMULATED = "from simulated recordings"
@@ -249,15 +249,15 @@ class Fit(Viewed):
     units: dict[str, str]
     free: tuple[str, ...]
     covariance: Array
-    intervals: dict[str, Interval]
+    intervals: NamedIntervals
     systematic: NamedNumbers = field(default_factory=dict)
     model_errors: NamedNumbers = field(default_factory=dict)
     undetermined: tuple[Any, ...] = ()
     notes: tuple[str, ...] = ()
     statistics: NamedNumbers
-    provenance: dict[str, Any]
+    provenance: Plain
     converged: bool = True
-    details: dict[str, dict[str, Any]] = field(default_factory=dict)
+    details: dict[str, Plain] = field(default_factory=dict)
     profiler: Callable[[str], Interval] | None = field(default=None, repr=False)
     fitted: dict[str, FittedData] = field(default_factory=dict, repr=False)
     file: str = field(default="", repr=False)
@@ -347,7 +347,7 @@ class Fit(Viewed):
         statistical = max(2.0 * self.standard_errors[name], high - value, value - low)
         return float(np.hypot(statistical, 2.0 * self.systematic.get(name, 0.0)))
 
-    def profile(self, names: Sequence[str] | None = None) -> dict[str, Interval]:
+    def profile(self, names: Sequence[str] | None = None) -> NamedIntervals:
         """Return 95 % intervals by profile likelihood: one value is held while all others are fitted again.
 
         Undetermined values also have an interval here. Its open ends are infinite, or at the bound of the value.

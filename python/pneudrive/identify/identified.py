@@ -148,15 +148,15 @@ class Identified:
         Name -> correlations with other values, by their names.
     """
 
-    values: Mapping[str, float]
+    values: NamedNumbers
     intervals: Mapping[str, Interval]
     recordings: tuple[str, ...] = ()
     fit: str = ""
     file: str = ""
-    model_errors: Mapping[str, float] = field(default_factory=dict)
-    correlations: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    model_errors: NamedNumbers = field(default_factory=dict)
+    correlations: Mapping[str, NamedNumbers] = field(default_factory=dict)
 
-    def origins(self, marks: Mapping[str, Written | None]) -> dict[str, dict[str, object]]:
+    def origins(self, marks: Mapping[str, Written | None]) -> dict[str, Plain]:
         """Return the tables of provenance, with the units of `marks`."""
         out = {}
         for name, interval in self.intervals.items():
@@ -200,7 +200,7 @@ def apply_identified(
     DescriptionError
         A value is not valid for the drive.
     """
-    changes: dict[str, object] = dict(tables or {})
+    changes: Plain = dict(tables or {})
     if beside is not None:
         forces = {f"friction.{name}": force for name, force in beside.sliding.items()}
         values, ends = dict(found.values), dict(found.intervals)
@@ -280,7 +280,7 @@ def _assumed(found: Identified, drive: Drive) -> dict[str, str | float]:
     return {f"friction.{k}": marks[k].show(v) for k, v in assumed_with(drive.friction, changed).items()}
 
 
-def _within_limits(found: Identified, drive: Drive, changed: Keyed) -> dict[str, object]:
+def _within_limits(found: Identified, drive: Drive, changed: Keyed) -> Plain:
     """Set an unidentified force to the identified force if both contradict each other.
 
     The breakaway force must not be below the Coulomb force.
@@ -392,7 +392,7 @@ class Dependences:
     notes: tuple[str, ...] = ()
     sliding: NamedNumbers = field(default_factory=dict)
     intervals: dict[str, list[float]] = field(default_factory=dict)
-    friction: dict[str, dict[str, Any]] = field(default_factory=dict)
+    friction: dict[str, Plain] = field(default_factory=dict)
 
     @classmethod
     def of_table(cls, content: Plain) -> Dependences:

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import numpy as np
 from scipy.optimize import OptimizeResult, least_squares
 
-from pneudrive.arrays import Array, Columns, Interval, NamedNumbers, Plain, by_name
+from pneudrive.arrays import Array, Columns, NamedIntervals, NamedNumbers, Plain, by_name
 from pneudrive.constants import STANDARD_ATMOSPHERE_PA
 from pneudrive.describe.base import Described
 from pneudrive.describe.files import provenance, toml
@@ -184,7 +184,7 @@ def identify_volume(
     tried = [(_minima(one, records, names, watcher), one) for one in _linear_regions(tank, records)]
     minima, tank = min(tried, key=lambda found: found[0][0].cost)
     problem, _ = _problem(tank, records, names, watch)
-    options = SearchOptions(None, RTOL, threads=1)
+    options = SearchOptions(None, RTOL)
     solved = solve(problem, minima[0].point, options, watcher)
     others: list[Solved] = []  # further minima that the recordings cannot distinguish from the best one
     for minimum in minima[1:] if solved.converged else ():
@@ -347,7 +347,7 @@ def _result(
 ) -> VolumeFit:
     problem = solved.problem
     values = problem.named(solved.at.point.eta)
-    intervals: dict[str, Interval] = {}
+    intervals: NamedIntervals = {}
     for name in problem.names if solved.converged else ():  # over all minima, relative to the cost of the best one
         ends = [profile(minimum, name, least=solved.at.cost) for minimum in (solved, *others)]
         intervals[name] = min(low for low, _ in ends), max(high for _, high in ends)
@@ -638,9 +638,7 @@ def _simulate(point: Array, record: VolumeRecording, dead_s: float) -> Array:
     return out
 
 
-def _intervals(
-    records: Sequence[VolumeRecording], best: OptimizeResult, own: Columns
-) -> tuple[dict[str, Interval], float]:
+def _intervals(records: Sequence[VolumeRecording], best: OptimizeResult, own: Columns) -> tuple[NamedIntervals, float]:
     """Return intervals, by blocks of time or by runs, whichever is wider; and the correlation of gain and offset."""
     inverse = np.linalg.pinv(best.jac.T @ best.jac)
     times = np.concatenate([i * 1e6 + r.time_s for i, r in enumerate(records)])

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any, Literal, overload
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -20,8 +20,6 @@ from pneudrive.identify.dynamic import search
 from pneudrive.identify.dynamic import sensors as sensing
 from pneudrive.identify.dynamic.problem import FitProblem, FittedRecording, Iterate, segment_starts, start_states
 from pneudrive.identify.dynamic.result import LARGEST_REACH, DriveFit, assembled, unresolved_damping
-from pneudrive.identify.follow.driven import check_follow
-from pneudrive.identify.follow.fit import FollowFit, identify_motion
 from pneudrive.identify.identified import FittedData, apply_identified
 from pneudrive.progress import UNWATCHED, Flag, Progress, Watch
 from pneudrive.signals.drive_recording import check_plausible, read_drive_recordings, refuse_standstill, time_gaps
@@ -32,7 +30,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
     from pathlib import Path
 
-    from pneudrive.arrays import Array, Interval, Keyed, NamedNumbers, Pair
+    from pneudrive.arrays import Array, Interval, Keyed, NamedIntervals, NamedNumbers, Pair
     from pneudrive.describe import Drive
     from pneudrive.identify.dynamic.sensors import SensorParameter
     from pneudrive.signals.drive_recording import DriveRecording, VolumeRecording
@@ -90,46 +88,21 @@ SHORTER_SEGMENTS = (0.5, 0.25)
 LAST_RTOL = 1e-2
 #: Smallest accepted improvement of the mean log residual by a repeated search.
 GAIN = 0.02
-#: Length of the segments, s.
-SEGMENT_S = 0.4
+#: Length of the segments, s, and threads that run them.
+SEGMENT_S, THREADS = 0.4, 2
 
 
-@overload
 def identify(
     drive: Drive | Circuit,
     recordings: Any,  # noqa: ANN401 - one or several recordings of several types
     free: Sequence[str],
     *,
-    follow: None = None,
     sensors: Mapping[str, sensing.Sensor | Keyed] | None = None,
     channels: Sequence[str] | None = None,
     layout: str | Path | None = None,
     progress: Progress | None = None,
     cancel: Flag | None = None,
-) -> DriveFit: ...
-@overload
-def identify(
-    drive: Circuit | str | Path,
-    recordings: Any,  # noqa: ANN401
-    free: Sequence[str] = ("volumes", "heat"),
-    *,
-    follow: Literal["motion"],
-    layout: str | Path | None = None,
-    progress: Progress | None = None,
-    cancel: Flag | None = None,
-) -> FollowFit: ...
-def identify(
-    drive: Any,
-    recordings: Any,
-    free: Sequence[str] = ("volumes", "heat"),
-    *,
-    follow: str | None = None,
-    sensors: Mapping[str, sensing.Sensor | Keyed] | None = None,
-    channels: Sequence[str] | None = None,
-    layout: str | Path | None = None,
-    progress: Progress | None = None,
-    cancel: Flag | None = None,
-) -> DriveFit | FollowFit:
+) -> DriveFit:
     """Identify parameters of a drive or a circuit from recordings of its motion by output error.
 
     The drive is simulated under the recorded command. Free parameters of the drive and the sensors, and the start of
@@ -149,9 +122,6 @@ def identify(
     free : sequence of str
         Names in the drive file: ``friction.coulomb``, ``valve.conductance``, ``cylinder.dead_volume.a``, ... Those of a
         circuit begin with the component: ``valve.frequency``, ``valve.delay``, ``cylinder.friction.coulomb``, ...
-    follow : {"motion"}, optional
-        The piston of a circuit follows the recorded position, see `pneudrive.identify_motion`. All other arguments
-        except `layout`, `progress` and `cancel` are ignored.
     sensors : mapping, optional
         Channel -> `Sensor` or its keywords: known noise, offset, gain, lag and resolution.
         ``{"command": {"delay": "free"}}`` (or a time) delays the recorded command.
@@ -181,14 +151,11 @@ def identify(
     >>> round(fit.values["friction.coulomb"], 2)
     30.0
     """
-    if follow is not None:
-        check_follow(follow)
-        return identify_motion(drive, recordings, free, layout=layout, progress=progress, cancel=cancel)
     axis = drive.axis_names if isinstance(drive, Circuit) else None
     columns = {} if axis is None else {full: short for short, full in axis[1]}
     records = read_drive_recordings(recordings, layout, ("time_s", "command"), gaps=True, names=columns)
     present = [sensing.channels_in(record, channels) for record in records]
-    options = search.SearchOptions(SEGMENT_S, RTOL, threads=2, axis=axis)
+    options = search.SearchOptions(SEGMENT_S, RTOL, axis=axis)
     numbers = numbers_of(drive)
     piston = PISTON if axis is None else axis[0]
     stroke_m = numbers[f"{piston}.stroke"].value
@@ -214,7 +181,7 @@ def identify(
             own = [described[name] for name in channels]
             starts = segment_starts(record.time_s, options.first_segment_s(record))
             noise = np.array([noise_of(c, record, options.rtol) for c in own])
-            how = options.rtol, options.threads, options.delay_s or 0.0, watcher.watch
+            how = options.rtol, THREADS, options.delay_s or 0.0, watcher.watch
             experiments.append(FittedRecording(record, own, starts, family, noise, *how))
             states.append(start_states(experiments[-1], drive, start))
         recorded = [(one.recording.name, one.channels) for one in experiments]
@@ -488,7 +455,7 @@ def identify_presliding(
     )
 
 
-def _lost(step: float, level: float, values: NamedNumbers, ends: dict[str, Interval]) -> tuple[Undetermined, ...]:
+def _lost(step: float, level: float, values: NamedNumbers, ends: NamedIntervals) -> tuple[Undetermined, ...]:
     unresolved = unresolved_damping(step, level, values[STIFFNESS])
     remedies = {STIFFNESS: "reverse more slowly and more often, with a finer encoder"}
     remedies |= {} if unresolved else {DAMPING: "reverse at several speeds, some of them ten times faster"}

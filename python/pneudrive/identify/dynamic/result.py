@@ -24,7 +24,7 @@ from typing import Any
 import numpy as np
 
 from pneudrive import __version__, _core
-from pneudrive.arrays import Array, Columns, Interval, NamedNumbers, Pair, Plain, by_name
+from pneudrive.arrays import Array, Columns, NamedIntervals, NamedNumbers, Pair, Plain, by_name
 from pneudrive.describe import Circuit, Drive
 from pneudrive.errors import FitError, PneudriveError, warn
 from pneudrive.estimate.estimates import intervals as intervals_at
@@ -357,7 +357,7 @@ TOGETHER = 0.95
 RESOLVED_SHARE = 0.1
 
 
-def _lost(fit: DriveFit, ends: dict[str, Interval], sizes: Array, weak: Array) -> list[Undetermined]:
+def _lost(fit: DriveFit, ends: NamedIntervals, sizes: Array, weak: Array) -> list[Undetermined]:
     """Return statements on values that the recordings do not determine.
 
     A relative width of the interval has no meaning for an offset and similar values of sensors. Such a value is only

@@ -514,7 +514,6 @@ class SearchOptions:
 
     segment_s: float | None
     rtol: float
-    threads: int
     notes: list[str] = field(default_factory=list)
     lost: list[Undetermined] = field(default_factory=list)
     interrupted: bool = False

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pneudrive import __version__
-from pneudrive.arrays import Interval, NamedNumbers, Pair, Plain, by_name
+from pneudrive.arrays import Interval, NamedIntervals, NamedNumbers, Pair, Plain, by_name
 from pneudrive.constants import STANDARD_ATMOSPHERE_PA
 from pneudrive.describe.circuit import Circuit
 from pneudrive.errors import FitError, RecordingError
@@ -70,9 +70,8 @@ def check_readings(
             if np.ptp(pressure) == 0.0:
                 said = stated("readings", "constant", side=side)
                 raise RecordingError(where=record.name, remedy=small or None, **said)
-        for side, value in zip(SIDES, record.pressures_pa.min(axis=1), strict=True):
-            if value < LEAST_LEVEL * STANDARD_ATMOSPHERE_PA:
-                raise RecordingError(where=record.name, **stated("readings", "low", side=side, value=value))
+            if (lowest := pressure.min()) < LEAST_LEVEL * STANDARD_ATMOSPHERE_PA:
+                raise RecordingError(where=record.name, **stated("readings", "low", side=side, value=lowest))
         # The pressure of a chamber must not rise while its gas expands.
         ranges = record.ranges_pa / record.pressures_pa.mean(axis=1)
         together = [np.corrcoef(p, record.positions_m)[0, 1] for p in record.pressures_pa]
@@ -154,7 +153,7 @@ class Rival:
     gain: float
     predictions: tuple[float, ...]
     values: NamedNumbers
-    intervals: dict[str, Interval] = field(default_factory=dict)
+    intervals: NamedIntervals = field(default_factory=dict)
 
     @property
     def earns(self) -> bool:

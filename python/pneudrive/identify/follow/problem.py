@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pneudrive.arrays import Array, ArrayPair, Interval, NamedNumbers, by_name
+from pneudrive.arrays import Array, ArrayPair, Interval, NamedIntervals, NamedNumbers, by_name
 from pneudrive.errors import FitError
 from pneudrive.estimate.estimates import student
 from pneudrive.identify.follow.driven import SIDES, DrivenCircuit, DrivenRecording, Number
@@ -192,7 +192,7 @@ class FollowSolution:
         return by_name((number.name for number in self.problem.numbers), np.exp(self.point.shared))
 
     @property
-    def intervals(self) -> dict[str, Interval]:
+    def intervals(self) -> NamedIntervals:
         """95 % intervals of the shared parameters, for the model of this solution."""
         shared = self.point.shared
         half = np.array([self.deviation(place) for place in range(shared.size)])

@@ -18,10 +18,8 @@ from pneudrive.numbers import plain
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-    from pneudrive.arrays import Array, Interval
+    from pneudrive.arrays import Array, Interval, NamedIntervals
     from pneudrive.identify.static.model import FrictionModel, Observations
-
-    Ends = dict[str, Interval]
 
 #: Difference below which gauge pressures count as one level, Pa: about 0.5 % of a 10 bar transducer.
 SAME_PRESSURE_PA = 5e3
@@ -141,7 +139,7 @@ def _collinear(a: Array, b: Array) -> bool:
     return bool(np.std(b - slope * a - intercept) < 0.5 * SAME_PRESSURE_PA)
 
 
-def diagnose(found: RobustEstimate, intervals: Ends) -> list[Undetermined]:
+def diagnose(found: RobustEstimate, intervals: NamedIntervals) -> list[Undetermined]:
     """Return statements on free parameters that the data do not limit."""
     names = found.model.names
     said = _stribeck(found, intervals) if found.model.stribeck else []
@@ -154,7 +152,7 @@ def diagnose(found: RobustEstimate, intervals: Ends) -> list[Undetermined]:
     return [first[n] for n in names if n in first]
 
 
-def without_support(found: RobustEstimate, intervals: Ends) -> tuple[FrictionModel, list[Undetermined]]:
+def without_support(found: RobustEstimate, intervals: NamedIntervals) -> tuple[FrictionModel, list[Undetermined]]:
     """Return the law without a part that the data do not support, or the law itself if all parts are supported."""
     model, data = found.model, found.data
     span, fastest = _span(data), float(data.speed_m_s.max())
@@ -177,7 +175,7 @@ def without_support(found: RobustEstimate, intervals: Ends) -> tuple[FrictionMod
     return model, []
 
 
-def _stribeck(found: RobustEstimate, intervals: Ends) -> list[Undetermined]:
+def _stribeck(found: RobustEstimate, intervals: NamedIntervals) -> list[Undetermined]:
     """Return statements on parts of the Stribeck curve outside the measured levels."""
     theta, data = found.natural, found.data
     vs, span = theta["stribeck_velocity"], _span(data)
@@ -210,7 +208,9 @@ SHAPES = ((0.5, False), (1.0, False), (2.0, False), (2.0, True))
 NEIGHBOURS = np.geomspace(1.0, 40.0, 61)[1:]
 
 
-def shrunk_to_the_data(model: FrictionModel, stated: Observations) -> tuple[RobustEstimate, Ends, list[Undetermined]]:
+def shrunk_to_the_data(
+    model: FrictionModel, stated: Observations
+) -> tuple[RobustEstimate, NamedIntervals, list[Undetermined]]:
     """Fit a law without unsupported parts, which would only widen the intervals of the other parameters.
 
     Returns
@@ -260,7 +260,7 @@ def _joined(first: Interval, second: Interval) -> Interval:
     return min(first[0], second[0]), max(first[1], second[1])
 
 
-def interval_over_knees(found: RobustEstimate, quantile: float) -> Ends:
+def interval_over_knees(found: RobustEstimate, quantile: float) -> NamedIntervals:
     """Return profile intervals over all knees that the data allow. At a single knee, they would be far too narrow."""
     out, model = profile_intervals(found, quantile), found.model
     if model.knee_pa is None:
@@ -278,7 +278,7 @@ def interval_over_knees(found: RobustEstimate, quantile: float) -> Ends:
     return out
 
 
-def interval_over_shapes(found: RobustEstimate, intervals: Ends) -> Ends:
+def interval_over_shapes(found: RobustEstimate, intervals: NamedIntervals) -> NamedIntervals:
     """Return the intervals of the forces over all Stribeck shapes that fit as well as the chosen shape.
 
     The breakaway force depends on the unknown shape at low speed. At a single exponent, the intervals of the forces

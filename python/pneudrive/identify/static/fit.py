@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, TypeAlias
 import numpy as np
 
 from pneudrive import __version__
-from pneudrive.arrays import Array, Interval, NamedNumbers, by_name
+from pneudrive.arrays import Array, Interval, NamedIntervals, NamedNumbers, by_name
 from pneudrive.errors import FitError, nearest
 from pneudrive.estimate.autocorrelation import distinct_levels, weak_coordinates
 from pneudrive.estimate.estimates import changed, intervals, profile_interval, student
@@ -168,7 +168,7 @@ def _remarks(found: RobustEstimate, *, averages: bool) -> Iterator[str]:
 def assembled(
     law: str,
     found: RobustEstimate,
-    intervals: selection.Ends,
+    intervals: NamedIntervals,
     lost: list[Undetermined],
     notes: list[str],
     provenance: dict,

@@ -12,7 +12,7 @@ with forces that depend on the chambers' pressures. The columns b are the core's
 from __future__ import annotations
 
 import hashlib
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import asdict, dataclass, field, fields, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -200,12 +200,12 @@ class FrictionModel(StaticLaw):
         """Number of values chosen from candidates in addition to the free parameters: 1 for a knee."""
         return int(self.knee_pa is not None)
 
-    def table(self) -> dict[str, object]:
+    def table(self) -> Plain:
         """Return the model as a table for a file."""
-        exponent = "free" if self.exponent is None else self.exponent
-        chambers, knee = list(self.chambers), {} if self.knee_pa is None else {"knee_pa": self.knee_pa}
-        out: dict[str, object] = {"law": self.law, "stribeck_exponent": exponent, "chambers": chambers}
-        return out | {"viscous": self.viscous, "lorentzian": self.lorentzian, "pressure": self.pressure} | knee
+        table: Plain = asdict(self) | {"chambers": list(self.chambers)}
+        exponent, law = table.pop("exponent"), table.pop("law")
+        table = {key: value for key, value in table.items() if value is not None}
+        return {"law": law, "stribeck_exponent": "free" if exponent is None else exponent} | table
 
     @classmethod
     def of_table(cls, table: Keyed) -> FrictionModel:

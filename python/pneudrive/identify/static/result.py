@@ -241,7 +241,7 @@ class FrictionFit(SlidingFit, kind="friction map"):
             raise FitError(**stated("application", "curved", form=self.model.pressure))
         if seals is not None and not self.model.chambers and any((*seals.coulomb_n_pa, *seals.breakaway_n_pa)):
             raise FitError(**stated("application", "pressure"))
-        changes: dict[str, object] = {"friction.law": self.law} if other_law else {}
+        changes: Plain = {"friction.law": self.law} if other_law else {}
         if takes_curve and self.model.lorentzian:
             changes["friction.stribeck_shape"] = "lorentzian"
         found = self.identified(curve=takes_curve and not self.model.lorentzian)

@@ -22,7 +22,7 @@ from typing import Any
 
 import numpy as np
 
-from pneudrive.arrays import Array, ArrayPair, Bools, Interval, NamedNumbers, by_name
+from pneudrive.arrays import Array, ArrayPair, Bools, Interval, NamedIntervals, NamedNumbers, by_name
 from pneudrive.estimate.autocorrelation import HUBER, LINEAR, Loss, corrected_criterion, covariance_of, shift_of
 from pneudrive.estimate.estimates import rms, robust_deviation
 from pneudrive.identify.static.model import EXPONENT_BOUNDS, Observations, StaticLaw
@@ -324,7 +324,7 @@ MOST_AT_ONCE = 500_000
 SINGULAR_SHARE = 1e-7
 
 
-def profile_intervals(found: RobustEstimate, quantile: float, least: float | None = None) -> dict[str, Interval]:
+def profile_intervals(found: RobustEstimate, quantile: float, least: float | None = None) -> NamedIntervals:
     """Return the intervals of all free parameters in natural units.
 
     Parameters
@@ -454,7 +454,7 @@ def _least_squares(columns: Array, y: Array) -> tuple[Array, Array, Array]:
     return np.einsum("gn,gn->g", rest, rest), value, np.where(lost, np.inf, spread)
 
 
-def _close(found: RobustEstimate, low: NamedNumbers, high: NamedNumbers) -> dict[str, Interval]:
+def _close(found: RobustEstimate, low: NamedNumbers, high: NamedNumbers) -> NamedIntervals:
     """Set open ends to infinity, or to zero for the lower end of a non-negative parameter.
 
     The breakaway force may reach beyond the bounds of the search, or the Stribeck velocity may reach its lower bound.

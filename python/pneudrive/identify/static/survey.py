@@ -23,7 +23,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pneudrive.arrays import Array, ArrayPair, Columns, Interval, Ints, Keyed, by_name
+from pneudrive.arrays import Array, ArrayPair, Columns, Interval, Ints, Keyed, Plain, by_name
 from pneudrive.errors import FitError, nearest
 from pneudrive.estimate.autocorrelation import integrated_wiener
 from pneudrive.identify.identified import sentence
@@ -116,7 +116,7 @@ class Survey(Shown):
     misses: float
     straight: float
     span_pa: float
-    weights: dict[str, Array]
+    weights: Columns
 
     def predict(
         self,
@@ -309,7 +309,7 @@ def _least_squares(one: Surveyed, kernel: Array, roughness: float) -> tuple[Arra
     weight = np.linalg.inv(scatter + between + roughness**2 * kernel)
     inverse = np.linalg.pinv(one.columns.T @ weight @ one.columns, rcond=1e-12, hermitian=True)
     change = (inverse @ (one.columns.T @ (weight @ one.rest)[..., None]))[..., 0]
-    return np.asarray(weight, float), np.asarray(inverse, float), np.asarray(change, float)
+    return weight.astype(float), inverse.astype(float), change
 
 
 def _restricted(one: Surveyed, span: float) -> Array:
@@ -381,13 +381,13 @@ def pressure_levels(data: Observations) -> Ints:
 
 def grouped(
     friction_map: xr.Dataset, seals: str | Sequence[str], runs: str | Sequence[str] | None, options: Keyed
-) -> tuple[dict[str, Observations], dict[str, list[str]], dict[str, dict[str, object]]]:
+) -> tuple[dict[str, Observations], dict[str, list[str]], dict[str, Plain]]:
     """Return values, runs and provenance of each seal. `options` are arguments of `selected`."""
     seal_of = row_labels(friction_map, seals)
     run_of = row_labels(friction_map, "" if runs is None else runs)
     groups: dict[str, Observations] = {}
     of_run: dict[str, list[str]] = {}
-    origins: dict[str, dict[str, object]] = {}
+    origins: dict[str, Plain] = {}
     for seal in dict.fromkeys(seal_of.tolist()):
         rows = np.flatnonzero(seal_of == seal)
         part = friction_map.isel(row=rows)
