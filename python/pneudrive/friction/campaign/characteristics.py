@@ -44,7 +44,6 @@ if TYPE_CHECKING:
 
 STEPS = 3  # cycles, models, stops
 SHOWN_CONDITIONS, SHOWN_SPEEDS = 2, 3  # of loops
-CANDIDATES = 3  # cycles of each shown condition and speed, as one may have no loop
 
 
 def campaign_friction(
@@ -198,17 +197,16 @@ def _characterise(reading: CampaignData, choice: SampleChoice) -> CampaignCharac
 
 
 def _loops(reading: CampaignData, points: CurvePoints, choice: SampleChoice) -> Iterator[Loop]:
-    """Return friction loops without offset: of the slowest, a middle and the fastest cycle at the first conditions."""
+    """Return friction loops without offset: of a slow, a middle and a fast cycle at the first conditions."""
     for index in range(SHOWN_CONDITIONS if reading.files else 0):
         rows = np.flatnonzero((points["curve"] == index) & (points["set_speed_m_s"] > 0))
         levels = np.unique(points["level"][rows])
         if not levels.size:
             continue
         for level in levels[evenly(levels.size, SHOWN_SPEEDS)]:
-            for i in rows[points["level"][rows] == level][:CANDIDATES].tolist():
-                if (loop := loop_of(reading, str(points["key"][i]), choice)) is not None:
-                    yield replace(loop, friction_n=loop.friction_n - float(points["offset_n"][i]))
-                    break
+            first = rows[points["level"][rows] == level][0]
+            if (loop := loop_of(reading, str(points["key"][first]), choice)) is not None:
+                yield replace(loop, friction_n=loop.friction_n - float(points["offset_n"][first]))
 
 
 #: Columns of `SUMMARY` with forces, and their values and reason for a cycle without both directions.

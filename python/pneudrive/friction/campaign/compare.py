@@ -341,8 +341,7 @@ class Comparison(Viewed):
         if not self.tests:
             return "Nothing can be compared."
         if not self.different:
-            count = f"{len(self.tests)} test{'s' if len(self.tests) > 1 else ''}"
-            return f"No difference is shown in {count}: the campaigns may be equal, or too short."
+            return f"No difference is shown in {len(self.tests)} test(s): the campaigns may be equal, or too short."
         what = ", ".join(dict.fromkeys(test.what for test in self.tests if test.different))
         text = f"The campaigns differ by more than their cycles scatter: {what}."
         if self.curves is not None and not self.curves.several_blocks:

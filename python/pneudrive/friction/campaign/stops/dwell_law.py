@@ -22,11 +22,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pneudrive.arrays import Array, Row, by_name
-from pneudrive.estimate.autocorrelation import levels
 from pneudrive.estimate.estimates import Estimate, mean_estimate, student
 from pneudrive.estimate.mixed import Scan, refined
 from pneudrive.friction.campaign.stops import dwell_models
 from pneudrive.friction.campaign.stops.course import BACK
+from pneudrive.friction.campaign.stops.dwell_models import durations_of
 from pneudrive.friction.campaign.stops.stop import SPOILING
 from pneudrive.friction.friction_map import CHAMBERS, LEVELS, PA_PER_BAR, TOLD, classify_pressures, conditions_of
 from pneudrive.friction.sentences import Statement, say
@@ -43,11 +43,6 @@ if TYPE_CHECKING:
 def inertia_of(stops: pl.DataFrame) -> float:
     """Return the median of the largest contributions of the moving mass to the peaks, N."""
     return float(np.median(stops["inertia_n"]))
-
-
-def durations_of(stops: pl.DataFrame) -> int:
-    """Count the different durations of stops."""
-    return np.unique(levels(np.log10(np.maximum(stops["dwell_s"].to_numpy(), 1e-6)), dwell_models.SAME_DURATION)).size
 
 
 @dataclass(frozen=True)
@@ -321,7 +316,7 @@ def dwell_statements(series: DwellSeries, stops: pl.DataFrame) -> Iterator[State
 
 def _one_duration(where: str, stops: pl.DataFrame) -> Iterator[Statement]:
     """Return statements on the increment if all stops have one duration, so that no law can be fitted."""
-    durations = durations_of(stops)
+    durations = durations_of(stops["dwell_s"].to_numpy())
     if len(stops) > 1 and durations == 1:
         inertia = inertia_of(stops)
         found = mean_estimate(stops["increment_n"].to_numpy()).widened(inertia)
@@ -408,7 +403,7 @@ def fit_dwell(stops: pl.DataFrame, ambient_pressure_pa: float) -> tuple[tuple[Dw
 def _series(stops: pl.DataFrame, ambient: float) -> DwellSeries:
     used = stops.filter("usable")
     conditions = conditions_of(used)
-    enough = [c for c in sorted(set(conditions)) if durations_of(used.filter(**vars(c))) >= 2]
+    enough = [c for c in sorted(set(conditions)) if durations_of(used.filter(**vars(c))["dwell_s"].to_numpy()) >= 2]
     used = used.filter([c in enough for c in conditions])
     series = DwellSeries(
         levels=conditions_of(stops)[0].title,

@@ -242,10 +242,14 @@ LEAST_FREEDOM = 2
 SPARE_FOR_PLACES, SPARE_FOR_DRIFT = 4, 6
 
 
+def durations_of(dwell_s: Array) -> int:
+    """Count the different durations of stops."""
+    return np.unique(levels(np.log10(np.maximum(dwell_s, 1e-6)), SAME_DURATION)).size
+
+
 def most_durations(data: dict[str, NDArray]) -> int:
     """Return the largest number of different durations at a condition."""
-    level, condition = levels(data["log_s"], SAME_DURATION), data["condition"]
-    return max(np.unique(level[condition == c]).size for c in np.unique(condition))
+    return max(durations_of(data["dwell_s"][data["condition"] == c]) for c in np.unique(data["condition"]))
 
 
 @dataclass(frozen=True, eq=False)
