@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import json
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from pneudrive.errors import DescriptionError
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
-
+    from pneudrive.arrays import Keyed, Pair
     from pneudrive.describe.circuit import Circuit
 
 #: Longest lag of a command that a controller predicts, s (assumed: slow valves need 0.1 s).
@@ -24,7 +23,7 @@ _UNKNOWN = {
 }
 
 
-def check_axis(belief: Circuit, plant: Mapping[str, Any]) -> None:
+def check_axis(belief: Circuit, plant: Keyed) -> None:
     """Reject a circuit that the controllers cannot model.
 
     Parameters
@@ -104,7 +103,7 @@ def _component(port: str) -> str:
     return port.rpartition(".")[0]
 
 
-def supply_of(core_json: str) -> tuple[float, float]:
+def supply_of(core_json: str) -> Pair:
     """Return absolute pressure, Pa, and temperature, K, of the supply of a circuit in the core's form."""
     form = json.loads(core_json)
     numbers = next(one["numbers"] for one in form["components"] if one["kind"].startswith("reservoir"))

@@ -38,7 +38,7 @@ from pneudrive.simulation.trajectory import read_columns, save_columns, write_fr
 from pneudrive.views import ShownValue, View, Viewed
 
 if TYPE_CHECKING:
-    from pneudrive.arrays import Columns, Interval, Keyed, Plain
+    from pneudrive.arrays import Columns, Keyed, NamedIntervals, NamedNumbers, Plain
     from pneudrive.control.motion import Reference
     from pneudrive.simulation.start import DriveOrCircuit
 
@@ -80,7 +80,7 @@ class ControlledRun(NamedTuple):
     score: Score | None
     reason: str
     file: Path
-    truth: Mapping[str, float]
+    truth: NamedNumbers
 
     def columns(self, *names: str) -> Columns:
         """Read columns of the run's file."""
@@ -129,7 +129,7 @@ class ControlComparison(Viewed):
         return (self.folder / TABLE).is_file()
 
     @property
-    def truth(self) -> dict[str, Interval]:
+    def truth(self) -> NamedIntervals:
         """Least and largest value of each deviation of the true drive."""
         each: dict[str, list[float]] = {}
         for run in self.runs:
@@ -489,7 +489,7 @@ def standard(drive: DriveOrCircuit) -> dict[str, Reference]:
 
 def benchmark(
     drive: DriveOrCircuit,
-    laws: str | object | Sequence[str | Path | Tuning | object] = "all",
+    laws: object = "all",
     references: References = "standard",
     *,
     out: str | Path,
@@ -627,9 +627,7 @@ def _on_threads(
             pool.shutdown(wait=False, cancel_futures=True)
 
 
-def _tunings(
-    drive: DriveOrCircuit, asked: str | object | Sequence[str | Path | Tuning | object], options: Plain
-) -> dict[str, Tuning]:
+def _tunings(drive: DriveOrCircuit, asked: object, options: Plain) -> dict[str, Tuning]:
     each = laws() if asked == "all" else list(asked) if isinstance(asked, list | tuple) else [asked]
     out: dict[str, Tuning] = {}
     for one in each:

@@ -275,7 +275,7 @@ def _trial(
             told = run_prepared(prepared, seed=1).provenance
         except PneudriveError as error:
             return float("inf"), f"cannot run: {error.what}"
-    reach, error_m = prepared.reference.reach(), float(told["score"]["max_error_m"])
+    reach, error_m = prepared.reference.reach(), told["score"]["max_error_m"]
     if told["score"]["lost"]:
         return error_m, "is lost"
     if any(event["kind"] == CYCLE for event in told["events"]):
@@ -367,7 +367,7 @@ class Prepared(NamedTuple):
 
 def run(
     drive: DriveOrCircuit,
-    law: str | object | None = None,
+    law: object = None,
     *,
     reference: ReferenceOrFile,
     setup: SetupOrFile = "real",
@@ -447,14 +447,13 @@ def run(
     (501, 'N', False)
     """
     told: Plain = {"setup": setup, "duration": duration, "controller": controller, "believes": believes}
-    told |= {"mismatch": mismatch, "allow_code": allow_code}
-    prepared = prepare(drive, law, reference, **told, initial=initial)
+    prepared = prepare(drive, law, reference, **told, mismatch=mismatch, initial=initial, allow_code=allow_code)
     return run_prepared(prepared, seed, Watch(progress, cancel)).dataset()
 
 
 def prepare(
     drive: DriveOrCircuit,
-    law: str | object | None,
+    law: object,
     along: ReferenceOrFile,
     *,
     setup: SetupOrFile = "real",

@@ -13,6 +13,7 @@ import numpy as np
 from pydantic import Field
 
 from pneudrive import _core
+from pneudrive.arrays import Interval
 from pneudrive.control.setup import Disturbance, Setup, read_ready
 from pneudrive.describe.base import Described
 from pneudrive.describe.kinds import component_kinds
@@ -23,7 +24,7 @@ from pneudrive.errors import CommandError, DescriptionError, invalid
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from pneudrive.arrays import Interval, Keyed, NamedNumbers, Plain
+    from pneudrive.arrays import Keyed, NamedNumbers, Plain
     from pneudrive.control.tuning import Plant
 
 READY = Path(__file__).with_name("mismatches")
@@ -63,8 +64,7 @@ class ValueOrRange(Quantity):
         return form | {"description": "a value, or a range LOW .. HIGH"}
 
 
-_Range = tuple[float, float]
-Factor = Annotated[_Range | None, ValueOrRange()]
+Factor = Annotated[Interval | None, ValueOrRange()]
 _ANY = Bounds()
 #: Key of a proportional valve -> bounds of its values, from the core's table.
 _OF_VALVE = {key: of.bounds for key, of in parameter_quantities(component_kinds()["valve/proportional-5/3"]).items()}
@@ -99,15 +99,15 @@ class Mismatch(Described):
     supply_conductance: Factor = Field(
         default=None, description="conductance from the supply to 0.2 l before the valve, relative to the valve's"
     )
-    spool_frequency_hz: Annotated[_Range | None, ValueOrRange("1/s", "Hz", _OF_VALVE["frequency"])] = None
-    delay_s: Annotated[_Range | None, ValueOrRange("s", "ms", _OF_VALVE["delay"])] = None
-    overlap: Annotated[_Range | None, ValueOrRange(bounds=_OF_VALVE["overlap"])] = None
-    leakage: Annotated[_Range | None, ValueOrRange(bounds=_OF_VALVE["leakage"])] = None
-    hysteresis: Annotated[_Range | None, ValueOrRange(bounds=_OF_VALVE["hysteresis"])] = None
-    pressure_zero_pa: Annotated[_Range | None, ValueOrRange("Pa", "kPa", _ANY)] = Field(
+    spool_frequency_hz: Annotated[Interval | None, ValueOrRange("1/s", "Hz", _OF_VALVE["frequency"])] = None
+    delay_s: Annotated[Interval | None, ValueOrRange("s", "ms", _OF_VALVE["delay"])] = None
+    overlap: Annotated[Interval | None, ValueOrRange(bounds=_OF_VALVE["overlap"])] = None
+    leakage: Annotated[Interval | None, ValueOrRange(bounds=_OF_VALVE["leakage"])] = None
+    hysteresis: Annotated[Interval | None, ValueOrRange(bounds=_OF_VALVE["hysteresis"])] = None
+    pressure_zero_pa: Annotated[Interval | None, ValueOrRange("Pa", "kPa", _ANY)] = Field(
         default=None, description="zero of each pressure sensor"
     )
-    pressure_gain: Annotated[_Range | None, ValueOrRange(bounds=_ANY)] = Field(
+    pressure_gain: Annotated[Interval | None, ValueOrRange(bounds=_ANY)] = Field(
         default=None, description="relative error of the gain of each pressure sensor"
     )
     friction_law: Annotated[str | None, Choice(tuple(str(own["name"]) for own in _core.friction_laws()))] = Field(
@@ -116,7 +116,7 @@ class Mismatch(Described):
     disturbances: tuple[Disturbance, ...] = ()
 
     @property
-    def ranges(self) -> dict[str, _Range]:
+    def ranges(self) -> dict[str, Interval]:
         """Ends of the range of each deviating value, by name."""
         return {name: getattr(self, name) for name in PLACES if getattr(self, name) is not None}
 

@@ -7,11 +7,13 @@ import math
 import reprlib
 import uuid
 from collections import namedtuple
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import Any
 
 from pneudrive import _core, own_code
+from pneudrive.arrays import Keyed
 from pneudrive.errors import CommandError, OwnLawError, nearest
 
 #: Name of all custom laws in the core.
@@ -52,14 +54,11 @@ class RunningLaw:
         except BaseException as error:
             self.stopped = error
             return math.nan
-        try:
-            command = math.nan if isinstance(given, str) else float(given)
-        except (TypeError, ValueError, OverflowError):
-            command = math.nan
-        if not math.isfinite(command):
-            self._fails(values[0], f"it returns {reprlib.repr(given)}", None, None)
-            return math.nan
-        return command
+        with suppress(TypeError, ValueError, OverflowError):
+            if not isinstance(given, str) and math.isfinite(command := float(given)):
+                return command
+        self._fails(values[0], f"it returns {reprlib.repr(given)}", None, None)
+        return math.nan
 
     def _fails(self, t: float, what: str, where: str | None, cause: BaseException | None) -> None:
         if self.failure is None:
@@ -84,7 +83,7 @@ class OwnLaw:
     digest: str
     given: Any = field(repr=False, compare=False)  # the law, or a class or a function that makes one for a run
 
-    def begin(self, model: object, motion: Mapping[str, Any], period_s: float) -> RunningLaw:
+    def begin(self, model: object, motion: Keyed, period_s: float) -> RunningLaw:
         """Start a run."""
         name = self.name
         law = own_code.guarded(name, CommandError, self.given) if callable(self.given) else self.given

@@ -465,7 +465,7 @@ def laws() -> list[str]:
 
 def tune(
     drive: DriveOrCircuit,
-    law: str | object | None = None,
+    law: object = None,
     *,
     setup: instrumentation.SetupOrFile = "real",
     controller: ControllerOrFile | None = None,

@@ -113,7 +113,7 @@ def demands(platform: Platform, path: PosePath, duration_s: float) -> Demands:
         loads[0],
         (loads[2] - loads[1]) / (2.0 * STEP_S),
         own.couplings * (1.0 - np.eye(len(platform.legs))),
-        np.asarray(np.linalg.pinv(own.couplings / own.masses_kg[..., None]), dtype=float),
+        np.linalg.pinv(own.couplings / own.masses_kg[..., None]).astype(float),
         platform.singular_values(path.at(times)[0])[:, -1],
     )
 
@@ -157,7 +157,7 @@ def check_path(platform: Platform, tunings: list[Tuning], needs: Demands) -> Nam
         remedy = "Make the path slower, or take a larger cylinder or a higher pressure."
         _within(name, "force", "N", force, (low, high), times, remedy)
         most["speed"] = max(most["speed"], float(speed_shares(v, (out, back)).max()))
-        most["force"] = max(most["force"], float((force / high).max()), float((force / low).max()))
+        most["force"] = max(most["force"], float(np.maximum(force / high, force / low).max()))
     return {"singular_value": float(needs.singular_values[row]), **most}
 
 
