@@ -451,31 +451,27 @@ class EnsembleDesign(Shown):
         return cls("sobol", dict(distributions), n, seed, dict(correlation or {}))
 
     @classmethod
-    def latin_hypercube(
-        cls, distributions: Distributions, n: int, *, seed: int = 0, correlation: Correlations | None = None
-    ) -> EnsembleDesign:
+    def latin_hypercube(cls, distributions: Distributions, n: int, **options: Any) -> EnsembleDesign:  # noqa: ANN401
         """Draw a Latin hypercube: for each number, each of n intervals of equal probability contains one member.
 
         Parameters
         ----------
-        distributions, n, seed, correlation
+        distributions, n, **options
             As for `sobol`, with n of at most 1e7. With correlations, only the first number keeps one member per
             interval.
         """
-        return cls("latin-hypercube", dict(distributions), n, seed, dict(correlation or {}))
+        return replace(cls.sobol(distributions, n, **options), method="latin-hypercube")
 
     @classmethod
-    def random(
-        cls, distributions: Distributions, n: int, *, seed: int = 0, correlation: Correlations | None = None
-    ) -> EnsembleDesign:
+    def random(cls, distributions: Distributions, n: int, **options: Any) -> EnsembleDesign:  # noqa: ANN401
         """Draw members independently.
 
         Parameters
         ----------
-        distributions, n, seed, correlation
+        distributions, n, **options
             As for `sobol`.
         """
-        return cls("random", dict(distributions), n, seed, dict(correlation or {}))
+        return replace(cls.sobol(distributions, n, **options), method="random")
 
     @classmethod
     def posterior(

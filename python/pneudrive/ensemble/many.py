@@ -18,7 +18,7 @@ import numpy as np
 
 from pneudrive import __version__
 from pneudrive.ensemble.design import EnsembleDesign, Rows, design_of
-from pneudrive.ensemble.outputs import SignalNames, member_plans, parted_starts, reductions
+from pneudrive.ensemble.outputs import STATE, SignalNames, member_plans, parted_starts, reductions
 from pneudrive.ensemble.variation import DONE, Variation, run_members
 from pneudrive.errors import CommandError, SimulationError, warn
 from pneudrive.files import seal
@@ -356,18 +356,17 @@ class ChunkStore:
 
     def __init__(self, folder: Path, study: EnsembleStudy, members: int | None) -> None:
         self.folder, self.study = folder, study
-        about = {"study": study.study_hash, "about": study.about()}
+        size = study.chunks(members)[0].stop
+        about: Plain = {"study": study.study_hash, "about": study.about(), "chunk_members": size}
         path = folder / STUDY
         begun = self._begun(path)
         if begun is None:
-            chunks = study.chunks(members)
-            about["chunk_members"] = chunks[0].stop
             make_result_folder(folder)
             write_whole(path, json.dumps(about, indent=1))
         elif begun.get("study") != about["study"]:
             differ = _different(begun.get("about", {}), about["about"])
             raise CommandError.of("ensemble.other_study", where=str(path), folder=folder, differ=differ)
-        self.chunks = study.chunks(members if begun is None else begun["chunk_members"])
+        self.chunks = study.chunks((begun or about)["chunk_members"])
         for unfinished in folder.glob(".pneudrive-*"):  # of a process that was killed while it wrote a chunk
             unfinished.unlink(missing_ok=True)
 
@@ -631,11 +630,8 @@ def study_of(
     session = start(drive, for_all)
     check_commands(session, ((name, steps) for name, each in plans.steps.items() for steps in each))
     columns = [variable.name for variable in session.variables if variable.kind == "output"]
-    signals = SignalNames(columns, plans.moves_up)
-    if drive.system.names is None:
-        states = [meaning(name)[0] for name in drive.system.compiled().start_names]
-        signals = SignalNames(columns, states=states)
-    kept = reductions(outputs, signals)
+    states = [meaning(name)[0] for name in drive.system.compiled().start_names] if variation.is_circuit else STATE
+    kept = reductions(outputs, SignalNames(columns, None if variation.is_circuit else plans.moves_up, states))
     taken = {*(number.name for number in variation.numbers), "member", "status", "reason"}
     taken |= {"time"} if any(one.word == "samples" for one in kept) else set()
     for name in taken.intersection(one.name for one in kept):

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from pneudrive.simulation.command import Steps
 
     EachSteps = list[Steps]
-    OwnReduction = Callable[[dict[str, Array], Array], Array | float]
+    OwnReduction = Callable[[Columns, Array], Array | float]
 
 
 # --- Commands and duration of each member, one for all members or one for each.

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from contextlib import contextmanager
 from functools import cached_property, lru_cache
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -18,7 +18,7 @@ from pneudrive.errors import CommandError, DescriptionError, PneudriveError, Sim
 from pneudrive.free import parameters as free
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Mapping, Sequence
+    from collections.abc import Callable, Iterator, Sequence
 
     from numpy.typing import NDArray
 
@@ -30,6 +30,8 @@ if TYPE_CHECKING:
     from pneudrive.free.parameters import DriveFamily, Parameter
 
 
+#: Name of a start value -> number of all members, or an array of one for each; SI.
+Starts: TypeAlias = dict[str, float | Array]
 #: Pairs of parameters of which the first must not exceed the second, by the ends of their names. Only the most critical
 #: row of a design is checked.
 COUPLED = (
@@ -61,12 +63,12 @@ class CoreMembers(NamedTuple):
         Varied numbers in the core's form, including those derived from others.
     values : ndarray, shape (n, paths)
     starts : dict
-        Name of a start value -> number, or an array of one for each member; SI.
+        See `Starts`.
     """
 
     paths: list[str]
     values: Array
-    starts: dict[str, float | Array]
+    starts: Starts
 
     def at(self, places: NDArray[np.intp]) -> CoreMembers:
         """Return some of the members."""
@@ -204,10 +206,10 @@ class Variation:
         own = [place for place, name in enumerate(self.names) if not name.startswith(free.INITIAL)]
         return CoreMembers(self.family.paths, self.family.many(rows[:, own]), self._starts(rows))
 
-    def _starts(self, rows: Array) -> dict[str, float | Array]:
+    def _starts(self, rows: Array) -> Starts:
         """Return the start values by column, or by member if other start values depend on varied numbers."""
         columns = self.columns(rows)
-        state: dict[str, float | Array] = dict(self.drive.core_initial(self.initial))
+        state: Starts = dict(self.drive.core_initial(self.initial))
         if self.is_circuit:
             starts = self._start_columns
             if starts is None:
@@ -227,7 +229,7 @@ class Variation:
                 state[next(column for column in state if column.startswith(f"{key}_"))] = columns[name]
         return state
 
-    def _each_start(self, rows: Array) -> dict[str, float | Array]:
+    def _each_start(self, rows: Array) -> Starts:
         """Return the start values of all members, read one by one."""
         each = [described.core_initial(initial) for described, initial in map(self.single, rows)]
         return {name: np.array([start[name] for start in each]) for name in each[0] if name != "contact_age_s"}
@@ -312,7 +314,7 @@ def _named(name: str) -> Iterator[None]:
         raise CommandError(f"vary: {name}: {error}", remedy="Give a quantity, or a number in SI.") from None
 
 
-def check_lengths(columns: Mapping[str, Array]) -> None:
+def check_lengths(columns: Columns) -> None:
     """Reject columns of unequal lengths, or without rows.
 
     Raises
