@@ -21,6 +21,8 @@ from pneudrive.sizing.task import NO_FLOW_CONTROL, DriveChoice, PartChoice, Sizi
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
+    from pneudrive.arrays import NamedNumbers, Pair
+
 
 #: Key of the ranking: see `SizedDrive.rank`.
 Rank = tuple[Any, ...]
@@ -71,7 +73,7 @@ class TubedCylinder:
     tube_flow: float
     open_checks: int = 0
     air: float | None = None
-    times: tuple[float, float] = (math.inf, math.inf)
+    times: Pair = (math.inf, math.inf)
     late: Shortage | None = None
 
     @property
@@ -91,7 +93,7 @@ class TubedCylinder:
 
     def probe(self, task: SizingTask) -> list[StrokeRuns]:
         """Return the runs of the pair, nominal and fast, out and back, with its widest and earliest-opening valve."""
-        numbers: dict[str, float] = dict(self.valves[0].numbers)
+        numbers: NamedNumbers = dict(self.valves[0].numbers)
         for valve in self.valves:
             paths = DriveChoice(self.cylinder, valve, self.tube, NO_FLOW_CONTROL).valve_paths
             for before, path in (("", paths["feed"]), ("exhaust_", paths["vent"])):
@@ -216,7 +218,7 @@ class SizingCandidate:
         """Return the best possible ranking key after `final` samples."""
         return rank_of(self.open_checks, *self.outlook(final), self.choice.sizes, self.choice.name)
 
-    def outlook(self, final: int) -> tuple[float, float]:
+    def outlook(self, final: int) -> Pair:
         """Return the least air, kg, and the largest margin that are possible after `final` samples."""
         if self.hardest is not None:
             return self.hardest.air * (1.0 - HARDEST_AIR), self.hardest.margin

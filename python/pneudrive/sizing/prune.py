@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from itertools import product
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -22,7 +22,8 @@ from pneudrive.sizing.task import NO_FLOW_CONTROL, SAME_STROKE, SLOTS, DriveChoi
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
 
-    from pneudrive.sizing.task import SizingTask, TaskSupply
+    from pneudrive.arrays import Keyed, Plain
+    from pneudrive.sizing.task import Parts, SizingTask, TaskSupply
 
 
 #: Largest factor by which the gas ahead of a piston is compressed over a whole stroke (assumed): 1.5 allows for drives
@@ -153,7 +154,7 @@ class SafeBounds:
 HALVINGS, FARTHEST = 12, 100.0
 
 
-def nearest_possible(task: SizingTask, found: Mapping[str, Sequence[PartChoice]], bounds: SafeBounds) -> list[str]:
+def nearest_possible(task: SizingTask, found: Parts, bounds: SafeBounds) -> list[str]:
     """Return as text, for each single quantity, the value at which a choice would pass the safe bounds.
 
     A smaller change cannot suffice. With spreads, a larger change may be needed.
@@ -161,10 +162,10 @@ def nearest_possible(task: SizingTask, found: Mapping[str, Sequence[PartChoice]]
     gauge = task.supply_pa - task.ambient.pressure_pa
     back = task.return_time_s
 
-    def later(f: float) -> dict[str, Any]:
+    def later(f: float) -> Plain:
         return {"time_s": task.outward_s * f, "speed_m_s": None, "return_time_s": None if back is None else back * f}
 
-    quantities: dict[str, tuple[str, float, float, Callable[[float], dict[str, Any]]]] = {
+    quantities: dict[str, tuple[str, float, float, Callable[[float], Plain]]] = {
         "time": ("s", task.outward_s, FARTHEST, later),
         "mass": ("kg", task.mass_kg, 1.0 / FARTHEST, lambda f: {"mass_kg": task.mass_kg * f}),
         "supply pressure": ("bar gauge", 1e-5 * gauge, FARTHEST, lambda f: {"supply": _supply(task, gauge * f)}),
@@ -195,9 +196,7 @@ def _nearest_factor(is_possible: Callable[[float], bool], farthest: float) -> fl
     return math.exp(far)
 
 
-def _is_possible(
-    task: SizingTask, change: Mapping[str, Any], found: Mapping[str, Sequence[PartChoice]], bounds: SafeBounds
-) -> bool:
+def _is_possible(task: SizingTask, change: Keyed, found: Parts, bounds: SafeBounds) -> bool:
     changed = task.model_copy(update=dict(change))
     own = SafeBounds(changed, (), bounds.tubes)
     rest = [[one for one in found[slot] if own.part(one) is None] for slot in ("valve", "tube", "flow_control")]
@@ -271,7 +270,7 @@ class Pruning:
         self.found = found = choices(task)
         self.bounds = bounds = SafeBounds(task, found["tube"])
         self.enumerated = int(np.prod([len(found[slot]) for slot in SLOTS]))
-        kept: dict[str, list[PartChoice]] = {}
+        kept: Parts = {}
         for slot in SLOTS:
             lacks = {one.name: bounds.cylinder(one) if slot == "cylinder" else bounds.part(one) for one in found[slot]}
             kept[slot] = grouped([one for one in found[slot] if lacks[one.name] is None])

@@ -162,8 +162,7 @@ class Search:
 
     def result(self, tell: Callable[[SizingResult], None] | None) -> SizingResult:
         """Run the search."""
-        interrupted = False
-        complete = False
+        interrupted = complete = False
         try:
             self._first_ranking(tell)
             complete = self._converge()
@@ -332,13 +331,6 @@ class Search:
         self._advance(chosen, is_leading=False)
         return bool(chosen)
 
-    def _look_at_hardest(self, one: SizingCandidate) -> None:
-        assert one.settings is not None
-        if one.spread is None:  # the folder stores only the drive
-            one.spread = simulated(one.strokes, one.settings.setting, self.points[: one.draws])
-        found = hardest(one.strokes, one.settings.setting, one.spread, self.points[: self.final])
-        one.take_hardest(found, self.final)
-
     def _advance(self, every: Sequence[SizingCandidate], is_leading: bool = True) -> None:
         """Bring each choice to its next stage.
 
@@ -356,7 +348,11 @@ class Search:
         for one in tuned:
             self.watch.look()
             if is_leading and one.draws and one.hardest is None and self.final >= WORTH * one.draws:
-                self._look_at_hardest(one)
+                assert one.settings is not None
+                setting = one.settings.setting
+                # The folder stores only the drive.
+                known = one.spread or simulated(one.strokes, setting, self.points[: one.draws])
+                one.take_hardest(hardest(one.strokes, setting, known, self.points[: self.final]), self.final)
             else:
                 following = next(count for count in self.draws if count > one.draws)
                 self._simulate(one, self.final if is_leading and one.draws else following)

@@ -8,6 +8,7 @@ numbers in the core, without trajectories. A test checks that both methods agree
 from __future__ import annotations
 
 import math
+from collections import defaultdict
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import cached_property
@@ -22,7 +23,7 @@ from pneudrive.constants import AIR_GAS_CONSTANT_J_KG_K, ANR_DENSITY_KG_M3, ANR_
 from pneudrive.describe.circuit import Circuit
 from pneudrive.describe.system import System
 from pneudrive.ensemble.outputs import MemberPlans, Reduction
-from pneudrive.ensemble.variation import DONE, CoreMembers, processors, run_members
+from pneudrive.ensemble.variation import DONE, CoreMembers, Starts, processors, run_members
 from pneudrive.sizing.task import PROPORTIONAL, DriveChoice, PartChoice, SizingTask, energy_limit, peak_limit
 
 if TYPE_CHECKING:
@@ -265,7 +266,7 @@ class DriveStrokes:
         for path, factor in factors:
             if path in numbers:
                 values[:, paths.index(path)] *= factor
-        starts: dict[str, float | Array] = {}
+        starts: Starts = {}
         for name, value in self.template(outward)[1].items():
             is_full = name.endswith("pressure_pa") and value == task.supply_pa
             own = begun if is_full else temperature if name.endswith("temperature_k") else value
@@ -353,19 +354,13 @@ def run_all(asked: Sequence[StrokeRuns], rtol: float = COARSE) -> list[StrokeRes
     rtol : float
         Relative tolerance.
     """
-    groups: dict[tuple[Any, ...], list[int]] = {}
-    for place, one in enumerate(asked):
-        groups.setdefault(one.strokes.template_key(one.outward), []).append(place)
-
-    def run(places: list[int]) -> list[StrokeResults]:
-        return _run_alike([asked[place] for place in places], rtol)
-
-    found: dict[int, StrokeResults] = {}
+    keys, groups = [one.strokes.template_key(one.outward) for one in asked], defaultdict[Any, list[StrokeRuns]](list)
+    for key, one in zip(keys, asked, strict=True):
+        groups[key].append(one)
     with ThreadPoolExecutor(processors()) as pool:  # one group is often too small for all processors
-        runs = pool.map(run, groups.values())
-        for places, results in zip(groups.values(), runs, strict=True):
-            found |= by_name(places, results)
-    return [found[place] for place in range(len(asked))]
+        runs = pool.map(lambda alike: _run_alike(alike, rtol), groups.values())
+        found = {key: iter(results) for key, results in zip(groups, runs, strict=True)}
+    return [next(found[key]) for key in keys]
 
 
 def _run_alike(asked: Sequence[StrokeRuns], rtol: float) -> list[StrokeResults]:
@@ -377,9 +372,7 @@ def _run_alike(asked: Sequence[StrokeRuns], rtol: float) -> list[StrokeResults]:
     first, outward = asked[0].strokes, asked[0].outward
     limit = first.task.outward_s if outward else first.task.back_s
     each = [one.strokes.members(outward, one.draws, one.settings) for one in asked]
-    starts: dict[str, float | Array] = {
-        name: np.concatenate([one.starts[name] for one in each]) for name in each[0].starts
-    }
+    starts: Starts = {name: np.concatenate([one.starts[name] for one in each]) for name in each[0].starts}
     members = CoreMembers(each[0].paths, np.concatenate([one.values for one in each]), starts)
     plans = MemberPlans({}, np.array([held_s(limit)]))
     system, reductions = first.template(outward)[0], _reductions(first.task.stroke_m, outward)

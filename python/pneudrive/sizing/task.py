@@ -10,11 +10,12 @@ from difflib import get_close_matches
 from fnmatch import fnmatchcase
 from itertools import product
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
+from typing import Annotated, Any, ClassVar, Literal, TypeAlias
 
 from pydantic import Field, model_validator
 
 from pneudrive import units
+from pneudrive.arrays import Interval, Keyed, NamedNumbers, Plain
 from pneudrive.constants import IMPACT_ENERGY_J_M2, STANDARD_GRAVITY_M_S2
 from pneudrive.describe import marks
 from pneudrive.describe.all_values import DescribedValue
@@ -28,10 +29,6 @@ from pneudrive.describe.marks import StatedPressure as Stated
 from pneudrive.describe.tables.parts import Ambient
 from pneudrive.errors import DescriptionError, invalid, wrong
 
-if TYPE_CHECKING:
-    from pneudrive.arrays import Keyed, NamedNumbers, Plain
-
-
 #: Coefficient of friction of a guide for the load (assumed: usual values; ball guides with seals).
 GUIDES = {"none": 0.0, "ball": 0.02, "plain": 0.15}
 _LONG = re.compile(r"(?<![\w.])\d*\.\d{10,}(?:[eE][-+]?\d+)?(?![\w.])")
@@ -44,7 +41,7 @@ Share = Annotated[float, Percent("%", None, Bounds(at_least=0.0, below=90.0))]
 class _Factors(Between):
     """Annotation of a field for a range of factors, ``"0.7 .. 1.5"``."""
 
-    def read(self, given: object) -> tuple[float, float]:  # type: ignore[override]
+    def read(self, given: object) -> Interval:  # type: ignore[override]
         """Convert and check."""
         ends = given.split("..") if isinstance(given, str) else []
         try:
@@ -55,7 +52,7 @@ class _Factors(Between):
             raise DescriptionError(f'"{given}" is out of bounds', rule="0 < first end <= second end")
         return low, high
 
-    def show(self, value: tuple[float, float]) -> str:  # type: ignore[override]
+    def show(self, value: Interval) -> str:  # type: ignore[override]
         """Write the range."""
         return f"{value[0]:g} .. {value[1]:g}"
 
@@ -79,14 +76,14 @@ class TaskSpreads(Described):
 
     table_name = "spread"
     mass: Share = Field(default=0.1, description="of the load, +-")
-    friction: Annotated[tuple[float, float], _Factors("")] = Field(
+    friction: Annotated[Interval, _Factors("")] = Field(
         default=(0.7, 1.5), description="factors of the friction of cylinder and guide"
     )
     conductance: Share = Field(default=0.1, description="of valves, tubes and needles, +-; doubled for assumed values")
-    temperature_k: Annotated[tuple[float, float] | None, Between("K", "degC")] = Field(
+    temperature_k: Annotated[Interval | None, Between("K", "degC")] = Field(
         default=None, description="of air and cylinder; absent: 10 K below to 15 K above the ambient temperature"
     )
-    heat_transfer: Annotated[tuple[float, float], _Factors("")] = Field(
+    heat_transfer: Annotated[Interval, _Factors("")] = Field(
         default=(0.5, 2.0), description="factors of the heat transfer in chambers, by ratio; smaller ones for tubes"
     )
     assumed: Share = Field(default=0.3, description="of assumed dead volumes, piston masses and valve times, +-")
@@ -208,7 +205,7 @@ class SizingTask(Described):
         return self.supply.pressure.absolute_pa(self.ambient.pressure_pa)
 
     @property
-    def temperatures_k(self) -> tuple[float, float]:
+    def temperatures_k(self) -> Interval:
         """Range of the temperature of air and cylinder, K."""
         return self.spread.temperature_k or (self.ambient.temperature_k - 10.0, self.ambient.temperature_k + 15.0)
 
@@ -326,11 +323,11 @@ class PartChoice:
     """
 
     name: str
-    table: Mapping[str, Any]
+    table: Keyed
     numbers: Mapping[str, float]
     form: tuple[str, ...] = ()
     assumed: frozenset[str] = frozenset()
-    printed: Mapping[str, Any] = field(default_factory=dict)
+    printed: Keyed = field(default_factory=dict)
 
     @property
     def kind(self) -> str:
@@ -358,6 +355,8 @@ class PartChoice:
 
 
 NO_FLOW_CONTROL = PartChoice(WITHOUT, {"kind": FLOW_CONTROL}, {})
+#: Slot -> parts.
+Parts: TypeAlias = dict[str, list[PartChoice]]
 
 
 @dataclass(frozen=True)
@@ -418,14 +417,14 @@ class DriveChoice:
         return "cushion_b_length" in self.cylinder.numbers
 
     @property
-    def areas_m2(self) -> tuple[float, float]:
+    def areas_m2(self) -> Interval:
         """Areas of the piston on the sides of chamber a and chamber b."""
         numbers, kind = self.cylinder.numbers, self.cylinder.kind
         whole, rod = (math.pi / 4.0 * numbers.get(key, 0.0) ** 2 for key in ("bore", "rod_diameter"))
         return whole - rod * (kind == "cylinder/through-rod"), whole - rod * (kind != "cylinder/rodless")
 
 
-def choices(task: SizingTask) -> dict[str, list[PartChoice]]:
+def choices(task: SizingTask) -> Parts:
     """Return the parts of the catalogue for each slot, without those that the task excludes.
 
     Raises
@@ -434,7 +433,7 @@ def choices(task: SizingTask) -> dict[str, list[PartChoice]]:
         A part of the catalogue is not valid, or no part is left for a slot.
     """
     known = [entry for entry in entries().values() if not entry.is_drive]
-    found: dict[str, list[PartChoice]] = {}
+    found: Parts = {}
     for slot, kinds in SLOTS.items():
         chosen = [one for one in known if one.kind in kinds and not task.excludes(one.name, one.kind)]
         found[slot] = [_MAKERS[slot](one, task) for one in sorted(chosen, key=lambda one: one.name)]
@@ -460,7 +459,7 @@ def grouped(parts: Sequence[PartChoice]) -> list[PartChoice]:
     return list(first.values())
 
 
-def combined(found: Mapping[str, Sequence[PartChoice]]) -> list[DriveChoice]:
+def combined(found: Parts) -> list[DriveChoice]:
     """Return all combinations of parts."""
     return [DriveChoice(*parts) for parts in product(*(found[slot] for slot in SLOTS))]
 
