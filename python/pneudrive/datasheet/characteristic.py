@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from pneudrive.arrays import Keyed, Plain
 from pneudrive.documented import parts_of
 from pneudrive.lazy_names import upper
 
@@ -18,7 +19,7 @@ if TYPE_CHECKING:
     from pneudrive.datasheet.plant import HeldDrive
 
 #: Values by name, or in the order of the docstring. A `ResultValue` is used if the meaning depends on the drive.
-Found = Mapping[str, Any] | tuple[Any, ...]
+Found = Keyed | tuple[Any, ...]
 Find = Callable[..., Found]
 
 
@@ -111,7 +112,7 @@ class Characteristic:
         results = {name: one for name, one in labelled.items() if name not in axes}
         return xr.Dataset(results, {name: one for name, one in labelled.items() if name in axes}, about)
 
-    def _value(self, name: str, value: Any, settings: Mapping[str, Any]) -> ResultValue:  # noqa: ANN401
+    def _value(self, name: str, value: Any, settings: Keyed) -> ResultValue:  # noqa: ANN401
         """Return a result with unit and meaning, from the function if it states them, otherwise from its docstring."""
         if isinstance(value, ResultValue):
             return value
@@ -137,7 +138,7 @@ def characteristic(name: str, **more: Any) -> Callable[[Find], Characteristic]: 
         title, _, meaning = text.partition("\n\n")
         defaults = {key: one.default for key, one in list(signature(find).parameters.items())[1:]}
         settings = {key: (default, described[key][1]) for key, default in defaults.items()}
-        about: dict[str, Any] = {"title": title.rstrip("."), "definition": " ".join(meaning.split())} | more
+        about: Plain = {"title": title.rstrip("."), "definition": " ".join(meaning.split())} | more
         return Characteristic(name, find=find, settings=settings, results=results, **about)
 
     return made

@@ -233,15 +233,13 @@ class _SteadySearch:
 
         The flow changes sharply near equal pressures, and full steps would jump over this region.
         """
-        tried: dict[float, Array] = {}
-        sizes: dict[float, float] = {}
+        tried: list[tuple[float, float, Array]] = []
         for share in SHORTER:
-            tried[share] = self._rates(np.r_[z[:own] + share * step, z[own:]])
-            sizes[share] = float(np.max(np.abs(tried[share][:own])))
-            if share == 1.0 and sizes[share] < DAMPED * np.max(np.abs(found[:own])):
+            rates = self._rates(np.r_[z[:own] + share * step, z[own:]])
+            tried.append((float(np.max(np.abs(rates[:own]))), share, rates))
+            if share == 1.0 and tried[-1][0] < DAMPED * np.max(np.abs(found[:own])):
                 break
-        best = min(sizes, key=lambda share: sizes[share])
-        return best, tried[best]
+        return min(tried, key=lambda one: one[0])[1:]
 
     def _step(self, z: Array, found: Array, own: int, lasting: float) -> tuple[Array, bool]:
         """Return an implicit Euler step, and whether the step had to be shortened."""

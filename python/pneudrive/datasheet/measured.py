@@ -174,12 +174,12 @@ class MeasuredBeside:
         Notes on the recordings.
     """
 
-    validation: Validation | None
-    numbers: tuple[ComparedNumber, ...]
-    responses: tuple[MeasuredResponse, ...]
-    friction: FrictionValidation | None
-    synthetic: bool
-    names: tuple[str, ...]
+    validation: Validation | None = None
+    numbers: tuple[ComparedNumber, ...] = ()
+    responses: tuple[MeasuredResponse, ...] = ()
+    friction: FrictionValidation | None = None
+    synthetic: bool = True
+    names: tuple[str, ...] = ()
 
     @property
     def findings(self) -> list[Finding]:
@@ -212,24 +212,27 @@ def beside(drive: Drive, recordings: Sequence[Path], layout: Path | None, watch:
     RecordingError, LayoutError, CampaignError
         A recording cannot be used.
     """
-    names = tuple(path.name for path in recordings)
     of_tank = [path for path in recordings if not is_friction(path) and is_of_tank(path, layout)]
+    others = [path for path in recordings if path not in of_tank]
+    found = _of_drive(drive, others, layout, watch) if others else MeasuredBeside()
     if of_tank:
-        others = [path for path in recordings if path not in of_tank]
-        rest = beside(drive, others, layout, watch) if others else MeasuredBeside(None, (), (), None, True, ())
         tanks = read_volume_recordings(of_tank, layout)
         airs: dict[str, list[Pair]] = defaultdict(list)
         for recording in tanks:
             airs[f"half period {recording.labels['half_period']}"].append(_air(drive, recording))
         pairs = ((cycle, np.array(some).T) for cycle, some in airs.items())
         compared = [_compared(cycle, "air_per_cycle", seen, told, "l ANR") for cycle, (seen, told) in pairs]
-        marked = rest.synthetic and all(SYNTHETIC in recording.labels for recording in tanks)
-        return replace(rest, numbers=(*rest.numbers, *compared), synthetic=marked, names=names)
+        marked = found.synthetic and all(SYNTHETIC in recording.labels for recording in tanks)
+        found = replace(found, numbers=(*found.numbers, *compared), synthetic=marked)
+    return replace(found, names=tuple(path.name for path in recordings))
+
+
+def _of_drive(drive: Drive, recordings: Sequence[Path], layout: Path | None, watch: Watch) -> MeasuredBeside:
+    """Return the results of recordings of a drive, or of friction; see `beside`."""
     if any(is_friction(path) for path in recordings):
         if len(recordings) > 1:
             raise CampaignError.of("datasheet.together")
-        found = validate_friction(drive, recordings[0])
-        return MeasuredBeside(None, (), (), found, False, names)
+        return MeasuredBeside(friction=validate_friction(drive, recordings[0]), synthetic=False)
     try:
         validated = validate(drive, list(recordings), layout=layout, progress=watch.tell)
     except (RecordingError, LayoutError) as error:
@@ -238,12 +241,12 @@ def beside(drive: Drive, recordings: Sequence[Path], layout: Path | None, watch:
         except PneudriveError:
             raise error from None
         with tempfile.TemporaryDirectory() as folder:
-            found = validate_friction(drive, write_map(alone.friction_map, Path(folder) / "map.parquet"))
-        return MeasuredBeside(None, (), (), found, alone.synthetic, names)
+            friction = validate_friction(drive, write_map(alone.friction_map, Path(folder) / "map.parquet"))
+        return MeasuredBeside(friction=friction, synthetic=alone.synthetic)
     numbers = tuple(_numbers(drive, validated.records))
     responses = tuple(one for record in validated.records if (one := response_of(record)) is not None)
     marked = all(SYNTHETIC in record.recording.labels for record in validated.records)
-    return MeasuredBeside(validated, numbers, responses, None, validated.synthetic or marked, names)
+    return MeasuredBeside(validated, numbers, responses, synthetic=validated.synthetic or marked)
 
 
 def _numbers(drive: Drive, records: Iterable[RecordResult]) -> Iterable[ComparedNumber]:

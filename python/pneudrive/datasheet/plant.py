@@ -54,8 +54,8 @@ class Actuation:
         Switching valve -> its command -> command of the proportional valve that replaces it.
     """
 
-    out: dict[str, float]
-    back: dict[str, float]
+    out: NamedNumbers
+    back: NamedNumbers
     is_switched: bool = False
     has_shares: bool = True
     held: Mapping[str, Mapping[float, float]] = field(default_factory=dict)

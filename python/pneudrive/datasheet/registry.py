@@ -23,7 +23,6 @@ if TYPE_CHECKING:
     import xarray as xr
 
     from pneudrive.arrays import Array, Plain
-    from pneudrive.describe import Drive
     from pneudrive.simulation.start import DriveOrCircuit
 
 
@@ -40,8 +39,8 @@ class Ends(NamedTuple):
     name: str
     confidence: float
     correlation: dict[str, float]
-    low: Drive
-    high: Drive
+    low: HeldDrive
+    high: HeldDrive
 
 
 def ends_of(drive: Any) -> tuple[list[Ends], list[str]]:  # noqa: ANN401 - a drive, or a circuit, which has none
@@ -57,7 +56,7 @@ def ends_of(drive: Any) -> tuple[list[Ends], list[str]]:  # noqa: ANN401 - a dri
             left_out.append(name)
             continue
         low_end, high_end = (
-            drive.replace({name: units.UnitFloat(end, unit, mark.written) if unit else end})  # type: ignore[union-attr]
+            HeldDrive(drive.replace({name: units.UnitFloat(end, unit, mark.written) if unit else end}))  # type: ignore[union-attr]
             for end in (low, high)
         )
         found.append(Ends(name, origin.confidence, origin.correlation, low_end, high_end))  # type: ignore[arg-type]
@@ -77,8 +76,8 @@ def _ends_of_heat(drive: Any, known: Any) -> list[Ends]:  # noqa: ANN401 - a dri
             spreads[key] = TUBE_SPREAD if one.kind.startswith("tube") else HEAT_SPREAD
     if HEAT_SPREAD not in spreads.values():
         return []
-    low, high = (drive.replace({key: ends[side] for key, ends in spreads.items()}) for side in (0, 1))
-    return [Ends("heat_transfer_scale", 0.95, {}, low, high)]
+    low, high = ({key: ends[side] for key, ends in spreads.items()} for side in (0, 1))
+    return [Ends("heat_transfer_scale", 0.95, {}, HeldDrive(drive.replace(low)), HeldDrive(drive.replace(high)))]
 
 
 class UncertainDrive:
@@ -90,13 +89,12 @@ class UncertainDrive:
     """
 
     def __init__(self, drive: DriveOrCircuit) -> None:
-        self.drive = drive
-        self._plants: dict[int, HeldDrive] = {}
+        self.plant = HeldDrive(drive)
 
     @cached_property
     def ends(self) -> tuple[list[Ends], list[str]]:
         """Variants, and names of values with an open interval; see `ends_of`."""
-        return ends_of(self.drive)
+        return ends_of(self.plant.described)
 
     def characteristic(
         self,
@@ -113,7 +111,7 @@ class UncertainDrive:
                 raise CommandError(f"{name} has no setting {setting!r}", remedy=nearest(setting, kind.settings))
         settings = {setting: _read_setting(kind, setting, value) for setting, value in settings.items()}
         watch.look()
-        plain = self._compute(self.drive, kind, settings)
+        plain = _compute(self.plant, kind, settings)
         if not intervals:
             return plain
         ends, left_out = self.ends
@@ -123,16 +121,15 @@ class UncertainDrive:
             plain.attrs["interval"] = "none: no value of the drive has an interval"
             return plain
         variants = ((one.low, one.high) for one in watch.each(ends, "values"))
-        return with_intervals(plain, ends, [[self._compute(d, kind, settings) for d in pair] for pair in variants])
+        return with_intervals(plain, ends, [[_compute(one, kind, settings) for one in pair] for pair in variants])
 
-    def _compute(self, drive: DriveOrCircuit, kind: Characteristic, settings: Plain) -> xr.Dataset:
-        """Return a characteristic of one variant, without intervals."""
-        plant = self._plants[id(drive)] = self._plants.get(id(drive)) or HeldDrive(drive)
-        if plant.actuation.is_switched and kind.needs_shares:
-            raise CommandError.of(
-                "datasheet.no_shares", name=plant.name, valves=" and ".join(plant.actuation.held), what=kind.name
-            )
-        return kind.of(plant.static if kind.held else plant, **settings)
+
+def _compute(plant: HeldDrive, kind: Characteristic, settings: Plain) -> xr.Dataset:
+    """Return a characteristic of one variant, without intervals."""
+    if plant.actuation.is_switched and kind.needs_shares:
+        valves = " and ".join(plant.actuation.held)
+        raise CommandError.of("datasheet.no_shares", name=plant.name, valves=valves, what=kind.name)
+    return kind.of(plant.static if kind.held else plant, **settings)
 
 
 def with_intervals(plain: xr.Dataset, ends: Sequence[Ends], moved: Sequence[Sequence[xr.Dataset]]) -> xr.Dataset:
@@ -266,14 +263,12 @@ def characteristic_named(name: str) -> Characteristic:
     Raises
     ------
     CommandError
-        The characteristic does not exist. The message gives the nearest name or title.
+        The characteristic does not exist.
     """
     known = characteristics()
-    if name in known:
-        return known[name]
-    titled = {one.title.lower().replace(" ", "-"): one.name for one in known.values()}
-    remedy = f"Did you mean '{titled[name]}'?" if name in titled else nearest(name, known)
-    raise CommandError(f"there is no characteristic {name!r}", remedy=remedy)
+    if name not in known:
+        raise CommandError(f"there is no characteristic {name!r}", remedy=nearest(name, known))
+    return known[name]
 
 
 #: Unit of each setting that is a quantity.

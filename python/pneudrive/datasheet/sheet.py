@@ -204,11 +204,11 @@ def build(
     """
     if recordings and not isinstance(drive, Drive):
         raise CommandError.of("datasheet.circuit", name=drive.name)
-    plant = HeldDrive(drive)
+    uncertain = UncertainDrive(drive)
+    plant = uncertain.plant
     measured = beside(drive, recordings, layout, watch) if isinstance(drive, Drive) and recordings else None
     results: dict[str, xr.Dataset] = {}
     failed: dict[str, str] = {}
-    uncertain = UncertainDrive(drive)
     for name in watch.each(OF_A_SHEET, "characteristics"):
         try:
             results[name] = uncertain.characteristic(name, intervals=intervals)

@@ -22,7 +22,7 @@ from pneudrive.views import ShownValue, View, Viewed
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from pneudrive.arrays import NamedNumbers
+    from pneudrive.arrays import NamedNumbers, Pair
     from pneudrive.datasheet.plant import HeldDrive
     from pneudrive.describe import Circuit
     from pneudrive.simulation.command import Commands
@@ -80,7 +80,7 @@ def _supplied(
     return [found[f"air_{number}"].to_numpy() for number in range(len(reservoirs))]
 
 
-def _entering(plant: HeldDrive, pressure: float, temperature: float) -> tuple[float, float]:
+def _entering(plant: HeldDrive, pressure: float, temperature: float) -> Pair:
     """Return specific enthalpy, J/kg, and entropy, J/(kg K), of gas that flows from a reservoir into a small tank."""
     circuit = type(plant.circuit).model_validate(
         {
@@ -239,10 +239,10 @@ class EnergyBalance(Viewed):
         Density of the gas at the standard reference atmosphere.
     """
 
-    accounts_j: dict[str, float]
+    accounts_j: NamedNumbers
     open_share: float
-    lost_j: dict[str, float]
-    air_kg: dict[str, float]
+    lost_j: NamedNumbers
+    air_kg: NamedNumbers
     anr_density_kg_m3: float
 
     @property

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from pneudrive.arrays import Array, ArrayPair, Columns, Pair, Plain, rows_of
+from pneudrive.arrays import ArrayPair, Columns, Pair, Plain, rows_of
 from pneudrive.datasheet.characteristic import Found, ResultValue, characteristic
 from pneudrive.datasheet.equilibrium import gas_at, moving_gas, steady_state
 from pneudrive.datasheet.strokes import STROKE_MEANING, StrokeNumbers, first_passage, stroke_numbers
@@ -41,7 +41,7 @@ REPEATS = 3  # cycles after which a fast cycle repeats itself
 class StrokeRun(NamedTuple):
     """Columns of a run under the names of a drive file, and the numbers of its strokes."""
 
-    columns: dict[str, Array]
+    columns: Columns
     strokes: list[StrokeNumbers]
     half_s: float
     attrs: Plain

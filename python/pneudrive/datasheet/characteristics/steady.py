@@ -15,6 +15,7 @@ from pneudrive.errors import CommandError, SimulationError
 from pneudrive.numbers import plain
 
 if TYPE_CHECKING:
+    from pneudrive.arrays import Pair
     from pneudrive.simulation.session import Linear
 
 
@@ -27,7 +28,7 @@ BLOCKED = (1e-4, 2e-4, 5e-4, 1e-3, 2e-3, 5e-3, 0.01, 0.02, 0.05, 0.1)
 TINY = 1e-8  # command at whose both sides the slope of a leaking valve is taken: far below any leak
 
 
-def full_force(plant: HeldDrive, direction: float, velocity: float = LEAST_VELOCITY) -> tuple[float, float]:
+def full_force(plant: HeldDrive, direction: float, velocity: float = LEAST_VELOCITY) -> Pair:
     """Return blocked and stall force at full command, N, positive in the direction of the command.
 
     Blocked force: force of gas, weight and described load on a pinned piston. Stall force: blocked force minus
@@ -102,7 +103,7 @@ def _steady(plant: HeldDrive, command: float, load: float | None = None) -> tupl
     return found.velocity_m_s, found.pressure_a_pa, found.pressure_b_pa
 
 
-def velocity_gain(plant: HeldDrive, direction: float) -> tuple[float, float]:
+def velocity_gain(plant: HeldDrive, direction: float) -> Pair:
     """Return slope and dead zone of the line through two small commands at which the piston moves."""
     commands = [plant.edge(direction)[0] + small for small in SMALL]
     low, high = commands
@@ -380,7 +381,7 @@ def _frequency(plant: HeldDrive, pressures: Any = None) -> Found:  # noqa: ANN40
     return positions, levels, masses, natural, *np.moveaxis(modes, 2, 0), by_mass
 
 
-def _mode(linear: Linear) -> tuple[float, float]:
+def _mode(linear: Linear) -> Pair:
     """Return frequency, Hz, and damping ratio of the slowest oscillating pair; zero and 1 if nothing oscillates."""
     pairs = [one for one in np.linalg.eigvals(linear.A) if one.imag > max(1e-6 * abs(one), SLOWEST)]
     if not pairs:
@@ -453,7 +454,7 @@ def _minimum(plant: HeldDrive) -> Found:
     if plant.supply_pa <= ambient:
         raise CommandError(f"{plant.name}: the supply is not above ambient pressure")
 
-    def of(direction: float) -> tuple[float, float]:
+    def of(direction: float) -> Pair:
         x = 0.0 if direction > 0.0 else plant.stroke_m
         breakaway = abs(plant.sliding(direction * LEAST_VELOCITY, (ambient, ambient), x))
         return least_pressure(plant, direction) - ambient, breakaway
