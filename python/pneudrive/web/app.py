@@ -31,7 +31,7 @@ from pneudrive.figures import plain_data
 from pneudrive.report.page import FIGURES, POLICY, REPORT
 from pneudrive.web.drop import take
 from pneudrive.web.guard import DROP, REPORTS, new_token
-from pneudrive.web.jobs import READY
+from pneudrive.web.jobs import READY, JobRequest, PageJobs
 from pneudrive.web.live import live
 from pneudrive.web.messages import PageRequest, page_error, problems_of, table_of
 from pneudrive.web.workspace import MOST_FILES, ChangedError, Workspace
@@ -139,13 +139,17 @@ def _route(name: str, function: str, known: Keyed) -> Route:
 
 
 def _answer(name: str, query: Mapping[str, str], body: bytes | None, known: Keyed) -> Any:  # noqa: ANN401 - plain data, or a frame
-    """Call a function of `ANSWERS` with the values of a request. Texts missing in a GET request are empty."""
+    """Call a function of `ANSWERS` with the values of a request, and start the job that it returns.
+
+    Texts missing in a GET request are empty.
+    """
     function, parameters, request = _door(name)
     required = [key for key, field in request.model_fields.items() if field.is_required()]
     table = {**dict.fromkeys(required, ""), **query} if body is None else {**query, **table_of(body)}
     models = [key for key, each in parameters.items() if hasattr(each.annotation, "model_fields")]
     values = {**known, "given": table, **vars(request.of({**table, **dict.fromkeys(models, table)}))}
-    return function(**{key: values[key] for key in parameters})
+    answer = function(**{key: values[key] for key in parameters})
+    return known["workspace"].state(PageJobs).start(answer) if isinstance(answer, JobRequest) else answer
 
 
 @cache

@@ -63,14 +63,14 @@ class JobRequest:
         return f"{shlex.join(['mkdir', '-p', folder])}\n{line}" if self.is_new and folder else line
 
 
-def started_campaign(
+def requested_campaign(
     workspace: Workspace,
     pace: Annotated[StrictFloat | None, bounded(1.0, FASTEST, f"1 to {FASTEST:.0e}, or none")] = None,
     resume: str | None = None,
     protocol: object = None,
     name: object = None,
-) -> Plain:
-    """Run a protocol on the simulated rig into a new folder, or continue in a folder.
+) -> JobRequest:
+    """Return the job that runs a protocol on the simulated rig into a new folder, or continues in a folder.
 
     Raises
     ------
@@ -80,11 +80,9 @@ def started_campaign(
     speed = None if pace is None else f"{pace:g}"
     if resume is not None:
         existing_folder(workspace, resume)
-        job = JobRequest(words("campaign resume", resume, yes=True, speed=speed), resume, is_new=False)
-    else:
-        source, out = protocol_named(protocol, workspace), f"{CAMPAIGNS}/{folder_name(name)}"
-        job = JobRequest(words("campaign run", source, rig=RIG, out=out, yes=True, speed=speed), out)
-    return workspace.state(PageJobs).start(job)
+        return JobRequest(words("campaign resume", resume, yes=True, speed=speed), resume, is_new=False)
+    source, out = protocol_named(protocol, workspace), f"{CAMPAIGNS}/{folder_name(name)}"
+    return JobRequest(words("campaign run", source, rig=RIG, out=out, yes=True, speed=speed), out)
 
 
 def existing_folder(workspace: Workspace, name: str, kind: str = "folder") -> Path:

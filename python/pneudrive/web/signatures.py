@@ -27,7 +27,7 @@ from pneudrive.simulation.trajectory import SUFFIXES, columns_in, meaning
 from pneudrive.sizing.result import LOCK
 from pneudrive.sizing.search import DRAWS_BEST_OF
 from pneudrive.web.drive.run_request import described_at
-from pneudrive.web.jobs import RESULTS, RIG, JobRequest, PageJobs, existing_folder, folder_name
+from pneudrive.web.jobs import RESULTS, RIG, JobRequest, existing_folder, folder_name
 from pneudrive.web.measured.recordings import layout_in
 from pneudrive.web.messages import keywords, python, words, wrong_request
 from pneudrive.web.workspace import DESCRIPTIONS, TABLES, Workspace, is_in_catalogue
@@ -253,15 +253,10 @@ def _offered(workspace: Workspace, hint: str) -> list[str]:
 
 def copied_job(workspace: Workspace, given: Plain) -> Plain:
     """Return a job as lines of a shell and as Python."""
-    return attributes_of(_job(given, workspace), "command", "python")
+    return attributes_of(requested_job(workspace, given), "command", "python")
 
 
-def started_job(workspace: Workspace, given: Plain) -> Plain:
-    """Start a job."""
-    return workspace.state(PageJobs).start(_job(given, workspace))
-
-
-def _job(given: Keyed, workspace: Workspace) -> JobRequest:
+def requested_job(workspace: Workspace, given: Plain) -> JobRequest:
     """Return the job of a request. It may name a campaign, or the folder of a search that it continues.
 
     Raises

@@ -26,7 +26,7 @@ from pneudrive.progress import Watch
 from pneudrive.report.trajectory import error_unit, gain_rows, tracks_of
 from pneudrive.views import ShownTable, View
 from pneudrive.web.drive.run_request import Described, Run, RunLimit, check_samples, described_at
-from pneudrive.web.jobs import RESULTS, JobRequest, PageJobs, folder_name
+from pneudrive.web.jobs import RESULTS, JobRequest, folder_name
 from pneudrive.web.measured.tiles import drawn_columns
 from pneudrive.web.messages import MOST_PIXELS, PageRequest, Pixels, Value, bounded, call, pack, python, words
 from pneudrive.web.workspace import DESCRIPTIONS, NewNames, Workspace, is_in_catalogue, safe
@@ -335,8 +335,10 @@ class BenchmarkRequest(PageRequest):
         return JobRequest(command, out, is_new=is_new, python=lines)
 
 
-def started_comparison(workspace: Workspace, given: Plain, resume: str | None = None, name: object = None) -> Plain:
-    """Run a benchmark into a new folder, or continue the benchmark of a folder.
+def requested_comparison(
+    workspace: Workspace, given: Plain, resume: str | None = None, name: object = None
+) -> JobRequest:
+    """Return the job that runs a benchmark into a new folder, or continues the benchmark of a folder.
 
     Raises
     ------
@@ -347,10 +349,8 @@ def started_comparison(workspace: Workspace, given: Plain, resume: str | None = 
         asked = read_comparison(workspace.folder(resume)).about.get("asked")
         if not asked:
             raise CommandError(f"{resume} does not record the command that started it", remedy="Run its command again.")
-        job = BenchmarkRequest.of(asked).job(workspace, resume)
-    else:
-        job = BenchmarkRequest.of(given).job(workspace, f"{RESULTS}/{folder_name(name)}", is_new=True)
-    return workspace.state(PageJobs).start(job)
+        return BenchmarkRequest.of(asked).job(workspace, resume)
+    return BenchmarkRequest.of(given).job(workspace, f"{RESULTS}/{folder_name(name)}", is_new=True)
 
 
 def shown_card(workspace: Workspace, path: str, measure: str = "") -> Plain:

@@ -53,8 +53,7 @@ class OpenRecording:
         block = max(int(np.searchsorted(self.pyramid.time[:, 0], at, "right")) - 1, 0)
         rows = (max(block - 1, 0) * BLOCK, min((block + 2) * BLOCK, self.pyramid.count))
         time_s, values = self.samples(columns, rows)
-        after = min(np.searchsorted(time_s, at), len(time_s) - 1)
-        row = after - 1 if after and at - time_s[after - 1] <= time_s[after] - at else after
+        row = int(np.abs(time_s - at).argmin())
         return float(time_s[row]), {name: float(values[name][row]) for name in columns}
 
     def window(self, span: Interval, pixels: int, columns: Sequence[str]) -> tuple[Array, Columns, Plain]:
