@@ -159,7 +159,8 @@ def curves(topic: Topic, found: CampaignCharacteristics) -> Blocks:
     both = [c for c in found.curves if c.direction == BOTH]
     if not both:
         return
-    ambient, shown, text = found.identity.ambient_pressure_pa, spread_evenly(both, MOST_CURVES), topic.say()
+    ambient, text = found.identity.ambient_pressure_pa, topic.say()
+    shown = spread_evenly(both, MOST_CURVES)
     if len(shown) < len(both):
         text += topic.say("fewer", shown=len(shown), all=len(both))
     if any(c.contains_air for c in both):

@@ -17,7 +17,7 @@ from unicodedata import normalize
 
 from pneudrive import __version__
 from pneudrive.arrays import evenly
-from pneudrive.errors import CommandError, is_severe, package_table, shown
+from pneudrive.errors import SEVERE, CommandError, is_severe, package_table, shown
 from pneudrive.figures import WIDTH_IN, Axis, Drawing, Figure, Panel, PenStroke
 from pneudrive.files.content import rendered
 from pneudrive.files.writing import make_subfolder
@@ -168,7 +168,8 @@ class Report:
 
     def html(self, *, linked: bool = True) -> str:
         """Return the page, which loads no other files. With `linked`, captions link to the files of the figures."""
-        details = [part.key for part in self.sections if part.key in DETAILS]
+        calm = (part for part in self.sections if not any(word in repr(part.blocks) for word in SEVERE))
+        details = [part.key for part in calm if part.key in DETAILS]  # a severe finding is never folded
         return rendered(
             TEMPLATE,
             {"words": _words, "inline": inline},
