@@ -485,12 +485,12 @@ def check_platforms(wiring: Wiring, components: Keyed, problems: Problems) -> No
             if joint is not None and not any(_moves(entries[other.component]) for other in joint.ports):
                 leg = f"leg {port.name} of {name}"
                 problems.add(invalid(joint.key, "describe.leg-without-cylinder", leg=leg, name=port.name, id=port.id))
-        moments = {axis: getattr(components.get(name), f"inertia_{axis}_kg_m2", 0.0) for axis in "xyz"}
-        axis, *others = sorted(moments, key=lambda axis: (-moments[axis], axis))
-        most = sum(moments[other] for other in others)
-        if moments[axis] > most * (1.0 + 1e-12):
-            what = f"{name}.inertia.{axis} = {moments[axis]:g} kg m2 is impossible"
-            rule = f"{axis} <= {' + '.join(sorted(others))} = {most:g} kg m2"
+        moments = [getattr(components.get(name), f"inertia_{axis}_kg_m2", 0.0) for axis in "xyz"]
+        largest = max(moments)
+        axis, most = "xyz"[moments.index(largest)], sum(moments) - largest
+        if largest > most * (1.0 + 1e-12):
+            what = f"{name}.inertia.{axis} = {largest:g} kg m2 is impossible"
+            rule = f"{axis} <= {' + '.join('xyz'.replace(axis, ''))} = {most:g} kg m2"
             remedy = "Give the moments of inertia about axes through the centre of mass."
             problems.add(wrong(f"{wiring.parts[name].table}.inertia", what, rule=rule, remedy=remedy))
 
