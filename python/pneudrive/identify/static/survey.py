@@ -154,9 +154,8 @@ class Survey(Shown):
             raise FitError(f"{seal} has no run {run!r}", remedy=nearest(run, self.seals[seal].runs))
         at, one = at_conditions(np.abs(speed_m_s), gauge_a_pa, gauge_b_pa), self.seals[seal]
         shape = np.broadcast(speed_m_s, gauge_a_pa, gauge_b_pa).shape
-        if not one.model.chambers and _elsewhere(one.data, at):
-            raise FitError.of("identify.one_pressure", name=seal)
-        value, variance = self._kriged(one, at, run)
+        borrowed = not one.model.chambers and _elsewhere(one.data, at)
+        value, variance = self._borrowed(one, at) if borrowed else self._kriged(one, at, run)
         weight = self.weights[seal].ravel()
         value, variance = value.reshape(weight.size, -1), variance.reshape(weight.size, -1)
         mean = weight @ value
@@ -174,7 +173,7 @@ class Survey(Shown):
         lines = [sentence("seals", key, **numbers) for key in keys]
         return lines + [f"{name}: {why}" for name, why in self.unused.items()]
 
-    def _kriged(self, one: Surveyed, at: Observations, run: str | None) -> ArrayPair:
+    def _kriged(self, one: Surveyed, at: Observations, run: str | None = None) -> ArrayPair:
         """Return the prediction and its variance at each roughness and scatter, shapes (11, 9, 20, n)."""
         mean, jac = one.model.value_and_jacobian(one.theta, at)
         drift = jac / mean[:, None]
@@ -195,6 +194,26 @@ class Survey(Shown):
             spread = spread + np.sum((away @ inverse) * away, axis=-1)
             variance[i] = mean**2 * ((SCATTER**2)[:, None] + np.maximum(spread, 0.0))
         return value, variance
+
+    def _borrowed(self, one: Surveyed, at: Observations) -> ArrayPair:
+        """Predict friction of a seal measured at one pressure, by the ratio between pressures of the other seals."""
+        here = at_conditions(at.speed_m_s, *(gauge.mean() for gauge in one.data.gauges_pa))
+        dependent = (seal for seal in self.seals.values() if seal.model.chambers)
+        ratios = [self._most_likely(seal, at) / self._most_likely(seal, here) for seal in dependent]
+        others = [ratio for ratio in ratios if (ratio > 0.0).all()]
+        if len(others) < LEAST_FREEDOM:
+            raise FitError.of("identify.one_pressure", name=one.name, least=LEAST_FREEDOM)
+        ratio = np.log(others)
+        value = one.model.value(one.theta, at) * np.exp(ratio.mean(axis=0))
+        between = ratio.var(axis=0, ddof=1) * (1.0 + 1.0 / len(others))
+        runs = (BETWEEN_RUNS**2)[:, None] + (SCATTER**2)[None, :]
+        variance = between + runs[..., None] * (1.0 + 1.0 / len(one.data))
+        shape = (ROUGHNESS.size, BETWEEN_RUNS.size, SCATTER.size, len(at))
+        return np.broadcast_to(value, shape), np.broadcast_to(value**2 * variance, shape)
+
+    def _most_likely(self, one: Surveyed, at: Observations) -> Array:
+        value, _ = self._kriged(one, at)
+        return np.einsum("ijk,ijkn->n", self.weights[one.name], value)
 
 
 def survey_values(
