@@ -8,6 +8,7 @@ from typing import Annotated, Any
 
 from pydantic import BeforeValidator, StrictBool, StrictInt
 
+from pneudrive.arrays import Pair
 from pneudrive.errors import CampaignError, nearest, package_table
 from pneudrive.files.content import parse_json
 from pneudrive.rig.interface import Number, Positive, Sampling, Texts, WrittenStep, holds, plain, present, read_table
@@ -65,6 +66,11 @@ class Cycle:
     text: str = ""
     start_m: Number | None = None
     weight_kg: Number | None = None
+
+    @property
+    def pressures_pa(self) -> Pair:
+        """Set pressures of chambers a and b."""
+        return self.pressure_a_pa, self.pressure_b_pa
 
 
 SCHEMA = 1

@@ -281,7 +281,7 @@ def _envelope(files: Sequence[CycleFile], identity: Identity) -> Envelope:
     if not ends:
         raise RigError("no recording moves in both directions", rule="the range of the axis is unknown then")
     cycles = [file.cycle for file in files]
-    pressures = [pressure for cycle in cycles for pressure in (cycle.pressure_a_pa, cycle.pressure_b_pa)]
+    pressures = [pressure for cycle in cycles for pressure in cycle.pressures_pa]
     force = identity.limits.get("force_n", (-NO_LIMIT_N, NO_LIMIT_N))
     return Envelope(
         position_m=(min(ends), max(ends)),

@@ -223,7 +223,7 @@ def _about(plan: Plan, operator: str, labels: dict[str, str], source: str) -> Pl
         "synthetic": plan.identity.synthetic,
         "created": now(),
         "version": __version__,
-        "filter": {"average": protocol.filter.average, "ignore_initial": protocol.filter.ignore_initial},
+        "filter": protocol.filter.stored(),
         "rig": source,
         "rig_sha256": _digest(source),
         "envelope": asdict(plan.envelope),

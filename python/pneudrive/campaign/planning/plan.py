@@ -217,7 +217,7 @@ def _planned(plan: Plan) -> Iterator[Planned]:
             numbers[name] += 1
             key = f"b{block}/{name}{NUMBERED.get(cycle.kind, '').format(numbers[name])}"
             repeat = numbers[name] if cycle.kind in POINTS else 1
-            before_pa, at = at, (cycle.pressure_a_pa, cycle.pressure_b_pa)
+            before_pa, at = at, cycle.pressures_pa
             wait_s = entry.wait_s + (protocol.pressure.settling_s if at != before_pa else 0.0)
             cycle = replace(cycle, key=key, block=block, repeat=repeat, levels=levels)
             yield Planned(cycle, wait_s, entry.axis_s, entry.samples)

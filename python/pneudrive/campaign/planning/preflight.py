@@ -189,7 +189,7 @@ def _alike(plan: Plan) -> list[list[Cycle]]:
     """Group cycles with equal demands on the rig, such as repeats, in the order of their first cycles."""
     groups: dict[tuple, list[Cycle]] = {}
     for cycle in plan.cycles:
-        demands = (cycle.kind, cycle.steps, cycle.speed_m_s, cycle.start_m, cycle.pressure_a_pa, cycle.pressure_b_pa)
+        demands = (cycle.kind, cycle.steps, cycle.speed_m_s, cycle.start_m, cycle.pressures_pa)
         groups.setdefault(demands, []).append(cycle)
     return list(groups.values())
 
@@ -233,7 +233,7 @@ def margins(plan: Plan) -> dict[str, tuple[float, float, str]]:
     """Return (largest value of the plan, limit, unit) for each limit that applies to the plan."""
     allowed, cycles = plan.allowed, [alike[0] for alike in _alike(plan)]
     speed = max(step.speed_m_s for cycle in cycles for _, step, _ in _moves(cycle))
-    pressure = max(max(cycle.pressure_a_pa, cycle.pressure_b_pa) for cycle in cycles)
+    pressure = max(max(cycle.pressures_pa) for cycle in cycles)
     return {
         "speed": (1e3 * speed, 1e3 * allowed.speed_m_s, "mm/s"),
         "acceleration": (max(acceleration_of(cycle, plan) for cycle in cycles), allowed.acceleration_m_s2, "m/s2"),
@@ -287,7 +287,7 @@ MEASURING = ("sweep", "stop", "sentinel", "blank")
 
 def _pressures(cycle: Cycle, plan: Plan) -> Iterator[Finding]:
     low, high = plan.allowed.pressure_pa
-    a, b = cycle.pressure_a_pa, cycle.pressure_b_pa
+    a, b = cycle.pressures_pa
     for chamber, value in (("a", a), ("b", b)):
         if not low * (1.0 - ROUNDING) <= value <= high * (1.0 + ROUNDING):
             limit = f"{_bar(low)} to {_bar(high)}" if low < high else f"the chambers are open to ambient, {_bar(low)}"

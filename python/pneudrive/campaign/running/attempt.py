@@ -21,7 +21,7 @@ from pneudrive.campaign.cycle import WORDS, Cycle, Head
 from pneudrive.campaign.storage.control import now
 from pneudrive.constants import ZERO_CELSIUS_K
 from pneudrive.errors import PneudriveError, RigError
-from pneudrive.rig import interface
+from pneudrive.rig import Changeable, Reproducible
 from pneudrive.rig.interface import CHANNELS, JobThread, Move, Samples, as_json, closed_after, has_verbs
 from pneudrive.signals.recording import clipped, equal_runs, stuck_position, stuck_runs
 
@@ -141,7 +141,7 @@ class Attempts:
         if not self.homed:
             rig.home()
             self.homed = True
-        if has_verbs(rig, interface.Reproducible):
+        if has_verbs(rig, Reproducible):
             self._memory = self._memory or as_plain(rig.memory())
             rig.restore(as_plain(self._memory))
             self._pressures = self._pressures_after
@@ -149,7 +149,7 @@ class Attempts:
         if cycle.start_m is not None and abs(rig.state().position_m - cycle.start_m) > AT_START_M:
             rig.move(cycle.start_m, min(TO_START_M_S, rig.limits().speed_m_s))
         if cycle.steps:
-            wanted = (cycle.pressure_a_pa, cycle.pressure_b_pa)
+            wanted = cycle.pressures_pa
             rig.set_pressure(*wanted)
             if settling_s > 0.0 and wanted != self._pressures:  # they settle after a change
                 rig.hold(settling_s)
@@ -158,10 +158,10 @@ class Attempts:
             samples = self._acquire(rig, cycle)
         else:
             factor = cycle.key.rpartition("/")[2]  # b2/operator/seal: other factors stay unchanged
-            if has_verbs(rig, interface.Changeable) and factor in cycle.levels:
+            if has_verbs(rig, Changeable) and factor in cycle.levels:
                 rig.change({factor: cycle.levels[factor]})
             began_s, samples = rig.state().time_s, Samples.join([])
-        memory = as_plain(rig.memory()) if has_verbs(rig, interface.Reproducible) else {}
+        memory = as_plain(rig.memory()) if has_verbs(rig, Reproducible) else {}
         self._whole = True
         return Head(0, cycle, began_s, started, memory=memory, attempts=number), samples
 
@@ -184,7 +184,7 @@ class Attempts:
     def finished(self, head: Head) -> None:
         """Note that a cycle is finished, now or in an earlier run: the next cycle starts from its end state."""
         self._memory = dict(head.memory)
-        self._pressures_after = (head.cycle.pressure_a_pa, head.cycle.pressure_b_pa)
+        self._pressures_after = head.cycle.pressures_pa
 
 
 def as_plain(memory: Plain) -> Plain:

@@ -9,10 +9,10 @@ import re
 import select
 import shutil
 import sys
-import time
 import uuid
 from dataclasses import dataclass, replace
 from functools import partial
+from time import monotonic, time
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 from pneudrive import __version__
@@ -90,7 +90,7 @@ class Documents:
         self._run = self._publish("start", {**metadata, "scan_id": 1})
 
     def _publish(self, name: str, content: Plain) -> str:
-        document = {"uid": str(uuid.uuid4()), "time": time.time(), **content}
+        document = {"uid": str(uuid.uuid4()), "time": time(), **content}
         for subscriber in self._subscribers:
             subscriber(name, document)
         return document["uid"]
@@ -110,7 +110,7 @@ class Documents:
             }
             self._descriptor = self._publish("descriptor", content)
         self._events += 1
-        times = dict.fromkeys(data, time.time())
+        times = dict.fromkeys(data, time())
         content = {"descriptor": self._descriptor, "seq_num": self._events, "data": data, "timestamps": times}
         self._publish("event", {**content, "filled": {}})
 
@@ -495,8 +495,8 @@ class CampaignRun:
             last_wrong = wrong or last_wrong
             if waited >= options.patience_s:
                 raise CampaignError.of("campaign.waited", value=last_wrong, seconds=options.patience_s)
-            until = time.monotonic() + options.look_s
-            while (left := until - time.monotonic()) > 0.0 and not self._pausing:
+            until = monotonic() + options.look_s
+            while (left := until - monotonic()) > 0.0 and not self._pausing:
                 self._requests.wait(left)
                 self._serve()
             waited += options.look_s

@@ -5,10 +5,10 @@ from __future__ import annotations
 import asyncio
 import logging
 import threading
-import time
 from collections.abc import Callable, Coroutine
 from contextlib import suppress
 from dataclasses import dataclass
+from time import monotonic, time
 from typing import Any, TypeVar
 
 from asyncua.client.client import Client
@@ -224,13 +224,13 @@ class Link:
 
     async def _start_heart(self) -> None:
         (self._stops,) = await self._read(("heartbeat.stops",))
-        beat = int(time.time()) % COUNTER
+        beat = int(time()) % COUNTER
         await self._write({"heartbeat.client": beat})
         self._heart = asyncio.create_task(self._beat(self._client, beat))
 
     async def _beat(self, client: Any, beat: int) -> None:  # noqa: ANN401 - asyncua's client
         """Increment the client's heartbeat and monitor the server's."""
-        seen, since = None, time.monotonic()
+        seen, since = None, monotonic()
         try:
             while True:
                 await asyncio.sleep(self.nodes.handshake.heartbeat_s / BEATS)
@@ -238,7 +238,7 @@ class Link:
                 await self._write({"heartbeat.client": beat})
                 theirs, stops = await self._read(("heartbeat.server", "heartbeat.stops"))
                 self.check_stops(stops)
-                now = time.monotonic()
+                now = monotonic()
                 if theirs != seen:
                     seen, since = theirs, now
                 elif now - since > 2.0 * self.nodes.handshake.heartbeat_s:
