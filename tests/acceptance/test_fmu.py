@@ -20,7 +20,7 @@ from fmpy.model_description import ModelDescription
 from fmpy.validation import validate_fmu
 
 import pneudrive as pn
-from oracle import fmu_calls, random_circuits
+from oracle import fmu_calls
 from pneudrive import _core
 from pneudrive.cli.main import run as command_line
 from pneudrive.describe.system import compiled
@@ -28,6 +28,7 @@ from pneudrive.errors import CommandError, DescriptionError
 from pneudrive.fmu import package
 from pneudrive.fmu.variables import plan_of
 from pneudrive.simulation.trajectory import meaning
+from trials import random_circuits
 
 SMOOTH = pn.Drive.load("catalogue:reference")  # bristles, no event
 STICKY = SMOOTH.replace({"friction": {"law": "coulomb", "coulomb": "30 N", "viscous": "40 N s/m"}})

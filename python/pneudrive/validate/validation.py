@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, overload
+from typing import TYPE_CHECKING, Any, Literal, overload
 
 import numpy as np
 
@@ -15,6 +15,7 @@ from pneudrive.describe.files import toml
 from pneudrive.errors import CommandError, DescriptionError
 from pneudrive.files.inputs import INPUTS, inputs_of, stored_beside
 from pneudrive.identify.dynamic.result import DriveFit
+from pneudrive.identify.follow.driven import check_follow
 from pneudrive.identify.follow.fit import FollowFit
 from pneudrive.identify.identified import stated
 from pneudrive.identify.volume import RegulatorFit
@@ -270,6 +271,7 @@ def validate(
     drive: Drive | DriveFit,
     recordings: Given | DriveRecording | Sequence[Given | DriveRecording],
     *,
+    follow: None = None,
     layout: AnyLayout = None,
     window_s: float = WINDOW_S,
     sensors: DriveFit | Mapping[str, Sensor | Keyed] | None = None,
@@ -278,9 +280,10 @@ def validate(
 ) -> Validation: ...
 @overload
 def validate(
-    drive: FollowFit,
+    drive: FollowFit | Circuit | str | Path,
     recordings: str | Path | Recording | Sequence[str | Path | Recording],
     *,
+    follow: Literal["motion"],
     layout: AnyLayout = None,
     progress: Progress | None = None,
     cancel: Flag | None = None,
@@ -296,6 +299,7 @@ def validate(
     drive: Any,
     recordings: Any,
     *,
+    follow: str | None = None,
     layout: AnyLayout = None,
     window_s: float = WINDOW_S,
     sensors: DriveFit | Mapping[str, Sensor | Keyed] | None = None,
@@ -313,6 +317,8 @@ def validate(
         One or several recordings. Each is a file of ``pneudrive simulate --out``, a foreign file with a layout, a
         result of ``pn.simulate``, or a mapping of SI columns (time_s, command, position_m, pressure_a_pa,
         pressure_b_pa).
+    follow : {"motion"}, optional
+        The piston of a circuit follows the recorded position, see `pneudrive.validate_motion`.
     layout
         Layout of foreign files. None: ``layout.toml`` next to the file.
     window_s : float
@@ -349,7 +355,8 @@ def validate(
     """
     if isinstance(drive, RegulatorFit):
         return validate_regulator(drive, recordings, layout=layout)
-    if isinstance(drive, FollowFit):
+    if follow is not None or isinstance(drive, FollowFit):
+        check_follow(follow or "motion")
         return validate_motion(drive, recordings, layout=layout, progress=progress, cancel=cancel)
     fitted: dict[str, str] = {}
     if isinstance(drive, DriveFit):

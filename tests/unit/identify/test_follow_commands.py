@@ -58,14 +58,15 @@ def test_the_way_of_a_user(folder, capsys):
     assert not go(f"simulate gas.toml --motion run.csv {with_layout} --out run.parquet")
     table, measured = pl.read_parquet("run.parquet"), record(Truth(), seconds=60.0)
     assert np.ptp(table["upper.pressure_pa"].to_numpy()) == pytest.approx(np.ptp(measured.pressure_a_pa), rel=0.02)
-    made = pn.validate_motion("gas.toml", "run.csv", layout="layout.toml")
+    made = pn.validate("gas.toml", "run.csv", follow="motion", layout="layout.toml")
     assert made.badges == {"run": "made the fit"}
     assert "no recording was held out" in str(made)
-    fit = pn.identify_motion("spring.toml", ["run.csv"], ["volumes"], layout="layout.toml")
+    fit = pn.identify("spring.toml", ["run.csv"], ["volumes"], follow="motion", layout="layout.toml")
     assert set(fit.values) == {"upper.volume", "lower.volume"}
-    spring = pn.Circuit.load("spring.toml")
-    for call in (lambda: pn.identify(spring, ["run.csv"], ["volumes"]), lambda: pn.validate(spring, ["run.csv"])):
-        with pytest.raises((CommandError, DescriptionError), match="identify_motion"):
-            call()
+    for call in (pn.identify, pn.validate):
+        with pytest.raises((CommandError, DescriptionError), match=r'in Python follow="motion"'):
+            call(pn.Circuit.load("spring.toml"), ["run.csv"])
+        with pytest.raises(CommandError, match="the only value"):
+            call("spring.toml", ["run.csv"], follow="force")
     assert go("simulate gas.toml --out run.parquet") != 0
     assert "the duration is missing" in capsys.readouterr().err

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal, overload
 
 import numpy as np
 
@@ -20,6 +20,8 @@ from pneudrive.identify.dynamic import search
 from pneudrive.identify.dynamic import sensors as sensing
 from pneudrive.identify.dynamic.problem import FitProblem, FittedRecording, Iterate, segment_starts, start_states
 from pneudrive.identify.dynamic.result import LARGEST_REACH, DriveFit, assembled, unresolved_damping
+from pneudrive.identify.follow.driven import check_follow
+from pneudrive.identify.follow.fit import FollowFit, identify_motion
 from pneudrive.identify.identified import FittedData, apply_identified
 from pneudrive.progress import UNWATCHED, Flag, Progress, Watch
 from pneudrive.signals.drive_recording import check_plausible, read_drive_recordings, refuse_standstill, time_gaps
@@ -92,17 +94,42 @@ GAIN = 0.02
 SEGMENT_S, THREADS = 0.4, 2
 
 
+@overload
 def identify(
     drive: Drive | Circuit,
     recordings: Any,  # noqa: ANN401 - one or several recordings of several types
     free: Sequence[str],
     *,
+    follow: None = None,
     sensors: Mapping[str, sensing.Sensor | Keyed] | None = None,
     channels: Sequence[str] | None = None,
     layout: str | Path | None = None,
     progress: Progress | None = None,
     cancel: Flag | None = None,
-) -> DriveFit:
+) -> DriveFit: ...
+@overload
+def identify(
+    drive: Circuit | str | Path,
+    recordings: Any,  # noqa: ANN401
+    free: Sequence[str] = ("volumes", "heat"),
+    *,
+    follow: Literal["motion"],
+    layout: str | Path | None = None,
+    progress: Progress | None = None,
+    cancel: Flag | None = None,
+) -> FollowFit: ...
+def identify(
+    drive: Any,
+    recordings: Any,
+    free: Sequence[str] = ("volumes", "heat"),
+    *,
+    follow: str | None = None,
+    sensors: Mapping[str, sensing.Sensor | Keyed] | None = None,
+    channels: Sequence[str] | None = None,
+    layout: str | Path | None = None,
+    progress: Progress | None = None,
+    cancel: Flag | None = None,
+) -> DriveFit | FollowFit:
     """Identify parameters of a drive or a circuit from recordings of its motion by output error.
 
     The drive is simulated under the recorded command. Free parameters of the drive and the sensors, and the start of
@@ -122,6 +149,9 @@ def identify(
     free : sequence of str
         Names in the drive file: ``friction.coulomb``, ``valve.conductance``, ``cylinder.dead_volume.a``, ... Those of a
         circuit begin with the component: ``valve.frequency``, ``valve.delay``, ``cylinder.friction.coulomb``, ...
+    follow : {"motion"}, optional
+        The piston of a circuit follows the recorded position, see `pneudrive.identify_motion`. All other arguments
+        except `layout`, `progress` and `cancel` are ignored.
     sensors : mapping, optional
         Channel -> `Sensor` or its keywords: known noise, offset, gain, lag and resolution.
         ``{"command": {"delay": "free"}}`` (or a time) delays the recorded command.
@@ -151,6 +181,9 @@ def identify(
     >>> round(fit.values["friction.coulomb"], 2)
     30.0
     """
+    if follow is not None:
+        check_follow(follow)
+        return identify_motion(drive, recordings, free, layout=layout, progress=progress, cancel=cancel)
     axis = drive.axis_names if isinstance(drive, Circuit) else None
     columns = {} if axis is None else {full: short for short, full in axis[1]}
     records = read_drive_recordings(recordings, layout, ("time_s", "command"), gaps=True, names=columns)

@@ -12,7 +12,7 @@ import numpy as np
 from pneudrive import _core
 from pneudrive.describe.circuit import Circuit
 from pneudrive.describe.tables.geometry import piston_areas
-from pneudrive.errors import FitError, RecordingError, nearest
+from pneudrive.errors import CommandError, FitError, RecordingError, nearest
 from pneudrive.identify.identified import number_table, stated
 from pneudrive.signals.load import load_recordings
 from pneudrive.signals.motion import NOISE_FACTOR, noise_level
@@ -85,6 +85,12 @@ class DrivenRecording:
 
 #: One or several recordings, or their files.
 MotionRecordings: TypeAlias = "str | Path | Recording | Iterable[str | Path | Recording]"
+
+
+def check_follow(follow: str) -> None:
+    """Reject a value of the argument `follow` other than ``"motion"``."""
+    if follow != "motion":
+        raise CommandError(f"follow = {follow!r} is not known", rule='the only value is "motion"')
 
 
 def driven_recordings(recordings: MotionRecordings, layout: AnyLayout = None) -> list[DrivenRecording]:
