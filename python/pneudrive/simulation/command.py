@@ -197,20 +197,20 @@ def _from_file(path: Path) -> Steps:
     import polars as pl
 
     names = ("time_s", "command")
-    frame = read_csv(path, dict.fromkeys(names, pl.String), CommandError, names)
-    frame = frame.filter(~pl.all_horizontal(pl.all().is_null()))  # without empty lines
-    pairs = []
-    for number, (time, value) in enumerate(frame.iter_rows(), start=1):
-        where = f"{path}, entry {number}"
+    frame = read_csv(path, dict.fromkeys(names, pl.String), CommandError, names).with_row_index("line", offset=2)
+    frame = frame.filter(~pl.all_horizontal(pl.col(names).is_null()))  # without empty lines
+    places, pairs = [f"{path}:{line}" for line in frame["line"]], []
+    for where, time, value in zip(places, frame["time_s"], frame["command"], strict=True):
         pairs.append((_number(time, "time", where), _number(value, "command", where)))
-    return _checked(pairs, path)
+    return _checked(pairs, places or [path])
 
 
-def _checked(pairs: Sequence[tuple[float, float]], where: Path | None = None) -> Steps:
+def _checked(pairs: Sequence[tuple[float, float]], places: Sequence[str | Path] = ()) -> Steps:
     if not pairs:
-        raise CommandError("the command is empty", where=where, rule="the first entry is at 0 s")
+        raise CommandError("the command is empty", where=next(iter(places), None), rule="the first entry is at 0 s")
     before = -math.inf
     for i, (time, value) in enumerate(pairs):
+        where = places[i] if places else None
         if i == 0 and time != 0.0:
             raise CommandError(f"the command begins at {time:g} s", where=where, rule="the first entry is at 0 s")
         if not time > before:
