@@ -362,4 +362,6 @@ def read_csv(
         return pl.read_csv(path, columns=columns, schema_overrides=dict(types))
     except (OSError, ValueError, pl.exceptions.PolarsError, pl.exceptions.PanicException) as error:
         reason = (str(error).strip() or type(error).__name__).splitlines()[0]
-        raise kind("the file cannot be read as CSV", where=str(path), value=reason) from None
+        names = None if columns is None else f"a CSV file with the columns {', '.join(columns)}"
+        remedy = None if columns is None else "Separate columns by commas, and write decimal points."
+        raise kind("the file cannot be read as CSV", where=str(path), value=reason, rule=names, remedy=remedy) from None

@@ -198,7 +198,7 @@ def _from_file(path: Path) -> Steps:
 
     names = ("time_s", "command")
     frame = read_csv(path, dict.fromkeys(names, pl.String), CommandError, names).with_row_index("line", offset=2)
-    frame = frame.filter(~pl.all_horizontal(pl.col(names).is_null()))  # without empty lines
+    frame = frame.filter(~pl.all_horizontal(pl.col(names).is_null())).fill_null("")  # without empty lines
     places, pairs = [f"{path}:{line}" for line in frame["line"]], []
     for where, time, value in zip(places, frame["time_s"], frame["command"], strict=True):
         pairs.append((_number(time, "time", where), _number(value, "command", where)))
