@@ -175,7 +175,7 @@ class StickSlip(Shown):
     the travel, and the piston is stuck for at least 5 % of the time. ``period_s`` and ``step_m`` are medians over
     periods. ``peak_speed_m_s`` is the median of the slips' peaks. ``stuck_share`` is the fraction of time below 20 % of
     the mean speed. ``mean_speed_m_s`` is the mean over the section. ``ripple`` is the standard deviation of speed over
-    its mean.
+    its mean. ``resolution_s`` is the shortest period that sampling and noise resolve.
     """
 
     found: bool
@@ -189,6 +189,7 @@ class StickSlip(Shown):
     stuck_share: float
     mean_speed_m_s: float
     ripple: float
+    resolution_s: float
 
 
 def find_stick_slip(time_s: Array, position_m: Array) -> list[StickSlip]:
@@ -232,8 +233,9 @@ def measure_stick_slip(time_s: Array, position_m: Array, velocity_m_s: Array | N
     distance = float(position_m[-1] - position_m[0])
     direction = 1 if distance >= 0 else -1
     mean = abs(distance) / duration if duration > 0 else 0.0
+    step, half_width = duration / max(time_s.size - 1, 1), 0
     if velocity_m_s is None:
-        half_width = _smoothing(duration / max(time_s.size - 1, 1), position_m, mean)
+        half_width = _smoothing(step, position_m, mean)
         velocity_m_s = motion.local_slope(time_s, position_m, half_width)
     speed = direction * velocity_m_s
     weights = np.gradient(time_s)  # duration that each sample represents
@@ -258,6 +260,7 @@ def measure_stick_slip(time_s: Array, position_m: Array, velocity_m_s: Array | N
         stuck_share=stuck_share,
         mean_speed_m_s=mean,
         ripple=ripple,
+        resolution_s=2 * (2 * half_width + 1) * step,
     )
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections import Counter
 from dataclasses import replace
+from functools import partial
 from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any
 
@@ -30,12 +31,14 @@ if TYPE_CHECKING:
     from pneudrive.friction.campaign.result import CampaignCharacteristics
     from pneudrive.friction.campaign.stops.dwell_law import DwellSeries
     from pneudrive.report.page import Blocks, Section
+    from pneudrive.rig.interface import Identity
 
 MOST_CURVES = 8  # that a reader can distinguish in one picture
 MOST_PANELS = MOST_LOOPS = 6
 MOST_CONDITIONS = 8
 OF_INTERVAL = ("", "_low", "_high")  # endings of the columns of a value and its interval
 SHOWN_SPEEDS = 12  # rows of a table
+MOST_LINES = 120  # lines of a protocol that are shown
 MOST_SKIPPED = 40
 
 
@@ -320,6 +323,7 @@ MOST_SERIES = MOST_SHOWN = 4
 BEFORE, AFTER = 1.5, 20.0
 SHORTEST_S = 1e-3
 APPROACH = 0.7  # share of the approach that is drawn at most
+SHAPES = {"t0": "t0", "tau": "τ", "gamma": "γ", "m": "m"}
 
 
 def stops(topic: Topic, found: CampaignCharacteristics) -> Blocks:
@@ -331,6 +335,7 @@ def stops(topic: Topic, found: CampaignCharacteristics) -> Blocks:
     series = [s for s in found.dwell if s.curve is not None][:MOST_SERIES]
     if series:
         yield topic.figure("campaign-dwell", figure_of("dwell", [_increments(found, s) for s in series]))
+    yield from (topic.table(_laws(s), "laws", series=s.name, reference_s=s.reference_s) for s in series if s.laws)
     if any(len(_known(found.stops, name)) for name in ("relaxation_n", "recovery_m")):
         yield topic.figure("campaign-stop-relaxation", relaxation(found))
 
@@ -394,6 +399,18 @@ def _increments(found: CampaignCharacteristics, s: DwellSeries) -> Panel:
     return Panel(marks, s.name)
 
 
+def _laws(s: DwellSeries) -> Iterator[tuple]:
+    """Yield title and formula, parameters of shape, slope, and both criteria of each law."""
+    least = min(law.bic for law in s.laws)
+    for law in s.laws:
+        shapes = []
+        for name, unit in law.form.units.items():
+            ends = (f"{end:.2g}" if 0 < end < np.inf else "open" for end in law.shape_intervals[name])
+            shapes.append(f"{SHAPES[name]} = {law.shape[name]:.2g} ({' … '.join(ends)}) {unit}".strip())
+        slope = f"{law.slope_n:.3g} ({law.slope_low_n:.3g} … {law.slope_high_n:.3g})"
+        yield f"{law.form.title}: {law.form.formula}", "; ".join(shapes) or None, slope, law.delta, law.bic - least
+
+
 # --- relaxation and way back -----------------------------------------------------------------------------------------
 
 
@@ -445,6 +462,15 @@ def run(topic: Topic, found: CampaignCharacteristics) -> Blocks:
     }
     rows = ((name, form.format(found=found, rig=rig, **values)) for name, form in topic.texts["about"].items())
     yield topic.table(rows, "facts")
+    channels = dict.fromkeys([*rig.accuracy, *rig.limits, *rig.resolution, *rig.calibration])
+    yield topic.table(map(partial(_sensor, rig), channels or ["all channels"]), "sensors")
+
+
+def _sensor(rig: Identity, channel: str) -> tuple[str, str, str, str]:
+    """Return channel, range, standard uncertainty and calibration of a sensor."""
+    limits = "{:g} … {:g}".format(*rig.limits[channel]) if channel in rig.limits else "not stated"
+    accuracy = f"{rig.accuracy[channel]:.3g}" if channel in rig.accuracy else "not stated: assumed"
+    return channel, limits, accuracy, rig.calibration.get(channel, "not stated")
 
 
 def flags(topic: Topic, found: CampaignCharacteristics) -> Blocks:
@@ -468,13 +494,19 @@ def budget(topic: Topic, found: CampaignCharacteristics) -> Blocks:
 
 
 def sources(topic: Topic, found: CampaignCharacteristics) -> Blocks:
-    """Show software, and sources of methods."""
+    """Show software, protocol as run, and sources of methods."""
     rows = [
         ("pneudrive, the campaign", str(found.about.get("version", "not stated"))),
         *page.software(),
         ("raw data", f"{found.folder.name}/cycles, one Parquet file per cycle"),
     ]
     yield topic.table(rows, "software")
+    protocol = found.folder / "campaign.toml"
+    if protocol.is_file():
+        lines = protocol.read_text(encoding="utf-8", errors="replace").strip().splitlines()
+        more = [topic.say("more", count=len(lines) - MOST_LINES)] if len(lines) > MOST_LINES else []
+        yield topic.text("protocol")
+        yield Paragraph("\n".join([*lines[:MOST_LINES], *more]), "code")
     yield from topic.listed(page.references(topic.texts["cites"]), "sources")
 
 

@@ -8,7 +8,7 @@ from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from textwrap import fill
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 import polars as pl
@@ -16,15 +16,26 @@ import polars as pl
 from pneudrive import figures
 from pneudrive.errors import RecordingError
 from pneudrive.figures import THIN, Axis, Band, Figure, Line, Look, Markers, Panel, Rule, look, ramp, stack, thin
+from pneudrive.files.content import read_text
 from pneudrive.friction.budget import COVERAGE_FACTOR
 from pneudrive.friction.friction_map import ALL_RECORDINGS, MapGroup, bar, group_of, groups_of
 from pneudrive.friction.pressure import MINIMUM_RANGE_PA, NET, ClosureFit, PressureLine
 from pneudrive.friction.sentences import flag_findings
 from pneudrive.numbers import fixed, plain
 from pneudrive.report import campaign, page
-from pneudrive.report.page import MOST_SHOWN, Report, Topic, by_seal, figure_of, gauge_bar, plural, spread_evenly
+from pneudrive.report.page import (
+    MOST_SHOWN,
+    Paragraph,
+    Report,
+    Topic,
+    by_seal,
+    figure_of,
+    gauge_bar,
+    plural,
+    spread_evenly,
+)
 from pneudrive.report.render import DrawnFigure, draw_figure
-from pneudrive.signals.motion import find_strokes
+from pneudrive.signals.motion import find_strokes, local_slope
 from pneudrive.signals.recording import Recording, clean
 from pneudrive.units import readable
 from pneudrive.views import Finding, ShownCurve, ShownFigure, ShownTable, ShownValue, View, worst
@@ -37,7 +48,8 @@ if TYPE_CHECKING:
     from pneudrive.arrays import Array
     from pneudrive.friction.campaign.result import CampaignCharacteristics
     from pneudrive.friction.characterisation import Characterisation
-    from pneudrive.friction.level import Level
+    from pneudrive.friction.level import Level, RecordingResult
+    from pneudrive.friction.stick_slip import StickSlip
     from pneudrive.identify.static.result import FrictionFit
     from pneudrive.report.page import Blocks, Fits
     from pneudrive.signals.motion import Stroke
@@ -552,6 +564,66 @@ def pressure_panel(points: pl.DataFrame, line: PressureLine | None, runs: Sequen
     return Panel(marks, title)
 
 
+# --- Stick-slip of strokes.
+
+SHOWN_S = 10.0
+MOST_SLIPS, MOST_COLUMNS = 24, 3
+
+
+def stick_slip(topic: Topic, found: Characterisation) -> Blocks:
+    """Show stick-slip of strokes over time and in the phase plane, or the shortest period that would be visible."""
+    every = [(r, level, s) for r in found.results for level in r.levels for s in level.stick_slip]
+    slipping = [item for item in every if item[2].found and "stick_slip" in item[1].flags]
+    if not every or (found.synthetic and not slipping):
+        return
+    strokes = plural(len(every), "stroke")
+    if not slipping:
+        text = topic.say("nothing", strokes=strokes, finest=np.median([s.resolution_s for *_, s in every]))
+        if stuck := [100 * s.stuck_share for *_, s in every if s.found]:
+            text += topic.say("jumps", strokes=plural(len(stuck), "stroke"), percent=max(stuck))
+        yield Paragraph(text)
+        return
+    over_time, phases = motion_figures([_motion_of_stroke(*item) for item in slipping[:MOST_COLUMNS]])
+    rows = [
+        {"level": level, "stroke": s, "ratio": s.peak_speed_m_s / s.mean_speed_m_s if s.mean_speed_m_s > 0 else None}
+        for _, level, s in slipping[:MOST_SLIPS]
+    ]
+    yield topic.text(some=len(slipping), strokes=strokes)
+    yield topic.table(rows)
+    yield topic.figure("stick-slip-recordings", over_time)
+    yield topic.figure("stick-slip-recordings-phase", phases)
+
+
+def _motion_of_stroke(result: RecordingResult, level: Level, s: StickSlip) -> MotionPanels:
+    r = result.recording
+    part = slice(*np.searchsorted(r.time_s, (s.start_s, s.stop_s)))
+    time, position = r.time_s[part], s.direction * r.position_m[part]
+    window = max(int(s.resolution_s / 2 / max(float(np.median(np.diff(time))), 1e-12)) // 2, 1)
+    return motion_panels(
+        level.recording, time - time[0], position, local_slope(time, position, window), s.mean_speed_m_s
+    )
+
+
+#: Speed over time, position over time, and speed over position minus the mean motion.
+MotionPanels: TypeAlias = tuple[Panel, Panel, Panel]
+
+
+def motion_panels(title: str, time_s: Array, position_m: Array, velocity_m_s: Array, mean_m_s: float) -> MotionPanels:
+    """Draw one motion; its time starts at zero."""
+    part, trend = time_s <= SHOWN_S, np.polynomial.Polynomial.fit(time_s, position_m, 1)(time_s)
+    mean = Rule(y=mean_m_s, label=f"mean {1e3 * mean_m_s:.2f} mm/s", look=figures.MODEL, width=1.0)
+    speed = Panel([Line(time_s[part], velocity_m_s[part], width=0.8), mean], title, y=Axis("speed / (mm/s)", above=0.2))
+    position = Panel([Line(time_s[part], position_m[part], width=1.0)], y="position / mm")
+    return speed, position, Panel([Line(position_m - trend, velocity_m_s, width=0.5), replace(mean, label="")], title)
+
+
+def motion_figures(motions: Sequence[MotionPanels]) -> tuple[Figure, Figure]:
+    """Draw motions over time and in the phase plane, a column for each."""
+    speeds, positions, phases = zip(*motions, strict=True)
+    over_time = figure_of("motions", [*speeds, *positions], columns=len(motions))
+    return over_time, figure_of("phase-planes", phases, columns=len(motions))
+
+
 # --- The report.
 
 
@@ -562,6 +634,7 @@ def recordings_report(found: Characterisation, fits: Fits, curves: CampaignChara
     """
     parts = page.sections_of("recordings", {"measured": measured, "record": record, "budget": budget}, found)
     parts += page.sections_of("recordings", {"recovered": recovered_part}, found, synthetic=True)
+    parts += page.sections_of("recordings", {"stick-slip-of-strokes": stick_slip}, found)
     over_speed = [] if curves is None else page.sections_of("campaign", CURVES, curves)
     parts += [replace(part, key=f"{part.key}-over-speed") for part in over_speed]
     parts += page.sections_of("recordings", {"provenance": provenance}, found, synthetic=False)
@@ -599,11 +672,24 @@ def write_report(
     return recordings_report(found, fits, curves).write(folder)
 
 
+SOURCE_NOTE, MOST_LETTERS = "SOURCE.md", 3000
+
+
 def provenance(topic: Topic, found: Characterisation) -> Blocks:
     """Show whether the data are real, software, and sources of methods."""
     yield topic.text("synthetic" if found.synthetic else "real")
     yield topic.table([*page.software(), ("protocol of the characterisation", found.protocol)])
+    for note in _source_notes(found):
+        yield topic.text("note", note=f"{note.parent.name}/{note.name}")
+        yield Paragraph(read_text(note, RecordingError)[:MOST_LETTERS].strip(), "code")
     yield from topic.listed(page.references(topic.texts["cites"]), "sources")
+
+
+def _source_notes(found: Characterisation) -> list[Path]:
+    """Return the notes on origin and licence in the folders of the recordings, or one folder above."""
+    sources = (Path(recording.source) for recording in found.recordings if recording.source is not None)
+    folders = dict.fromkeys(folder for source in sources for folder in source.parents[:2])
+    return [folder / SOURCE_NOTE for folder in folders if (folder / SOURCE_NOTE).is_file()]
 
 
 def measured(topic: Topic, found: Characterisation) -> Blocks:

@@ -333,7 +333,7 @@ def controllers_view(found: ControlComparison, measures: Collection[str] = ()) -
         leading=leading[:MOST_LEADING],
         findings=findings,
         tables=(Topic("control", "true").table(truth),) if found.truth else (),
-        figures=tuple(_track_figures(found)),
+        figures=(*_box_figures(found), *_track_figures(found)),
     )
 
 
@@ -374,6 +374,29 @@ def _track_figures(found: ControlComparison) -> Iterator[ShownFigure]:
             caption = topic.say("tracks", which=which, called=_called(along, text))
             panels = [positions, Panel([*errors, Rule(y=0.0)], y=error)]
             yield ShownFigure(f"tracks-{number}", caption, stack(panels, 4.2))
+
+
+def _box_figures(found: ControlComparison) -> Iterator[ShownFigure]:
+    """Yield, for each reference, the largest errors of all members of a spread, a box for each law."""
+    for number, (along, text) in enumerate(found.references.items() if found.spread else (), 1):
+        each = [[run.score.max_error_m for run in found.of(law, along) if run.score is not None] for law in found.laws]
+        marks = [mark for position, values in enumerate(each) if values for mark in box_marks(position, values)]
+        if marks:
+            x = Axis(f"largest error / {error_unit(each)}", "log")
+            laws = Axis(names=found.laws, low=len(each) - 0.5, high=-0.5)
+            caption = Topic("control", "reference").say("boxes", called=_called(along, text), spread=found.spread)
+            figure = Figure([Panel(marks)], x, laws, row_in=0.5 + 0.34 * len(each), rest_in=0.0)
+            yield ShownFigure(f"boxes-{number}", caption, figure)
+
+
+def box_marks(position: int, values: Sequence[float]) -> Iterator[Any]:
+    """Yield a vertical box plot of values at a position: 5, 25, 50, 75 and 95 % quantiles, and the values outside."""
+    low, first, middle, last, high = np.quantile(values, (0.05, 0.25, 0.5, 0.75, 0.95))
+    outside = np.asarray([v for v in values if not low <= v <= high])
+    yield Line((low, high), (position, position), width=0.9)
+    yield Line((first, last), (position, position), look=Look("grey"), width=7.0)
+    yield Markers([middle], [position], look=Look("orange", "-", "|"), size=9.0)
+    yield Markers(outside, np.full(outside.size, position), look=Look("black", "-", "."), size=3.0)
 
 
 def tracks_of(found: ControlComparison, along: str) -> Iterator[tuple[ControlledRun, Columns]]:

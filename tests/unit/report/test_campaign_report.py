@@ -80,6 +80,8 @@ def test_numbers_on_the_page_are_those_of_the_result(whole):
         assert np.isclose(effects[name].value, getattr(effect, "value", np.nan), equal_nan=True)
     assert view.state == "open"
     assert {figure.name for figure in view.figures} >= {"campaign-curves", "campaign-dwell", "campaign-drift"}
+    for law in found.dwell[0].laws:
+        assert law.form.title in said
     air = max(found.air, key=lambda a: a.air_n[-1])
     assert f"{round(float(air.air_n[-1]), 2):.2f} N" in said
 

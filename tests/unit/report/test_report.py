@@ -22,6 +22,8 @@ from pneudrive.report.circuit.layout import text_width
 from pneudrive.report.page import Report, svg_text
 from pneudrive.report.recordings import characterisation_view, closures, recordings_report
 from pneudrive.rig import SimulatedRig, sweep
+from pneudrive.signals.load import from_run
+from pneudrive.studies.bracha.stick_slip import creep
 from pneudrive.views import ShownFigure
 
 FLAGS = flag_table()
@@ -42,7 +44,14 @@ def page(folder):
 
 def test_sections_come_in_order_and_only_where_there_are_data(page):
     keys = re.findall(r'<section id="([^"]+)">', page)
-    assert keys == ["result", "measured", "record", "budget", "provenance"]  # nothing simulated here
+    assert keys == [
+        "result",
+        "measured",
+        "record",
+        "budget",
+        "stick-slip-of-strokes",
+        "provenance",
+    ]  # without simulations
 
 
 def test_nothing_is_loaded_from_elsewhere(page, loads_from_elsewhere):
@@ -112,6 +121,7 @@ def test_what_is_real_and_what_cannot_be_determined_is_said(page):
     assert "Synthetic:" not in page
     assert "The recordings are real" in page
     assert "cannot be determined" in page
+    assert "CC0" in page  # the note of the source beside the recordings
 
 
 # --- Whatever the recordings hold, there is a report: sections that have no data are left out.
@@ -149,10 +159,18 @@ def test_there_is_a_report(name, tmp_path):
     assert ("synthetic" in page.split("</nav>")[0].split("<nav")[1]) == found.synthetic
 
 
-def test_no_fit_is_said(tmp_path):
+def test_no_fit_and_no_stick_slip_are_said(tmp_path):
     found = characterise_recordings([recording()])
     page = write_report(found, {}, tmp_path).read_text(encoding="utf-8")
     assert "No law could be fitted" in page
+    assert "shows stick-slip. Sampling" in page
+
+
+def test_stick_slip_of_a_recording_is_measured_and_drawn(tmp_path):
+    found = characterise_recordings([from_run(creep("stribeck"))])
+    page = write_report(found, {}, tmp_path).read_text(encoding="utf-8")
+    assert "1 of 1 stroke stick and slip" in page
+    assert (tmp_path / "figures" / "stick-slip-recordings-phase.png").is_file()
 
 
 def test_text_from_files_cannot_become_markup():

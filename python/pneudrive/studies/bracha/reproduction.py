@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import warnings
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -20,7 +20,7 @@ from pneudrive.errors import PneudriveWarning
 from pneudrive.figures import MEASURED, MODEL, THIN, Axis, Band, Figure, Line, Look, Markers, Panel, Rule, ramp, thin
 from pneudrive.report import page
 from pneudrive.report.page import Paragraph, Report, Topic, figure_of, plural, sections_of, sentence
-from pneudrive.report.recordings import recovered, recovered_part
+from pneudrive.report.recordings import motion_figures, motion_panels, recovered, recovered_part
 from pneudrive.rig import SimulatedRig, shipped_rigs, sweep
 from pneudrive.studies.bracha import figure as bracha
 from pneudrive.studies.bracha import stick_slip as slips
@@ -32,7 +32,6 @@ if TYPE_CHECKING:
 
     import xarray as xr
 
-    from pneudrive.arrays import Columns
     from pneudrive.report.page import Blocks
     from pneudrive.rig.description import RigDescription
 
@@ -500,32 +499,20 @@ def paper(topic: Topic, made: Reproduction) -> Blocks:
         yield ShownFigure(f"paper-{number}-{name}", caption, drawing(f))
 
 
-#: Longest shown part of a motion, s.
-SHOWN_S = 10.0
-
-
 def stick_slip(topic: Topic, made: Reproduction) -> Blocks:
     """Show figures 1 to 3: numbers, over time, in the phase plane."""
     rows, shown = [], []
     for f in (made.figures[number] for number in STICK_SLIP):
         law = topic.say(str(f.number))
         rows.append({"figure": str(f.number), "friction": law, **f.quantities})
-        shown.append(motion_panels(f"figure {f.number}: {law}", f.columns, f.quantities["mean_speed_m_s"]))
-    speeds, positions, phases = zip(*shown, strict=True)
+        time, position, velocity = (f.columns[name] for name in ("time_s", "position_m", "velocity_m_s"))
+        mean = f.quantities["mean_speed_m_s"]
+        shown.append(motion_panels(f"figure {f.number}: {law}", time, position, velocity, mean))
+    over_time, phases = motion_figures(shown)
     yield topic.text()
     yield topic.table(rows)
-    yield topic.figure("stick-slip-time", figure_of("motions", [*speeds, *positions], columns=len(rows)))
-    yield topic.figure("stick-slip-phase", figure_of("phase-planes", phases, columns=len(rows)))
-
-
-def motion_panels(title: str, columns: Columns, mean_m_s: float) -> tuple[Panel, Panel, Panel]:
-    """Draw speed and position of a motion over time, and its speed over position minus the mean motion."""
-    time_s, position_m, velocity_m_s = (columns[name] for name in ("time_s", "position_m", "velocity_m_s"))
-    part, trend = time_s <= SHOWN_S, np.polynomial.Polynomial.fit(time_s, position_m, 1)(time_s)
-    mean = Rule(y=mean_m_s, label=f"mean {1e3 * mean_m_s:.2f} mm/s", look=MODEL, width=1.0)
-    speed = Panel([Line(time_s[part], velocity_m_s[part], width=0.8), mean], title, y=Axis("speed / (mm/s)", above=0.2))
-    position = Panel([Line(time_s[part], position_m[part], width=1.0)], y="position / mm")
-    return speed, position, Panel([Line(position_m - trend, velocity_m_s, width=0.5), replace(mean, label="")], title)
+    yield topic.figure("stick-slip-time", over_time)
+    yield topic.figure("stick-slip-phase", phases)
 
 
 def chambers(topic: Topic, made: Reproduction) -> Blocks:
