@@ -17,6 +17,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from itertools import pairwise
+from types import SimpleNamespace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -210,7 +211,7 @@ class RunSpread:
 class PressureLine(Shown):
     """Friction = intercept + slope * gauge pressure for one seal.
 
-    ``table`` has the points. ``band_mean_n`` over ``band_pressure_pa`` is the line, shape
+    ``table`` has the points, and ``points`` its rows. ``band_mean_n`` over ``band_pressure_pa`` is the line, shape
     (41,). ``band_low_n`` and ``band_high_n`` are the 95 % prediction interval of a further run. ``covariance`` belongs
     to (intercept_n, slope_n_pa), and ``slope_interval_n_pa`` is a 95 % interval. ``basis`` is the source of the spread
     between runs: ``own`` runs, ``pooled`` from other seals, ``unknown``.
@@ -229,6 +230,11 @@ class PressureLine(Shown):
     basis: str
     speed_pressure_correlation: float
     statement: str
+
+    @property
+    def points(self) -> tuple[SimpleNamespace, ...]:
+        """Points of the line, with the columns of the table as attributes."""
+        return tuple(SimpleNamespace(**row) for row in self.table.iter_rows(named=True))
 
 
 def run_spread(points: pl.DataFrame) -> RunSpread | None:
