@@ -6,6 +6,7 @@ import __future__
 import sys
 import warnings
 from collections.abc import Iterator
+from concurrent.futures import Future
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -21,8 +22,9 @@ with warnings.catch_warnings():
 
 from pneudrive import web
 from pneudrive.web.app import make_app
-from pneudrive.web.guard import Guard
+from pneudrive.web.guard import Guard, Site
 from pneudrive.web.jobs import PageJob, PageJobs
+from pneudrive.web.serve import guarded
 from pneudrive.web.workspace import Workspace, built_page
 
 #: Door -> form of its answer in `answers.pyi`.
@@ -123,16 +125,17 @@ def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 def app_of(workspace: Workspace, built: Path, **options: bool) -> Guard:
     """Return the application of a workspace as `serve` makes it."""
-    page = built_page(built)
-    return Guard(make_app(workspace, page, **options), PORT, TOKEN, {"/", *page}, workspace.reports)
+    routes, page = Future(), built_page(built)
+    site = Site(page, routes)
+    routes.set_result(make_app(workspace, page, **options))
+    return guarded(workspace, site, PORT, TOKEN)
 
 
 @pytest.fixture
 def served(tmp_path: Path) -> Iterator[Served]:
     folder, built = tmp_path / "studies", tmp_path / "built"
     folder.mkdir()
-    (built / "assets").mkdir(parents=True)
-    (built / "assets" / "a.js").write_text("1")
+    built.mkdir()
     (folder / "axis.toml").write_text(DRIVE)
     (built / "index.html").write_text("<!doctype html><title>page</title>")
     (built / "build.json").write_text('{"build": "abc"}')

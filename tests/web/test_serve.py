@@ -9,19 +9,22 @@ import subprocess
 import sys
 from collections import namedtuple
 from collections.abc import AsyncIterator
+from concurrent.futures import Future
 from pathlib import Path
 from urllib.parse import urlsplit
 from urllib.request import url2pathname
 
+import httpx
 import pytest
 import uvicorn
 from starlette.requests import ClientDisconnect
+from starlette.responses import PlainTextResponse
 
 from pneudrive.cli.main import run
 from pneudrive.errors import CommandError
 from pneudrive.web import drop
 from pneudrive.web import serve as served
-from pneudrive.web.guard import MOST_BODY
+from pneudrive.web.guard import MOST_BODY, Guard, Site
 from pneudrive.web.workspace import Workspace, built_page
 from waiting import until
 from web.conftest import Served
@@ -89,13 +92,29 @@ def test_an_answer_in_two_pieces_does_not_wait_for_the_first_to_be_acknowledged(
     assert sends_at_once == [1]
 
 
-def test_a_file_of_the_page_may_be_kept_if_its_name_has_a_hash(served: Served) -> None:
-    page, script = (served.client.get(path, headers=served.headers) for path in ("/", "/assets/a.js"))
-    assert page.headers["content-type"] == "text/html; charset=utf-8"
-    assert page.headers["cache-control"] == "no-store"
-    assert "default-src 'none'" in page.headers["content-security-policy"]
-    assert script.headers["content-type"] == "text/javascript; charset=utf-8"
-    assert script.headers["cache-control"] == "max-age=31536000, immutable"
+def test_the_page_is_answered_while_what_answers_the_rest_is_imported() -> None:
+    whole: Future = Future()
+    site = Site({"/index.html": b"page", "/assets/a.js": b"1"}, whole)
+    transport = httpx.ASGITransport(Guard(site, 1, "token", {*site.answers, "/api/studies", "/api/jobs"}))
+
+    async def asked() -> None:
+        async with httpx.AsyncClient(transport=transport, base_url="http://localhost:1") as client:
+            page = await client.get("/")
+            assert (page.text, page.headers["content-type"]) == ("page", "text/html; charset=utf-8")
+            assert "default-src 'none'" in page.headers["content-security-policy"]
+            assert (await client.get("/assets/a.js")).headers["cache-control"] == "max-age=31536000, immutable"
+            assert (await client.get("/", headers={"host": "elsewhere:1"})).status_code == 421
+            gone, waiting = (asyncio.create_task(client.get(path)) for path in ("/api/studies", "/api/jobs"))
+            await asyncio.sleep(0.01)
+            gone.cancel()
+            await asyncio.sleep(0.01)
+            assert gone.cancelled()
+            assert not waiting.done()
+            whole.set_result(PlainTextResponse("whole"))
+            assert (await waiting).text == "whole"
+            assert (await client.get("/")).headers["cache-control"] == "no-store"
+
+    asyncio.run(asked())
 
 
 def test_what_cannot_be_made_ends_the_server(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -15,7 +15,6 @@ from functools import cache
 from importlib import import_module
 from inspect import Parameter, signature
 from mimetypes import guess_type
-from posixpath import splitext
 from typing import TYPE_CHECKING, Any
 
 from pydantic import create_model
@@ -47,10 +46,6 @@ PLATFORM = f"{platform.system()} {platform.machine()}"
 SANDBOX = f"{POLICY}; frame-ancestors 'none'; sandbox allow-same-origin allow-downloads"
 _PICTURE = re.compile(rf"{FIGURES}/[\w.+-]+\.(?:png|svg)")
 BUILD_FILE, FRAME = "/build.json", "application/octet-stream"
-#: Prefix of files of the page with a hash in their name, and headers that allow a browser to cache them. They contain
-#: no user data.
-HASHED, KEPT = "/assets/", {"cache-control": "max-age=31536000, immutable"}
-TYPES = {".js": "text/javascript", ".css": "text/css", ".html": "text/html", ".svg": "image/svg+xml"}
 #: Method and address -> function that answers. The parameters of the function define the request: ``workspace``,
 #: ``control`` and ``build`` come from the server, ``given`` is the whole table, and all others are validated by their
 #: annotations.
@@ -77,13 +72,6 @@ def make_app(workspace: Workspace, page: Mapping[str, bytes], *, control: bool =
     build = json.loads(page.get(BUILD_FILE, b"{}")).get("build", "")
     threads = asyncio.Semaphore(os.cpu_count() or 1)
     known = {"workspace": workspace, "control": control, "build": build}
-    files = {**page, "/": page["/index.html"]}
-
-    def built(request: Request) -> Response:
-        """Answer with a file of the page."""
-        path = request.url.path
-        kind = TYPES.get(splitext(path)[1] or ".html") or guess_type(path)[0]
-        return Response(files[path], media_type=kind, headers=KEPT if path.startswith(HASHED) else None)
 
     async def socket(websocket: WebSocket) -> None:
         await live(websocket, workspace, threads)
@@ -108,7 +96,6 @@ def make_app(workspace: Workspace, page: Mapping[str, bytes], *, control: bool =
         return Response(data, media_type=kind, headers={"content-security-policy": SANDBOX})
 
     routes: list[Any] = [
-        *(Route(path, built) for path in files),
         *(_route(name, function, known) for name, function in ANSWERS.items()),
         Route(DROP, drop, methods=["PUT"]),
         Route(f"{REPORTS}{{secret}}/{{name:path}}", report),

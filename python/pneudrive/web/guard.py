@@ -1,14 +1,20 @@
-"""Access control of the server: one user, one page, this machine. It checks every request and every socket first."""
+"""Access control of the server: one user, one page, this machine. It checks every request and every socket first.
+
+The built page is served from memory, by the standard library only, while other modules are imported.
+"""
 
 from __future__ import annotations
 
 import hmac
 import secrets
 from dataclasses import dataclass, field
+from mimetypes import guess_type
+from pathlib import PurePosixPath
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from collections.abc import Awaitable, Callable, Iterable, MutableMapping
+    from collections.abc import Awaitable, Callable, Iterable, Mapping, MutableMapping
+    from concurrent.futures import Future
 
     Scope = MutableMapping[str, Any]
     Message = MutableMapping[str, Any]
@@ -200,3 +206,54 @@ async def _refuse(scope: Scope, receive: Receive, send: Send, refused: RefusedEr
 def address(port: int, token: str) -> str:
     """Return the address that opens the page. The token is in the fragment, which a browser never sends."""
     return f"http://{NAMES[0]}:{port}/#token={token}"
+
+
+#: Prefix of files with a hash in their name, and headers that allow a browser to cache them. They contain no user data.
+HASHED, KEPT = "/assets/", [(b"cache-control", b"max-age=31536000, immutable")]
+TYPES = {
+    ".js": "text/javascript; charset=utf-8",
+    ".css": "text/css; charset=utf-8",
+    ".html": "text/html; charset=utf-8",
+    ".svg": "image/svg+xml",
+}
+
+
+class Site:
+    """ASGI application of the files of the page, and of the routes as soon as their modules are imported.
+
+    Parameters
+    ----------
+    files : mapping
+        Bytes by path, from `pneudrive.web.workspace.built_page`.
+    routes : Future
+        Future of the application that answers all other requests.
+
+    Attributes
+    ----------
+    answers : dict
+        Headers and body by path, including `"/"`.
+    """
+
+    def __init__(self, files: Mapping[str, bytes], routes: Future[App]) -> None:
+        self.answers = {name: (_file_headers(name, data), data) for name, data in files.items()}
+        self.answers["/"] = self.answers["/index.html"]
+        self.routes = routes
+        routes.set_running_or_notify_cancel()  # a browser that leaves while waiting does not cancel the start
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Answer requests of the page itself immediately, and others when the routes are ready."""
+        if scope["type"] == "http" and scope["method"] in READING and scope["path"] in self.answers:
+            headers, data = self.answers[scope["path"]]
+            await send({"type": "http.response.start", "status": 200, "headers": headers})
+            await send({"type": "http.response.body", "body": data})
+            return
+        from asyncio import wrap_future  # not before the address is printed
+
+        app = await wrap_future(self.routes)
+        await app(scope, receive, send)
+
+
+def _file_headers(name: str, data: bytes) -> list[tuple[bytes, bytes]]:
+    kind = TYPES.get(PurePosixPath(name).suffix) or guess_type(name)[0] or "application/octet-stream"
+    own = [(b"content-type", kind.encode()), (b"content-length", str(len(data)).encode())]
+    return [*own, *(KEPT if name.startswith(HASHED) else [])]

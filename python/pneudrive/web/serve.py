@@ -14,11 +14,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from pneudrive.errors import CommandError, PneudriveWarning
-from pneudrive.web.guard import NAMES, Guard, address, new_token
+from pneudrive.web.guard import NAMES, Guard, Site, address, new_token
 from pneudrive.web.workspace import Workspace, built_page, cache_folder, forget_unused
 
 if TYPE_CHECKING:
     from collections.abc import Callable
+    from concurrent.futures import Future
+
+    from pneudrive.web.guard import App
 
 
 MOST_MESSAGE = 1 << 16  # largest message of the socket, bytes
@@ -37,7 +40,7 @@ def serve(
 ) -> None:
     """Serve a folder until Ctrl-C.
 
-    The address is given as soon as the port listens. Modules of the routes are imported while the browser starts.
+    The address is given as soon as the port listens. Other modules are imported while the browser starts.
 
     Parameters
     ----------
@@ -70,14 +73,15 @@ def serve(
         listening.listen(128)
         opened(address(port, token))
 
+        from concurrent.futures import Future
+
         import uvicorn
 
-        from pneudrive.web.app import make_app
-
         sys.setswitchinterval(SWITCH_S)
+        routes: Future[App] = Future()
         warnings.simplefilter("ignore", PneudriveWarning)  # the page shows the warnings of a run
         settings = uvicorn.Config(
-            Guard(make_app(workspace, page, control=control), port, token, {"/", *page}, workspace.reports),
+            guarded(workspace, Site(page, routes), port, token),
             ws="websockets-sansio",
             ws_max_size=MOST_MESSAGE,
             ws_per_message_deflate=False,
@@ -87,8 +91,28 @@ def serve(
             log_level="warning",
             timeout_graceful_shutdown=1,
         )
-        threading.Thread(target=warm_up, daemon=True).start()
-        uvicorn.Server(settings).run(sockets=[listening])
+        server = uvicorn.Server(settings)
+
+        def make() -> None:
+            try:
+                from pneudrive.web.app import make_app
+
+                routes.set_result(make_app(workspace, page, control=control))
+            except BaseException as error:  # Ctrl-C ends the server below
+                routes.set_exception(error)
+                server.should_exit = True
+            else:
+                warm_up()
+
+        threading.Thread(target=make, daemon=True).start()
+        server.run(sockets=[listening])
+        if routes.done():
+            routes.result()
+
+
+def guarded(workspace: Workspace, site: Site, port: int, token: str) -> Guard:
+    """Return the guard of a site: only the page itself and the reports that it opened need no token."""
+    return Guard(site, port, token, site.answers, workspace.reports)
 
 
 def warm_up() -> None:
