@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from pneudrive.control.loop import RTOL, Prepared, prepare, run_prepared
-from pneudrive.control.mismatch import MismatchOrFile, Truth, mismatched, read_mismatch
+from pneudrive.control.mismatch import MismatchOrFile, mismatched, read_mismatch
 from pneudrive.control.own_law import is_own
 from pneudrive.control.references import USUAL, ReferenceOrFile, reference, standard_references
 from pneudrive.control.scores import SHOWN, SPREAD_SHOWN, Score, written
@@ -552,9 +552,7 @@ def benchmark(
     own, of_spread = (None, "") if spread is None else read_mismatch(spread)
     read, name = read_setup(setup)
     tunings = _tunings(drive, laws, {"setup": read, "allow_code": allow_code})
-    at_once = processors() if threads is None else whole_number("threads", threads, 1, MOST_SEEDS)
-    if any(tuning.own is not None for tuning in tunings.values()):  # all runs share an object of the user
-        at_once = 1
+    at_once = _at_once(threads, tunings)
     to_follow = _references(drive, references)
     prepared = {
         (law, along): prepare(drive, None, one, setup=setup, controller=tuning, mismatch=mismatch)
@@ -565,17 +563,16 @@ def benchmark(
     first = next(iter(prepared.values()))
     core_json = first.circuit.core_json()
 
-    def truth_of(seed: int) -> Truth:
-        if own is None:
-            return first.truth
-        return mismatched(core_json, first.plant, first.setup, own, own.drawn(SPREAD_SEED, seed))
+    def prepared_for(law: str, along: str, seed: int) -> Prepared:
+        truth = first.truth
+        if own is not None:
+            truth = mismatched(core_json, first.plant, first.setup, own, own.drawn(SPREAD_SEED, seed))
+        return prepared[law, along]._replace(truth=truth)
 
-    keys = "".join(key_of(one._replace(truth=truth_of(1)), 1, store.mark) for one in prepared.values())
+    keys = "".join(key_of(prepared_for(law, along, 1), 1, store.mark) for law, along in prepared)
     about: Plain = {"drive": drive.name, "setup": name, "setup_about": read.about, "mismatch": first.mismatch}
     about |= {"spread": of_spread, "count": count, "rtol": RTOL}
-    about["references"] = {along: one.text for along, one in to_follow.items()}
-    missed = {along: one.points_missed_m for along, one in to_follow.items() if one.points_missed_m is not None}
-    about |= {"points_missed_m": missed} if missed else {}
+    about |= _references_about(to_follow)
     about |= assumptions(tunings) | {"mark": store.mark, "keys": hashlib.sha256(keys.encode()).hexdigest()}
     inputs = [one for tuning in tunings.values() for one in inputs_of(tuning.belief)]
     about |= stored_beside({INPUTS: inputs}, folder)
@@ -583,20 +580,11 @@ def benchmark(
     asked |= {"spread": spread, "count": count}
     store_about(folder, about | {"asked": json.loads(json.dumps(asked, default=lambda _: None)) if named else None})
 
-    (folder / SO_FAR).unlink(missing_ok=True)
     # Members outermost, so that each of their circuits is compiled once.
     each = [(law, along, seed) for seed in range(1, count + 1) for along in to_follow for law in tunings]
-
-    def one_of(law: str, along: str, seed: int) -> ControlledRun:
-        run = store.run(prepared[law, along]._replace(truth=truth_of(seed)), law, along, seed)
-        entry = {"law": law, "reference": along, "seed": seed, "reason": run.reason, "run": run.file.name}
-        with store.lock:
-            _log(folder / SO_FAR, run.score, entry)
-        return run
-
-    found = dict(zip(each, _on_threads(one_of, each, at_once, Watch(progress, cancel)), strict=True))
-    runs = tuple(found[law, along, seed] for along in to_follow for law in tunings for seed in range(1, count + 1))
-    made = replace(read_comparison(folder), runs=runs)
+    runs = _run_all(folder, store, each, prepared_for, at_once, Watch(progress, cancel))
+    order = [(law, along, seed) for along in to_follow for law in tunings for seed in range(1, count + 1)]
+    made = replace(read_comparison(folder), runs=tuple(map(runs.__getitem__, order)))
     for table in (SCORES, TABLE):
         made.save(folder / table)
     (folder / SO_FAR).unlink(missing_ok=True)
@@ -612,17 +600,46 @@ def _count(seeds: int, members: int | None, *, is_spread: bool) -> int:
     return whole_number("seeds", seeds, 1, MOST_SEEDS)
 
 
-def _on_threads(
-    call: Callable[[str, str, int], ControlledRun],
-    asked: Sequence[tuple[str, str, int]],
+def _at_once(threads: int | None, tunings: Mapping[str, Tuning]) -> int:
+    """Return the number of simultaneous runs: one with a custom law, because all runs share an object of the user."""
+    at_once = processors() if threads is None else whole_number("threads", threads, 1, MOST_SEEDS)
+    has_own = any(tuning.own is not None for tuning in tunings.values())
+    return 1 if has_own else at_once
+
+
+def _references_about(to_follow: Mapping[str, Reference]) -> Plain:
+    """Return the texts of references, and the largest distance of each motion from its points."""
+    texts = {along: motion.text for along, motion in to_follow.items()}
+    distances = {along: motion.points_missed_m for along, motion in to_follow.items()}
+    missed = {along: distance for along, distance in distances.items() if distance is not None}
+    return {"references": texts, "points_missed_m": missed} if missed else {"references": texts}
+
+
+def _run_all(
+    folder: Path,
+    store: Store,
+    each: Sequence[tuple[str, str, int]],
+    prepared_for: Callable[[str, str, int], Prepared],
     threads: int,
     watch: Watch,
-) -> list[ControlledRun]:
-    """Return the runs in the order of their requests. After an exception, runs that have not begun are cancelled."""
+) -> dict[tuple[str, str, int], ControlledRun]:
+    """Return the runs by law, reference and seed. A file of the folder has a line for each finished run.
+
+    After an exception, runs that have not begun are cancelled.
+    """
+    (folder / SO_FAR).unlink(missing_ok=True)
+
+    def run_logged(law: str, along: str, seed: int) -> ControlledRun:
+        run = store.run(prepared_for(law, along, seed), law, along, seed)
+        entry = {"law": law, "reference": along, "seed": seed, "reason": run.reason, "run": run.file.name}
+        with store.lock:
+            _log(folder / SO_FAR, run.score, entry)
+        return run
+
     with ThreadPoolExecutor(threads) as pool:
         try:
-            futures = [pool.submit(call, *one) for one in asked]
-            return [future.result() for future in watch.each(futures, "runs")]
+            futures = [pool.submit(run_logged, *key) for key in each]
+            return dict(zip(each, [future.result() for future in watch.each(futures, "runs")], strict=True))
         finally:
             pool.shutdown(wait=False, cancel_futures=True)
 

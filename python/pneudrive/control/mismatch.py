@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from contextlib import suppress
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -45,12 +44,16 @@ class ValueOrRange(Quantity):
     def read(self, given: object) -> Interval:  # type: ignore[override]
         """Convert and check."""
         ends: list[Any] = [end.strip() for end in given.split("..")] if isinstance(given, str) else [given]
-        if not self.si_unit:
-            with suppress(ValueError):
-                ends = [float(end) if isinstance(end, str) else end for end in ends]
+        if len(ends) > 2 or "" in ends:
+            raise DescriptionError(f'"{given}" is not a range', remedy='Write "0.8 .. 1.2".')
+        if not self.si_unit and isinstance(given, str):
+            try:
+                ends = [float(end) for end in ends]
+            except ValueError:
+                raise DescriptionError(f'"{given}" is not a number', remedy='Write 1.2, or "0.8 .. 1.2".') from None
         low, high = (Quantity.read(self, end) for end in (ends[0], ends[-1]))
-        if len(ends) > 2 or not low <= high:
-            raise DescriptionError(f'"{given}" is not a range', remedy='Write "0.8 .. 1.2", the lower end first.')
+        if not low <= high:
+            raise DescriptionError(f'range "{given}" is empty', rule="the first end must not exceed the second")
         return low, high
 
     def show(self, value: Interval) -> str | float:  # type: ignore[override]

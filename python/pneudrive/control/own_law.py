@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 import json
 import math
 import reprlib
@@ -154,11 +155,22 @@ def _inputs(name: str, law: object) -> list[str]:
     inputs, step = own_code.guarded(
         name, CommandError, lambda: (getattr(law, "inputs", None), getattr(law, "step", None))
     )
-    if not isinstance(inputs, (tuple, list)) or not callable(step):
-        lacks = "step" if isinstance(inputs, (tuple, list)) else "tuple of inputs"
+    if inputs is None or not callable(step):
+        lacks = "inputs" if inputs is None else "step"
         raise CommandError.of("control.no_law", name=name, rule=_RULE, lacks=lacks, names=", ".join(known))
+    if not isinstance(inputs, (tuple, list)):
+        is_text = isinstance(inputs, str)
+        what = f"inputs is {'the text ' if is_text else ''}{inputs!r}"
+        remedy = f"inputs = ({inputs!r},)" if is_text else f"Known names: {', '.join(known)}."
+        raise CommandError(f"{name}: {what}", rule="inputs must be a tuple of names", remedy=remedy)
     for one in inputs:
-        if one not in known or inputs.count(one) > 1:
-            what = f"the input {one!r} is listed twice" if one in known else f"there is no input {one!r}"
-            raise CommandError(f"{name}: {what}", remedy=nearest(str(one), known))
+        if one not in known:
+            raise CommandError(f"{name}: there is no input {one!r}", remedy=nearest(str(one), known))
+        if inputs.count(one) > 1:
+            raise CommandError(f"{name}: the input {one!r} is listed twice", remedy="List each input once.")
+    with suppress(ValueError):  # code without a readable signature
+        try:
+            inspect.signature(step).bind(0.0, None, None)
+        except TypeError as error:
+            raise CommandError(f"{name}: step cannot be called: {error}", rule=_RULE) from None
     return list(inputs)

@@ -148,7 +148,7 @@ class Controller(Described):
     def _without_removed_tables(cls, given: Any) -> Any:  # noqa: ANN401 - of any type
         if not isinstance(given, dict):
             return given
-        return {key: table for key, table in given.items() if table != REMOVED_TABLES.get(key)}
+        return {key: table for key, table in given.items() if key not in REMOVED_TABLES or table != REMOVED_TABLES[key]}
 
     def core(self, law: str, belief: Circuit, **numbers: Any) -> Plain:  # noqa: ANN401 - numbers by key, or factors
         """Return the controller in the core's form, SI, with its ``gains``, ``valves`` and ``factors``."""

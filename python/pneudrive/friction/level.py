@@ -20,7 +20,7 @@ import numpy as np
 
 from pneudrive.batching import in_advance
 from pneudrive.errors import RecordingError
-from pneudrive.friction.bins import MIDDLE, Profile, Spread, pair_stderr, profile_stderr, within_stderr
+from pneudrive.friction.bins import MIDDLE, Profile, Spread, pair_stderr, profile_stderr, spread_of, within_stderr
 from pneudrive.friction.budget import COVERAGE_FACTOR, BudgetEntry, chance_n, combined, systematic_budget, window_entry
 from pneudrive.friction.friction_map import TABLES, group_of
 from pneudrive.friction.sentences import sentence
@@ -42,6 +42,7 @@ if TYPE_CHECKING:
     Part = tuple[RecordedMotion, tuple[Stroke, ...]]
 
 
+NO_STROKES = spread_of(np.zeros(0))
 BELOW_AMBIENT = 0.1  # of ambient pressure: lower ones are a vacuum, or gauge pressures written as absolute
 UNFOLLOWED = 0.25  # of pressure times area: least unexplained part of the force
 SMALLEST_N = 1e-3  # friction below the resolution of force sensors of piston drives
@@ -103,8 +104,8 @@ class Level(Shown):
 
     @property
     def spreads(self) -> dict[int, Spread]:
-        """Spread of the means of the used strokes, by direction."""
-        return {way: side.spread for way, side in self.sides.items()}
+        """Spread of the means of the used strokes, for both directions."""
+        return {way: self.sides[way].spread if way in self.sides else NO_STROKES for way in (1, -1)}
 
     @property
     def friction_n(self) -> float:

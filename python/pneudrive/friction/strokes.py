@@ -17,7 +17,7 @@ import numpy as np
 from pneudrive.friction.bins import Grid, Profile, Spread, bin_means, mean_profile, spread_of, stroke_means
 from pneudrive.friction.sentences import sentence
 from pneudrive.friction.stick_slip import ReversalPeak, StickSlip, find_reversal_peaks, median, sliding_of, stroke_slip
-from pneudrive.signals.motion import Stroke, find_strokes, local_slope, quantiles, speed_levels, straight_line, thinned
+from pneudrive.signals.motion import Stroke, find_strokes, local_slope, speed_levels, straight_line, thinned
 from pneudrive.signals.recording import Recording, refuse_impossible
 
 if TYPE_CHECKING:
@@ -219,9 +219,7 @@ def _means(motion: RecordedMotion, stroke: Stroke, window: Interval) -> NamedNum
     first, last = map(int, index[[0, -1]])
     seconds, way = (values[last] - values[first] for values in (motion.time_s, motion.position_m))
     gas_n = recording.area_a_m2 * pressure_a - recording.area_b_m2 * pressure_b
-    # Usual range of the pressures: without the lowest and the highest 5 %.
-    ends = (quantiles(thinned(values), 0.05, 0.95) for values in (pressure_a, pressure_b))
-    move_a_pa, move_b_pa = (high - low for low, high in ends)
+    moves = _usual_range(pressure_a) * recording.area_a_m2 + _usual_range(pressure_b) * recording.area_b_m2
     return {
         "mean_n": motion.balance_n[part][settled].mean(),
         "samples": index.size,
@@ -231,8 +229,15 @@ def _means(motion: RecordedMotion, stroke: Stroke, window: Interval) -> NamedNum
         "velocity_m_s": way / seconds if seconds > 0 else stroke.speed_m_s,
         "parallel_n": sum(f.uncertainty * f.force_n[index].mean() for f in recording.parallel),
         "late_n": motion.late_s * ((gas_n[-1] - gas_n[0]) / seconds) if seconds > 0 else 0.0,
-        "pressure_moves_n": move_a_pa * recording.area_a_m2 + move_b_pa * recording.area_b_m2,
+        "pressure_moves_n": moves,
     }
+
+
+def _usual_range(values: Array) -> float:
+    """Return the range of the values without the lowest and highest 5 %."""
+    some = np.sort(thinned(values))
+    margin = int(0.05 * some.size)
+    return float(some[some.size - 1 - margin] - some[margin])
 
 
 def stroke_grid(position_m: Array, strokes: Sequence[Stroke], window: Interval, bins: int | None = None) -> Grid:

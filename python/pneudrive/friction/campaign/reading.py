@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
+from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
@@ -166,6 +167,13 @@ class CampaignData:
     notes: tuple[str, ...] = ()
 
 
+def _date(started: str) -> str:
+    try:
+        return datetime.fromisoformat(started).date().isoformat()
+    except ValueError:
+        return ""
+
+
 @many_objects()
 def read_campaign(campaign: Campaign, choice: SampleChoice, processes: int | None) -> CampaignData:
     """Read all cycles of a campaign.
@@ -228,10 +236,10 @@ def _plans(files: Sequence[CycleFile], found: dict[str, Read]) -> dict[str, Row]
     """
     heads = [file.head for file in files]
     first, last, began = heads[0].index, heads[-1].index, min(head.began_s for head in heads)
-    known = sorted({head.started[:10] for head in heads} - {""})  # dates in ISO 8601
+    known = sorted({_date(head.started) for head in heads} - {""})
     plans, previous, duration, total, at = {}, None, np.nan, 0.0, None
     for head in heads:
-        cycle, date = head.cycle, head.started[:10]
+        cycle, date = head.cycle, _date(head.started)
         way, row = found.get(cycle.key, (0.0, None))
         rest = head.began_s - previous.began_s - duration if previous is not None else np.nan
         if previous is not None and previous.cycle.kind == "stop":

@@ -486,11 +486,13 @@ def design_stops(form: str, scale_s: float, stops: int = 12, factor: float = 3.0
     Raises
     ------
     FitError
-        If there is no such law.
+        If there is no such law, or a number is out of range.
     """
     laws = {one.name: one for one in FORMS if one.growth}
     if form not in laws:
         raise FitError(f"there is no dwell law {form!r}", remedy=nearest(form, laws))
+    if min(scale_s, noise_n) <= 0.0 or factor < 1.0:
+        raise FitError("time constant and noise must be positive, and a factor 1 or more")
     t = np.array([float(f"{v:.{DIGITS}g}") for v in np.geomspace(*RANGE_S, DURATIONS)])
     # Derivatives with respect to level, increment, ln time constant and ln exponent, for each sample of the prior.
     gradients, names = [], ("a_n", "increment_n", "time constant", "exponent")[: 2 + len(laws[form].units)]
