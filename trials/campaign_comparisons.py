@@ -1,4 +1,4 @@
-"""How often two campaigns of one contact are called different: 3 to 7 % of pairs.
+"""Fraction of pairs of campaigns of one contact that are called different: 3 to 7 %.
 
     python -m trials.campaign_comparisons --count 200 --seed 1
 

@@ -1,8 +1,9 @@
-"""How often the band of a campaign's curve holds the truth, over many worlds drawn at random.
+"""Coverage of the truth by the band of a campaign's curve, over many worlds drawn at random.
 
-``python -m trials.campaign_coverage [--count 200] [--seed 1]`` prints a table: share of the measured points, of
-those between them, of curves of one direction, of the rows of the map; and the error as a share of what the band says.
-A sixth as many campaigns of each rig in `RIGS` follow. The exit status is 1 if the band contains too few true points.
+``python -m trials.campaign_coverage [--count 200] [--seed 1]`` prints coverages: of measured points, of points between
+them, of curves of one direction, of rows of the map. A further column is the ratio of the error to the error stated by
+the band. A sixth as many campaigns of each rig in `RIGS` follow. The exit status is 1 if the band contains too few true
+points.
 """
 
 from __future__ import annotations

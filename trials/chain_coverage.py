@@ -1,4 +1,4 @@
-"""How often the intervals of a fit to noisy recordings of the simulated rig contain the rig's truth.
+"""Coverage of the truth of a simulated rig by the intervals of a fit to its noisy recordings.
 
     python -m trials.chain_coverage --count 100 --seed 1
 
@@ -25,7 +25,7 @@ LEAST, WIDEST = 35 / 40, 1.5
 
 
 def noise_of_one_sample(rig: SimulatedRig) -> float:
-    """Of the force balance: force and both pressures, each with its converter's steps."""
+    """Return the noise of the force balance, N: of force and both pressures, each with the steps of its converter."""
     about = rig.description
     force = np.hypot(about.force_sensor.noise, about.force_sensor.step / 12**0.5)
     pressure = np.hypot(about.pressure_sensor.noise, about.pressure_sensor.step / 12**0.5) * about.areas_m2[0]

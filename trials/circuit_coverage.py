@@ -1,11 +1,11 @@
-"""How often the intervals of numbers identified in a circuit contain the truth.
+"""Coverage of the truth by the intervals of numbers identified in a circuit.
 
     python -m trials.circuit_coverage --count 43 --seed 1
 
 A valve with spool, dead time, hysteresis and overlap moves a piston under steps of the command, through tubes of either
-model, with Stribeck or LuGre friction. Position and pressures carry noise. The search begins 10 to 30 % beside the
-truth. The exit status is 1 if fewer than 93 % or more than 97 % of the determined values lie in their 95 % intervals,
-or if a search does not converge.
+model, with Stribeck or LuGre friction. Position and pressures carry noise. The search begins 10 to 30 % away from
+the truth. The exit status is 1 if a search does not converge. It is also 1 unless 93 to 97 % of the determined values
+are in their 95 % intervals.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ START = {"axis.position": "140 mm", "axis.a": "3 bar abs", "axis.b": "3 bar abs"
 
 
 def trial(seed: int) -> tuple[bool, list[bool]]:
-    """Return whether the search converged, and whether each determined value lies in its interval."""
+    """Return whether the search converged, and whether each determined value is in its interval."""
     rng, tables = np.random.default_rng(seed), tomllib.loads(BASE.read_text("utf-8"))
     tables["components"]["hose"]["kind"] = str(rng.choice(["tube", "tube/lumped"]))
     tables["components"]["axis"]["friction"] |= LUGRE if rng.random() < 0.5 else {}

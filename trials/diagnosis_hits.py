@@ -1,4 +1,4 @@
-"""How often the diagnosis names the cause that was seeded: ``python -m trials.diagnosis_hits --count 3``.
+"""Hit rate of the diagnosis for seeded causes: ``python -m trials.diagnosis_hits --count 3``.
 
 A true drive with one thing changed makes a record with sensor noise; the unchanged model is validated against it. A hit
 is the seeded cause in the first place; "among" counts causes that are named as not told apart from the first, too. The
@@ -23,7 +23,7 @@ from trials.shares import is_within, options
 
 @dataclass(frozen=True)
 class Case:
-    """What is changed in the true drive, or in what its sensors show, and what the diagnosis should name."""
+    """Change of the true drive or of its sensor signals, and the causes that the diagnosis should name."""
 
     name: str
     causes: frozenset[str]

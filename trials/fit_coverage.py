@@ -1,11 +1,12 @@
-"""How often 95 % intervals of the static fit contain the truth, over maps with noise drawn at random.
+"""Coverage of the truth by 95 % intervals of the static fit, over maps with noise drawn at random.
 
     python -m trials.fit_coverage --count 1000 --seed 1
 
-The truth is that of the Fisher table of the theory: Fc 30 N, Fs 40 N, vs 12 mm/s, Fv 60 N s/m; 20 speeds from 1 to
-450 mm/s in logarithmic steps; 0.5 N. The last case draws the truth too, with exponents of 0.5 to 2 and the Lorentzian:
-the fit does not know the shape of the curve. Simulated data only: what a real seal does besides is not in it. The exit
-status is 1 if a fraction lies outside its bounds, or if the median half-width exceeds 1.5 times the Cramer-Rao bound.
+The truth is that of the Fisher table of the theory: Fc 30 N, Fs 40 N, vs 12 mm/s, Fv 60 N s/m. A map has 20 speeds from
+1 to 450 mm/s in logarithmic steps, with a noise of 0.5 N. The last case draws the truth too, with exponents of 0.5 to 2
+and the Lorentzian: the fit does not know the shape of the curve. Simulated data only: what a real seal does besides is
+not in it. The exit status is 1 if a fraction lies outside its bounds, or if the median half-width exceeds 1.5 times the
+Cramer-Rao bound.
 """
 
 from __future__ import annotations
@@ -34,7 +35,7 @@ WIDEST = 1.5  # median half-width over the Cramer-Rao bound
 
 @dataclass(frozen=True)
 class Case:
-    """Noise of the mean friction at each speed, and what the fit is told."""
+    """Noise of the mean friction at each speed, and options of the fit."""
 
     sigma: Callable[[np.ndarray], np.ndarray]
     options: dict[str, object]

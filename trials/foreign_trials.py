@@ -2,9 +2,10 @@
 
     python -m trials.foreign_trials --count 10000 --seed 1
 
-A file of `foreign_files.make` is changed in ways that keep its truth (remarks, empty lines, line ends, further columns,
-a footer), or damaged (cut off, bytes exchanged, lines lost or doubled). The exit status is 1 if a file that holds its
-truth is read wrongly without a flag, or if any file ends in another exception than the product's.
+Some changes of a file of `foreign_files.make` keep its truth: remarks, empty lines, line ends, further columns,
+footers. Others damage it: it is cut off, bytes are exchanged, or lines are lost or doubled. The exit status is 1 if a
+file with its truth is read wrongly without a flag. It is also 1 if any file raises an exception that is not of the
+package.
 """
 
 from __future__ import annotations

@@ -1,10 +1,10 @@
 """Campaigns of hidden truth: shapes of no law of the package, wild cycles, a Stribeck speed that moves with pressure.
 
-``python -m trials.hidden_truths [--count 40] [--first 0]`` prints one line for each folder: what was done to it,
-share of the measured points whose truth lies in the band, median half width over friction, and what the result warns
-of; then the shares over all, and whether each folder below 90 % names the cause. Nothing is repeated in them but
-sentinels. ``--law tanh`` takes one plan and law instead, whose Stribeck speed moves with pressure (or not,
-``--moves 0``), so that folders differ by chance alone.
+``python -m trials.hidden_truths [--count 40] [--first 0]`` prints a line for each folder: its changes, the coverage of
+measured points, the median half width over friction, the warnings. The last lines are the coverage over all folders,
+and whether each folder below 90 % names the cause. Their plans repeat only sentinels. With ``--law tanh``, all folders
+have one plan and law, so that they differ by chance alone. The Stribeck speed of this law moves with pressure, except
+with ``--moves 0``.
 """
 
 from __future__ import annotations
@@ -147,7 +147,7 @@ CAUSES = (
 
 @dataclass
 class Folder:
-    """What came out of one folder."""
+    """Result of one folder."""
 
     hits: list[bool]
     widths: list[float]

@@ -1,4 +1,4 @@
-"""How often profile intervals of hidden tubes and drives hold the truth: ``trials/profile_coverage.py drives``.
+"""Coverage of the truth by profile intervals of hidden tubes and drives: ``trials/profile_coverage.py drives``.
 
 Every tube and drive has hidden values, a start value that is off by up to a third, and white noise of its sensors.
 Tubes are discharges and fills of a tank by the independent model, half of them without a linear region of flow. Hoses

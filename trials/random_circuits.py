@@ -3,8 +3,8 @@
 ``python -m trials.random_circuits [--count 2000] [--seed 1] [--first 0]`` draws components, joins their ports at
 random, runs them and prints what broke a rule. A circuit is given by (seed, number).
 
-Rules: what is drawn is a circuit, or refused as a `DescriptionError`; it runs to its end; every sample is finite, every
-pressure and temperature above zero; at rtol 1e-9 mass closes to 1e-12 and energy to 1e-6 of what is turned over.
+Rules: a drawn circuit runs to its end, or is rejected by a `DescriptionError`. Every sample is finite, every pressure
+and temperature is above zero. At rtol 1e-9, mass closes to 1e-12 and energy to 1e-6 of the throughput.
 """
 
 from __future__ import annotations
@@ -239,7 +239,7 @@ def plans(draw: Draw, core: _core.Circuit, circuit: Circuit, duration: float) ->
 
 @dataclass
 class Outcome:
-    """What came of one circuit."""
+    """Result of one circuit."""
 
     kinds: set[str]
     broken: list[str] = field(default_factory=list)

@@ -5,10 +5,10 @@ prints what broke a rule and a table by law. A run is given by (seed, number): t
 ``--lines`` gives a third of the drives tubes or flow controls. ``--compared 20`` runs every 20th sensible drive at a
 hundredth of its tolerance too; the runs differ by at most `MOST_APART`.
 
-Rules: a sensible drive runs to its end; a corner may stop, with a reason; nothing but a `SimulationError` is raised;
-every sample is finite and inside the physics; friction at rest is at most the breakaway force, within the error of
-the run; at the run's own tolerance mass closes to 1e-9 and energy to 1e-3 or 300 times the tolerance, whichever is
-more; no run takes more than 2 s of processor.
+Rules: a sensible drive runs to its end. A corner may stop, with a reason. No run raises another exception than
+`SimulationError`. Every sample is finite and inside the physics. Friction at rest is at most the breakaway force,
+within the error of the run. Mass closes to 1e-9, and energy to 1e-3 or to 300 times the tolerance of the run, whichever
+is more. No run takes more than 2 s of processor.
 """
 
 from __future__ import annotations
@@ -69,7 +69,7 @@ class Case:
     rate: float
 
     def run(self, *, ledger: bool = True) -> Run:
-        """Simulate it; what is worth a warning is no concern of a sweep."""
+        """Simulate the drive without warnings."""
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", PneudriveWarning)
             drive = Drive.model_validate(self.drive)
@@ -187,7 +187,7 @@ def case(seed: int, number: int) -> Case:
 
 
 def with_lines(drawn: Case, seed: int, number: int) -> Case:
-    """Give a third of the cases tubes or flow controls; random numbers of their own keep the drive as it is."""
+    """Give a third of the cases tubes or flow controls. Separate random numbers leave the drive unchanged."""
     draw, tables = Draw(seed, 10**9 + number), {}
     conductance = float(drawn.drive["valve"]["conductance"].split()[0])
     if draw.chance(1 / 3):
@@ -247,7 +247,7 @@ def _commands(draw: Draw, duration: float) -> list[tuple[float, float]]:
 
 
 def _friction(draw: Draw, push: float, bore: float, *, sensible: bool) -> dict[str, Any]:
-    """Draw a law with forces that suit the piston, and what acts on it."""
+    """Draw a friction law with forces that suit the piston, and its modifiers."""
     law = draw.one(*LAWS)
     wide = 1.0 if sensible else draw.log(0.01, 100.0)
     coulomb = min(push * draw.log(0.01, 0.15), 1e4 * bore) * (1.0 if sensible else draw.log(1e-3, 5.0))
@@ -351,7 +351,7 @@ KEYS = _keys()
 
 @dataclass
 class Outcome:
-    """What came of one case: the rules that it broke, whether it stopped with a reason, and its work."""
+    """Result of one case: the rules that it broke, whether it stopped with a reason, and its work."""
 
     sensible: bool
     law: str

@@ -1,4 +1,4 @@
-"""Shares of random trials that must lie within bounds, whatever chance allows for."""
+"""Fractions of random trials that must be within bounds, with an allowance for chance."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ BY_CHANCE = 3.0
 
 
 def is_within(title: str, shares: Sequence[float] | Sequence[bool], low: float, high: float = 1.0) -> bool:
-    """Print the mean share of independent trials; return whether it lies from `low` to `high` but for chance."""
+    """Print the mean fraction of independent trials. Return whether it is from `low` to `high`, except for chance."""
     values = np.asarray(shares, dtype=float)
     mean, is_count = float(values.mean()), bool(np.isin(values, (0.0, 1.0)).all())
 
@@ -34,7 +34,7 @@ def is_within(title: str, shares: Sequence[float] | Sequence[bool], low: float, 
 
 @dataclass
 class Hits:
-    """Lists of what was counted of one trial or several."""
+    """Lists of counts of one trial or several."""
 
     def __add__(self, other: Hits) -> Hits:
         return type(self)(**{name: own + getattr(other, name) for name, own in vars(self).items()})

@@ -3,9 +3,9 @@
     python -m trials.sizing_enumerated --count 50 --seed 1
 
 A task draws two cylinders, two valves, two tubes and a flow control of the catalogue, which may also be left out.
-Enumeration tunes every combination and simulates 1,024 draws of it, also of those that the search prunes by bounds of
-force and time, or leaves out at its end; a combination that fails the nominal case is not simulated further. What a
-sheet forbids (another stroke, a coupling that gives way) no simulation sees; both leave it out.
+Enumeration tunes every combination and simulates 1,024 draws of it. The search prunes some by bounds of force and time,
+and leaves others out at its end. A combination that fails the nominal case is not simulated further.
+Both leave out combinations that a sheet forbids, because no simulation shows another stroke or a coupling that yields.
 """
 
 from __future__ import annotations

@@ -1,9 +1,9 @@
-"""How often the intervals of slopes per decade of stop duration hold the truth, over many campaigns drawn at random.
+"""Coverage of the truth by the intervals of slopes per decade of stop duration, over many campaigns drawn at random.
 
-``python -m trials.stop_coverage [--count 150] [--seed 1]`` prints a table: share of campaigns whose slope at the
-reference duration, mean slope, and slopes at single conditions lie in their 95 % intervals; half width over the true
-slope of the log law at 15 s; share in which the law that made the data has support. The exit status is 1 if one of the
-first two shares, or the last one, is too small.
+``python -m trials.stop_coverage [--count 150] [--seed 1]`` prints a table. Three columns are the coverage of 95 %
+intervals: of the slope at the reference duration, of the mean slope, and of slopes at single conditions. The next
+column is the half width over the true slope of the log law at 15 s. The last one is the fraction in which the law that
+made the data has support. The exit status is 1 if the first, second or last one is too small.
 """
 
 from __future__ import annotations
