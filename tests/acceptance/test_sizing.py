@@ -70,7 +70,7 @@ def test_the_best_of_full_enumeration_is_found_and_margins_are_monotone(found: S
 def test_tuning_runs_fewer_cases_with_the_result_of_all(found: SizingResult, monkeypatch: pytest.MonkeyPatch):
     strokes, _ = nominal_strokes(found.best.parts, SizingTask(**TASK))
     few = tune(strokes)
-    monkeypatch.setattr("pneudrive.sizing.strokes._next_runs", lambda table, is_run: ~is_run)
+    monkeypatch.setattr("pneudrive.sizing.strokes._next_runs", lambda table, is_run, openings: ~is_run)
     assert tune(strokes) == few
 
 

@@ -462,6 +462,12 @@ FINER = (((0.8, 1.0, 1.25), (0.5, 1.0, 2.0)), ((0.86, 0.93, 1.0, 1.07, 1.15), (0
 MORE, WORST = 24, 5
 #: Largest number of rounds of this refinement, and worst-case margin at which it ends early.
 ROUNDS, SETTLED = 3, 0.1
+#: Number of cases that run together when few pairs are left: the SIMD lanes of two processors.
+AT_ONCE = 16
+#: Excess over the smallest margin above which a limit is not considered first for a pair (assumed).
+DECIDES = 0.3
+#: Time margin by which a smaller opening may be faster, due to solver errors and rebounds (assumed).
+TIME_SLACK = 0.03
 #: Nominal margin below which settings are not refined, and the other stroke is not considered.
 SMALL = -0.15
 #: Worst-case margin below which rough settings are not refined further.
@@ -636,14 +642,18 @@ def _best(
 ) -> Search:
     """Return the pair of needle and cushion whose worst case has the largest margin.
 
-    Pairs that cannot be the best are not run in all cases. The result is the same as with all runs.
+    Pairs that cannot be the best are not run in all cases. The result is the same as with all runs, as long as no
+    smaller opening is faster by more than `TIME_SLACK`.
     """
     places = ("needle_out", "cushion_out") if outward else ("needle_back", "cushion_back")
-    settings = [setting._replace(**by_name(places, pair)) for pair in pairs]
+    openings = np.array(list(pairs))
+    settings = [setting._replace(**by_name(places, pair)) for pair in openings.tolist()]
     shares, shape = np.array(settings), (len(settings), len(rows))
     known = StrokeResults(*np.full((len(StrokeResults._fields), len(settings) * len(rows)), np.nan))
     is_run, named, table = np.zeros(shape, bool), [], np.array([])
-    todo = np.array([len(rows) == 1 or one == setting for one in settings])[:, None] | is_run
+    todo = np.array([one == setting for one in settings])[:, None] | is_run
+    if len(rows) == 1:
+        todo = (openings[:, 1] == openings[:, 1].max())[:, None]
     while todo.any():
         one, row = np.nonzero(todo)
         found = yield StrokeRuns(strokes, outward, rows[row], shares[one])
@@ -652,7 +662,7 @@ def _best(
         is_run |= todo
         named = _margins(strokes, outward, known)
         table = np.where(is_run, [margins.reshape(shape) for *_, margins in named], np.inf)
-        todo = _next_runs(table, is_run)
+        todo = _next_runs(table, is_run, openings)
     whole = np.flatnonzero(is_run.all(axis=1)).tolist()
     best = max(whole, key=lambda one: (table[:, one].min(), table[:, one, 0].min()))
     if outward and (held := strokes.task.holding_force_n):  # no setting changes it
@@ -666,23 +676,36 @@ def _best(
     return Tuned(settings[best], nominal, short, least, float(known.air[at]), (float(known.time[at]),))
 
 
-def _next_runs(table: Array, is_run: Bools) -> Bools:
+def _next_runs(table: Array, is_run: Bools, openings: Array) -> Bools:
     """Return the cases of the pairs that may be the best, shape (pairs, cases); none if the best pair is known.
 
-    The bound of a pair is its smallest margin in the cases that have run. After the first pair, the others begin with
-    the cases in which the limits of the first pair have their smallest margins.
+    The bound of a pair is its smallest margin in the cases that have run. In the nominal case, the time margin of a
+    pair with wider cushion and needle is also a bound. This does not hold for a half-closed cushion: a needle that
+    slows the piston down before the cushion may shorten the stroke.
 
     Parameters
     ----------
     table : ndarray, shape (limits, pairs, cases)
-        Margins; infinite for cases that have not run.
+        Margins, the time first; infinite for cases that have not run.
     is_run : ndarray, shape (pairs, cases)
+    openings : ndarray, shape (pairs, 2)
     """
     bounds, is_whole = table.min(axis=(0, 2)), is_run.all(axis=1)
-    left = ~is_run & (bounds >= bounds[is_whole].max())[:, None]
-    if is_run.any(axis=1).sum() == 1:
-        left &= np.isin(np.arange(is_run.shape[1]), table[:, is_whole][:, 0].argmin(axis=1))
-    return left
+    if is_run.shape[1] == 1:
+        needle, cushion = openings.T
+        is_wider = (needle[:, None] <= needle) & (cushion == cushion.max())
+        bounds = np.minimum(bounds, np.where(is_wider, table[0, :, 0], np.inf).min(axis=1) + TIME_SLACK)
+    least = bounds[is_whole].max()
+    left = ~is_run & (~is_whole & (bounds >= least))[:, None]
+    if is_run.any(axis=1).sum() == 1:  # the others run the cases first that decide about this one
+        of_first = table[:, is_whole][:, 0]
+        deciding = of_first[of_first.min(axis=1) <= least + DECIDES].argmin(axis=1)
+        left[:, np.setdiff1d(np.arange(is_run.shape[1]), deciding)] = False
+        return left
+    order = np.argsort(-bounds, kind="stable")
+    number = np.empty(left.shape, int)
+    number[order] = left[order].cumsum().reshape(left.shape)
+    return left & (number <= AT_ONCE)
 
 
 def _margins(strokes: DriveStrokes, outward: bool, found: StrokeResults) -> list[tuple[str, float, Array, Array]]:
