@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from pneudrive import __version__, own_code
 from pneudrive.campaign.planning.plan import lay_out
-from pneudrive.campaign.planning.preflight import check_levels
+from pneudrive.campaign.planning.preflight import Plan, check_levels
 from pneudrive.campaign.planning.protocol import Protocol, read_protocol
 from pneudrive.campaign.running.campaign_run import DONE, ENDED, CampaignRun, Options, Subscribers
 from pneudrive.campaign.storage.control import FolderLock, make_folder, now
@@ -24,7 +24,6 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
     from pneudrive.arrays import Plain
-    from pneudrive.campaign.planning.preflight import Plan
 
 
 @dataclass(frozen=True, repr=False)

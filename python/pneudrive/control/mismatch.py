@@ -12,7 +12,7 @@ import numpy as np
 from pydantic import Field
 
 from pneudrive import _core
-from pneudrive.arrays import Interval
+from pneudrive.arrays import Interval, Keyed, NamedNumbers, Plain
 from pneudrive.control.setup import Disturbance, Setup, read_ready
 from pneudrive.describe.base import Described
 from pneudrive.describe.kinds import component_kinds
@@ -23,7 +23,6 @@ from pneudrive.errors import CommandError, DescriptionError, invalid
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from pneudrive.arrays import Keyed, NamedNumbers, Plain
     from pneudrive.control.tuning import Plant
 
 READY = Path(__file__).with_name("mismatches")

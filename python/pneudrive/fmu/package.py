@@ -14,22 +14,18 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 from xml.etree import ElementTree
 from xml.sax.saxutils import escape
 
 from pneudrive import __version__
 from pneudrive.errors import CommandError, DescriptionError, nearest, package_table
 from pneudrive.files.content import check_file, rendered
-from pneudrive.fmu.variables import RTOL, FmuPlan, FmuVariable, plan_of
+from pneudrive.fmu.variables import RTOL, FmuCode, FmuPlan, FmuVariable, plan_of
 from pneudrive.repr_tables import Shown
 from pneudrive.simulation.simulate import require
 from pneudrive.simulation.start import DriveOrCircuit, StartState, check_tolerance
 from pneudrive.simulation.trajectory import check_target, whole
-
-if TYPE_CHECKING:
-    from pneudrive.fmu.variables import FmuCode
-
 
 # --- Units in the form of FMI: exponents of base units, and the display unit.
 

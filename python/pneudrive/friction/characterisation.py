@@ -329,10 +329,7 @@ def characterise_recordings(
         inputs.append(stored_input("recording", name, result.recording.source, result.recording.sha256))
         results += [result] if place in shown else []
     watch.tell(number, number, "recordings characterised")
-    if not rows:
-        reasons = "; ".join(f"{name}: {why}" for name, why in skipped[:3])
-        raise RecordingError("no recording could be used", value=reasons)
-    friction_map, table = rows_to_dataset(rows), pl.DataFrame(points, infer_schema_length=None)
+    friction_map, table = _map_of(rows, skipped), pl.DataFrame(points, infer_schema_length=None)
     synthetic = any(result.recording.synthetic for result in results)
     friction_map.attrs |= {"protocol": choice.name, "synthetic": synthetic, INPUTS: inputs}
     if results:
@@ -346,6 +343,14 @@ def characterise_recordings(
         protocol=choice.name,
         stroke_uses=uses,
     )
+
+
+def _map_of(rows: list[Row], skipped: list[tuple[str, str]]) -> xr.Dataset:
+    """Return the friction map of the rows. Without rows, the error states why recordings were skipped."""
+    if not rows:
+        reasons = "; ".join(f"{name}: {why}" for name, why in skipped[:3])
+        raise RecordingError("no recording could be used", value=reasons)
+    return rows_to_dataset(rows)
 
 
 def _sources(recordings: Input, layout: AnyLayout) -> tuple[int, Iterable[Recording | RecordingFile]]:

@@ -323,11 +323,8 @@ def _line(title: str, points: pl.DataFrame, spread: RunSpread | None) -> Pressur
     leverage = np.einsum("ij,jk,ik->i", design, inverse, design)
     half = student(freedom) * np.sqrt(single + variance * leverage)
     unit = np.diag([1.0, 1.0 / scale])
-    has_changed, confounded = changed(speed, float(np.median(speed_stderr))), ""
+    has_changed = changed(speed, float(np.median(speed_stderr)))
     together = float(np.corrcoef(speed, pressure)[0, 1]) if has_changed else 0.0
-    if abs(together) > CONFOUNDED:
-        word = "falls" if together < 0 else "rises"
-        confounded = sentence("pressure_line.confounded", word=word, together=together)
     intercept_n, slope_n_pa = float(solution[0]), float(solution[1] / scale)
     covariance = unit @ (inverse * variance) @ unit
     half_n, half_n_pa = (student(freedom) * np.sqrt(np.diag(covariance))).tolist()
@@ -350,6 +347,13 @@ def _line(title: str, points: pl.DataFrame, spread: RunSpread | None) -> Pressur
             intercept=with_u(intercept_n, half_n),
             rise=with_u(slope_n_pa * 1e5, half_n_pa * 1e5, "N/bar"),
             interval=sentence(f"pressure_line.{basis}", percent=0.0 if spread is None else 100 * spread.relative),
-            confounded=confounded,
+            confounded=_confounded(together),
         ),
     )
+
+
+def _confounded(together: float) -> str:
+    """Return a sentence for speeds that correlate with pressure; empty for a weak correlation."""
+    if abs(together) <= CONFOUNDED:
+        return ""
+    return sentence("pressure_line.confounded", word="falls" if together < 0 else "rises", together=together)

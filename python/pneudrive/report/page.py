@@ -6,7 +6,7 @@ import math
 import platform
 import re
 import tempfile
-from collections.abc import Mapping
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from importlib.metadata import version
@@ -30,8 +30,6 @@ from pneudrive.units import readable
 from pneudrive.views import Finding, ShownFigure, ShownTable, View
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
-
     from pneudrive.friction.campaign.result import CampaignCharacteristics
     from pneudrive.friction.characterisation import Characterisation
     from pneudrive.friction.level import Level, RecordingResult

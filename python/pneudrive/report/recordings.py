@@ -35,7 +35,7 @@ from pneudrive.report.page import (
     spread_evenly,
 )
 from pneudrive.report.render import DrawnFigure, draw_figure
-from pneudrive.signals.motion import find_strokes, local_slope
+from pneudrive.signals.motion import Stroke, find_strokes, local_slope
 from pneudrive.signals.recording import Recording, clean
 from pneudrive.units import readable
 from pneudrive.views import Finding, ShownCurve, ShownFigure, ShownTable, ShownValue, View, worst
@@ -52,7 +52,6 @@ if TYPE_CHECKING:
     from pneudrive.friction.stick_slip import StickSlip
     from pneudrive.identify.static.result import FrictionFit
     from pneudrive.report.page import Blocks, Fits
-    from pneudrive.signals.motion import Stroke
     from pneudrive.signals.proposal import Proposal
 
 #: Parts common to recordings and campaigns.

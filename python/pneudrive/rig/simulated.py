@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pneudrive.arrays import attributes_of
+from pneudrive.arrays import Array, Columns, NamedNumbers, Pair, Plain, attributes_of
 from pneudrive.errors import CommandError, RigError, nearest
 from pneudrive.repr_tables import Shown
 from pneudrive.rig.description import DEFAULT, RIGID, AnalogSensor, RigDescription, read_description
@@ -23,7 +23,6 @@ from pneudrive.signals.recording import Recording
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Sequence
 
-    from pneudrive.arrays import Array, Columns, NamedNumbers, Pair, Plain
     from pneudrive.rig.interface import Sampling
 
     Gauges = float | Pair  # pressures of both chambers, or of a and b

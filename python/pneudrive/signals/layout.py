@@ -32,7 +32,6 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
     from pneudrive.arrays import Array, NamedNumbers, Plain
-    from pneudrive.errors import DescriptionError
 
 
 #: Kind of recording -> SI units of its channels, required channels, and requirements in words.

@@ -21,7 +21,7 @@ from pneudrive.errors import CommandError, RecordingError
 from pneudrive.estimate.estimates import NORMAL_95, Estimate, rms
 from pneudrive.identify.export import steady_friction
 from pneudrive.identify.follow import fit as motions
-from pneudrive.identify.follow.driven import DrivenCircuit, driven_recordings
+from pneudrive.identify.follow.driven import DrivenCircuit, MotionRecordings, driven_recordings
 from pneudrive.identify.follow.problem import FollowProblem, FollowSolution, solve_follow
 from pneudrive.identify.identified import FittedData, comparison_figure
 from pneudrive.lazy_names import upper
@@ -38,7 +38,6 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
 
     from pneudrive.describe.drive import Drive
-    from pneudrive.identify.follow.driven import MotionRecordings
     from pneudrive.identify.volume import RegulatorFit
     from pneudrive.signals.layout import AnyLayout
 

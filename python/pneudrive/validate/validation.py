@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Literal, overload
 import numpy as np
 
 from pneudrive import __version__
-from pneudrive.describe import Circuit
+from pneudrive.describe import Circuit, Drive
 from pneudrive.describe.files import toml
 from pneudrive.errors import CommandError, DescriptionError
 from pneudrive.files.inputs import INPUTS, inputs_of, stored_beside
@@ -33,7 +33,6 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
 
     from pneudrive.arrays import Columns, Keyed, NamedNumbers, Plain
-    from pneudrive.describe import Drive
     from pneudrive.identify.dynamic.sensors import Sensor
     from pneudrive.signals.drive_recording import DriveRecording, Given
     from pneudrive.signals.layout import AnyLayout

@@ -22,7 +22,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pneudrive.arrays import attributes_of
+from pneudrive.arrays import Array, Bools, Ints, Plain, attributes_of
 from pneudrive.batching import many_objects
 from pneudrive.campaign.cycle import SCHEMA, Cycle, Head, check_schema, read_head
 from pneudrive.campaign.storage.control import FOLDER, PART, clear_errors, make_folder, write_whole
@@ -40,7 +40,6 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from pneudrive.arrays import Array, Bools, Ints, Plain
     from pneudrive.campaign.planning.preflight import Plan
 
 

@@ -13,7 +13,7 @@ from pneudrive import units
 from pneudrive.describe.connections import Joint, Port, Wiring, is_platform
 from pneudrive.describe.files.toml import leaves
 from pneudrive.describe.marks import NOT_NEGATIVE, POSITIVE, Quantity, StatedPressure, absolute_above_vacuum
-from pneudrive.describe.tables.parts import Initial
+from pneudrive.describe.tables.parts import Ambient, Initial
 from pneudrive.errors import CommandError, DescriptionError, Problems, invalid, nearest, wrong
 
 if TYPE_CHECKING:
@@ -21,7 +21,6 @@ if TYPE_CHECKING:
     from pneudrive._core import Platform
     from pneudrive.arrays import Array, Keyed, NamedNumbers, Plain
     from pneudrive.describe.components import Component
-    from pneudrive.describe.tables.parts import Ambient
 
 #: A start state as users give it.
 StartState: TypeAlias = "Initial | Keyed | str | None"

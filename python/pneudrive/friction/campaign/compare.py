@@ -28,7 +28,7 @@ from pneudrive.estimate.estimates import CHANCE, Estimate, FTest, one_thread
 from pneudrive.estimate.mixed import MixedModel, RandomEffect, independent
 from pneudrive.friction.campaign.cycles import stated_gain
 from pneudrive.friction.campaign.points import MOST_CELLS, MOST_CYCLES, grouped, shares_of
-from pneudrive.friction.campaign.result import write_tables
+from pneudrive.friction.campaign.result import CampaignCharacteristics, write_tables
 from pneudrive.friction.friction_map import LEVELS, PA_PER_BAR
 from pneudrive.friction.sentences import Statement, say
 from pneudrive.lazy_names import upper
@@ -39,7 +39,6 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from pneudrive.arrays import Array, Ints, Row
-    from pneudrive.friction.campaign.result import CampaignCharacteristics
     from pneudrive.friction.campaign.stops.dwell_law import DwellSeries
 
     Both = tuple[CampaignCharacteristics, CampaignCharacteristics]

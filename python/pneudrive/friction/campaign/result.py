@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pneudrive.arrays import attributes_of
+from pneudrive.arrays import Array, Bools, Interval, Ints, Row, attributes_of
 from pneudrive.describe.files.toml import sections
 from pneudrive.estimate.estimates import NORMAL_95, Estimate, FTest
 from pneudrive.friction.friction_map import BOTH, CHAMBERS, TABLES, Condition, Skipped, write_map
@@ -23,7 +23,6 @@ if TYPE_CHECKING:
     import polars as pl
     import xarray as xr
 
-    from pneudrive.arrays import Array, Bools, Interval, Ints, Row
     from pneudrive.friction.campaign.cycles import Loop
     from pneudrive.friction.campaign.stops.dwell_law import DwellSeries
     from pneudrive.friction.sentences import Statement

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Literal, overload
 import numpy as np
 
 from pneudrive.constants import STANDARD_ATMOSPHERE_PA
-from pneudrive.describe import Circuit
+from pneudrive.describe import Circuit, Drive
 from pneudrive.describe.system import PISTON
 from pneudrive.errors import FitError
 from pneudrive.estimate.estimates import Transforms, rms, student
@@ -33,7 +33,6 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from pneudrive.arrays import Array, Interval, Keyed, NamedIntervals, NamedNumbers, Pair
-    from pneudrive.describe import Drive
     from pneudrive.identify.dynamic.sensors import SensorParameter
     from pneudrive.signals.drive_recording import DriveRecording, VolumeRecording
     from pneudrive.signals.recording import Recording

@@ -35,7 +35,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
-from pneudrive.arrays import NamedNumbers, by_name
+from pneudrive.arrays import Array, ArrayPair, Interval, Keyed, NamedNumbers, Pair, by_name
 from pneudrive.describe.base import Described
 from pneudrive.describe.files import toml
 from pneudrive.describe.files.provenance import GivenNumber, values
@@ -49,7 +49,6 @@ from pneudrive.simulation.trajectory import write_whole
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
 
-    from pneudrive.arrays import Array, ArrayPair, Interval, Keyed, Pair
     from pneudrive.describe import Drive
     from pneudrive.describe.tables.friction import Friction
 

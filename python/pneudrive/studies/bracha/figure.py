@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pneudrive.campaign.storage.control import write_whole
-from pneudrive.campaign.storage.folder import recording_of
+from pneudrive.campaign.storage.folder import Campaign, recording_of
 from pneudrive.characterise import SourcePaper, characterise_recordings
-from pneudrive.characteristics import campaign_friction
+from pneudrive.characteristics import CampaignCharacteristics, campaign_friction
 from pneudrive.errors import CampaignError, package_table
 from pneudrive.files.content import read_json
 from pneudrive.friction.friction_map import BOTH
@@ -23,8 +23,6 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from pneudrive.arrays import Array, Columns, Keyed, NamedNumbers, Plain
-    from pneudrive.campaign.storage.folder import Campaign
-    from pneudrive.characteristics import CampaignCharacteristics
     from pneudrive.friction.campaign.result import AirShare
     from pneudrive.rig import Envelope, Identity
     from pneudrive.rig.machine import Machine, Past

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import warnings
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -19,7 +19,7 @@ from pneudrive.describe.tables.friction import friction_laws
 from pneudrive.errors import PneudriveWarning
 from pneudrive.figures import MEASURED, MODEL, THIN, Axis, Band, Figure, Line, Look, Markers, Panel, Rule, ramp, thin
 from pneudrive.report import page
-from pneudrive.report.page import Paragraph, Report, Topic, figure_of, plural, sections_of, sentence
+from pneudrive.report.page import Blocks, Paragraph, Report, Topic, figure_of, plural, sections_of, sentence
 from pneudrive.report.recordings import motion_figures, motion_panels, recovered, recovered_part
 from pneudrive.rig import SimulatedRig, shipped_rigs, sweep
 from pneudrive.studies.bracha import figure as bracha
@@ -28,11 +28,8 @@ from pneudrive.studies.bracha.figure import SEED, Claim, PaperFigure, figure_5, 
 from pneudrive.views import ShownFigure
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
-
     import xarray as xr
 
-    from pneudrive.report.page import Blocks
     from pneudrive.rig.description import RigDescription
 
 
