@@ -543,7 +543,8 @@ def _sides(result: Any) -> dict[str, ComparedValue]:  # noqa: ANN401 - any resul
     view = view_of(result)
     rows = [row for row in view.rows if row.origin != "text"]
     if isinstance(result, Fit):  # as its report: the intervals contain the errors of the sensors
-        u, about = result.systematic, {row.key: (float(row.value), row.interval) for row in rows if row.interval}
+        u = result.systematic
+        about = {row.key: (float(row.value), row.interval) for row in rows if row.interval}
         wide = {key: whole_interval(*of, u.get(key, 0.0)) for key, of in about.items()}
         rows = [replace(row, interval=wide.get(row.key)) for row in rows]
     sides = {row.key: _side(row) for row in rows}

@@ -37,7 +37,8 @@ def check_axis(belief: Circuit, plant: Keyed) -> None:
     DescriptionError
         The cylinder is single-acting or a tandem, or ports 4 and 2 of its 5/3 valve do not lead to chambers a and b.
     """
-    kinds, joints = {name: one["kind"] for name, one in belief.core_parts.items()}, belief.wiring.core()
+    kinds = {name: one["kind"] for name, one in belief.core_parts.items()}
+    joints = belief.wiring.core()
     cylinder, valves = plant["cylinder"], plant["valves"]
     ends = {cylinder, *valves, *(name for name, kind in kinds.items() if kind.startswith("reservoir"))}
     if kinds[cylinder] not in _DOUBLE_ACTING:

@@ -495,7 +495,8 @@ def prepare(
         raise CommandError(what, rule=f"1 to {MOST_SAMPLES:.0e} samples")
     warnings = [*_missed(to_follow, read), *_beyond_switches(read, to_follow, plant.stroke_m)]
     names, given = circuit.start_names, dict(drive.circuit_values(initial))
-    usual, taken = plant.at_rest(float(to_follow.at([0.0])[0, 0])), {names.get(key) for key in given}
+    usual = plant.at_rest(float(to_follow.at([0.0])[0, 0]))
+    taken = {names.get(key) for key in given}
     start = circuit.core_initial({key: value for key, value in usual.items() if names[key] not in taken} | given)
     truth, called = Truth(circuit.core_json(), {}, read, {}), ""
     if mismatch is not None:

@@ -158,7 +158,8 @@ def sobol_points(n: int, d: int, seed: int) -> Array:
     The points are n points A, n points B, and for each argument the points A with this argument from B [saltelli2010].
     A and B are halves of one scrambled Sobol sequence in 2 d dimensions; n should be a power of 2.
     """
-    sequence, power = qmc.Sobol(2 * d, scramble=True, rng=seed), int(np.ceil(np.log2(n)))
+    sequence = qmc.Sobol(2 * d, scramble=True, rng=seed)
+    power = int(np.ceil(np.log2(n)))
     both = sequence.random_base2(power)[:n] + HALF_CELL
     a, b = both[:, :d], both[:, d:]
     mixed = np.where(np.eye(d, dtype=bool)[:, None], b, a)

@@ -93,7 +93,8 @@ def systematic_budget(
         BudgetEntry("time skew between channels", skew, "s", "assumed", "B", turned, 0.0, words),
     ]
     if recording.parallel:
-        largest, names = max(f.uncertainty for f in recording.parallel), ", ".join(f.name for f in recording.parallel)
+        largest = max(f.uncertainty for f in recording.parallel)
+        names = ", ".join(f.name for f in recording.parallel)
         area = _halves(up.parallel_n, down.parallel_n)
         entries.append(BudgetEntry("areas of parallel forces", largest, "", "layout", "B", *area, names))
     if late_s != 0.0:  # the delay of several loggers, or as closed chambers show it
@@ -161,7 +162,8 @@ def _sensor_entries(
         basis = "assumed" if note.lower().startswith("assumed") else "layout"
     limits = recording.limits.get(channel)
     reference = max(abs(limit - zero) for limit in limits) if limits else largest
-    change, common = abs(getattr(means[0], channel) - getattr(means[1], channel)) / 2, u * newton_per_unit
+    change = abs(getattr(means[0], channel) - getattr(means[1], channel)) / 2
+    common = u * newton_per_unit
     left = common * change / reference if reference else 0.0
     hysteresis = common * ASSUMED_DIRECTION_SHARE / float(np.sqrt(2.0))
     note = f"{note}; cancels in the pair except for the change of the reading with direction".lstrip("; ")

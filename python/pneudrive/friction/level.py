@@ -372,7 +372,8 @@ def extract_long(file: RecordingFile, choice: SampleChoice, watch: Watch) -> Rec
     if not tables:
         return _result(motion, strokes, [], window)
     # The parts number their strokes separately: classes of the whole recording are found by place.
-    whole, classes = Strokes.joined(tables), speed_levels([replace(s, index=i) for i, s in enumerate(strokes)])
+    whole = Strokes.joined(tables)
+    classes = speed_levels([replace(s, index=i) for i, s in enumerate(strokes)])
     level_of_stroke = {id(strokes[s.index]): number for number, members in enumerate(classes) for s in members}
     numbers = [level_of_stroke[id(row.stroke)] for row in whole.rows]
     rows = ([row for row, at in enumerate(numbers) if at == number] for number in range(len(classes)))

@@ -95,7 +95,8 @@ class Strokes:
         first, stop = min(t.grid.first for t in tables), max(t.grid.stop for t in tables)
         padded = [((0, 0), (t.grid.first - first, stop - t.grid.stop)) for t in tables]
         balance = [np.pad(t.balance_n, pad, constant_values=np.nan) for t, pad in zip(tables, padded, strict=True)]
-        grid, rows = replace(tables[0].grid, first=first, stop=stop), tuple(row for t in tables for row in t.rows)
+        grid = replace(tables[0].grid, first=first, stop=stop)
+        rows = tuple(row for t in tables for row in t.rows)
         return cls(grid, rows, np.concatenate(balance))
 
     def at(self, rows: Sequence[int]) -> Strokes:

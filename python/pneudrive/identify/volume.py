@@ -566,7 +566,8 @@ def identify_regulator(
         raise FitError("the command does not change", value=", ".join(idle), remedy="record steps of the command")
     start = described.start(STANDARD_ATMOSPHERE_PA)
     best, lost, spread = _fit(records, start), [], {}
-    values, span = _named(best.x), float(np.mean([np.ptp(r.pressure_pa) for r in records]))
+    values = _named(best.x)
+    span = float(np.mean([np.ptp(r.pressure_pa) for r in records]))
     own = {r.name: _fit([r], best.x).x for r in records}
     runs = {name: _named(point) for name, point in own.items()}
     intervals, correlation = _intervals(records, best, own)

@@ -214,7 +214,8 @@ class Platform(Viewed):
         rows = np.atleast_2d(self.pose(pose))
         u = np.zeros_like(rows) if rates is None else np.atleast_2d(np.asarray(rates, dtype=float))
         slopes = self._slopes(rows)
-        own, across = self.core.evaluate(starts.coordinates(self.core, rows), u * slopes), slopes[:, None, :]
+        own = self.core.evaluate(starts.coordinates(self.core, rows), u * slopes)
+        across = slopes[:, None, :]
         own |= {"jacobian": own["jacobian"] * across, "twist": own["twist"] * across}
         return own | {"forces": own["forces"] * slopes, "mass": own["mass"] * across * slopes[:, :, None]}
 

@@ -146,7 +146,8 @@ def value_in_words(found: xr.Dataset, dim: str, index: int) -> str:
 def _bars(found: xr.Dataset, x: str, name: str, title: str) -> Panel:
     """Draw one bar for each entry, the largest on top."""
     factor, _ = shown_unit(found[name].attrs["units"])
-    labels, values = [str(entry) for entry in found[x].to_numpy()], factor * np.asarray(found[name])
+    labels = [str(entry) for entry in found[x].to_numpy()]
+    values = factor * np.asarray(found[name])
     order = np.argsort(values)
     if len(order) > MOST_BARS:
         order = [k for k in order if k in np.argsort(-np.abs(values))[:MOST_BARS]]

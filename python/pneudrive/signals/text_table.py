@@ -264,7 +264,8 @@ def _below_remarks(lines: Lines, start: int, form: TextForm) -> int:
     header, below = next(plain, None), next(plain, None)
     if header in (None, start) or below is None:
         return start
-    names, width = split_row(lines[header], form.of_header), len(split_row(lines[below], form.delimiter))
+    names = split_row(lines[header], form.of_header)
+    width = len(split_row(lines[below], form.delimiter))
     remark = split_row(lines[start].lstrip(form.comment), form.of_header)
     return header if len(remark) < width == len(names) and is_words(names, form) else start
 

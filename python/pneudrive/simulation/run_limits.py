@@ -70,7 +70,8 @@ def _pressures(places: list[GasVolume], time_s: Any) -> Iterator[str]:  # noqa: 
     high = [place for place in places if place.pressure_pa.max() > HIGHEST_PA]
     if high:
         worst = max(high, key=lambda place: float(place.pressure_pa.max()))
-        when, rest = time_s[int(worst.pressure_pa.argmax())], [place.name for place in high if place is not worst]
+        when = time_s[int(worst.pressure_pa.argmax())]
+        rest = [place.name for place in high if place is not worst]
         others = f" (also {', '.join(rest[:3])}{', ...' if len(rest) > 3 else ''})" if rest else ""
         yield (
             f"the pressure in {worst.name} reaches {1e-5 * worst.pressure_pa.max():.3g} bar abs at {when:.4g} s"

@@ -354,7 +354,8 @@ def run_all(asked: Sequence[StrokeRuns], rtol: float = COARSE) -> list[StrokeRes
     rtol : float
         Relative tolerance.
     """
-    keys, groups = [one.strokes.template_key(one.outward) for one in asked], defaultdict[Any, list[StrokeRuns]](list)
+    keys = [one.strokes.template_key(one.outward) for one in asked]
+    groups = defaultdict[Any, list[StrokeRuns]](list)
     for key, one in zip(keys, asked, strict=True):
         groups[key].append(one)
     with ThreadPoolExecutor(processors()) as pool:  # one group is often too small for all processors
@@ -667,7 +668,8 @@ def _best(
     best = max(whole, key=lambda one: (table[:, one].min(), table[:, one, 0].min()))
     if outward and (held := strokes.task.holding_force_n):  # no setting changes it
         named.append(("holding force", held, known.force, known.force / held - 1.0))
-    of_best, at = np.array([margins.reshape(shape)[best] for *_, margins in named]), best * len(rows)
+    of_best = np.array([margins.reshape(shape)[best] for *_, margins in named])
+    at = best * len(rows)
     nominal, least = float(of_best[:, 0].min()), float(of_best.min())
     shown = of_best[:, :1] if nominal < 0.0 else of_best
     worst, case = np.unravel_index(shown.argmin(), shown.shape)

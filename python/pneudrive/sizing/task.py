@@ -245,7 +245,9 @@ def task_schema() -> Plain:
 
 def values_of(task: SizingTask) -> list[DescribedValue]:
     """Return every value of a task as text, defaults included, in the order of its file, with its meaning as origin."""
-    given, meanings, out = dict(toml.leaves(task.to_dict())), dict(_meanings(task)), []
+    given = dict(toml.leaves(task.to_dict()))
+    meanings = dict(_meanings(task))
+    out = []
     for key, value in toml.leaves(task.with_defaults()):
         if key != "schema":
             # Digits beyond ten are noise of a conversion, for example of 6 lb to kg.

@@ -91,7 +91,9 @@ def metrics(measured: Array, model: Array) -> Metrics:
     y, e = measured[there], (measured - model)[there]
     if not e.size:
         return Metrics(np.nan, np.nan, np.nan, np.nan, 0)
-    size, span, spread = rms(e), float(np.ptp(y)), float(np.linalg.norm(y - y.mean()))
+    size = rms(e)
+    span = float(np.ptp(y))
+    spread = float(np.linalg.norm(y - y.mean()))
     return Metrics(
         rms=size,
         largest=float(np.abs(e).max()),

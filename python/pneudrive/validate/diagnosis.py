@@ -220,7 +220,8 @@ class _Regression:
         self.causes = {c.key: c for c in causes(drive)}
         blocks, places, start = [], [], 0
         for scene in self.first:
-            number, stride = start + np.floor(scene.time_s / BLOCK_S).astype(np.int64), max(scene.half // 2, 1)
+            number = start + np.floor(scene.time_s / BLOCK_S).astype(np.int64)
+            stride = max(scene.half // 2, 1)
             balance, at = np.nonzero(scene.used[:, ::stride])
             blocks.append(number[::stride][at])
             places.append(balance)

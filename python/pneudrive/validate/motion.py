@@ -332,7 +332,8 @@ def _balance(recording: Recording, begin_s: float) -> Closure:
     scores = np.add.reduceat(scaled * (balance - scaled @ solution)[:, None], edges, axis=0)
     blocks, n = len(edges), len(sliding.names)
     covariance = inverse @ (scores.T @ scores) @ inverse * blocks / max(blocks - matrix.shape[1], 1)
-    values, deviations = (solution / scale).tolist(), (np.sqrt(np.diag(covariance)) / scale).tolist()
+    values = (solution / scale).tolist()
+    deviations = (np.sqrt(np.diag(covariance)) / scale).tolist()
     freedom = max(blocks - matrix.shape[1], 3)
     place = sliding.names.index("e1") if "e1" in sliding.names else n - 1
     gains = {}

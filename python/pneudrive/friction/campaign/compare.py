@@ -174,7 +174,9 @@ def compare_curves(
     names = ("point", "campaign", "count", "log_n", "noise")
     point, campaign, count, log_n, noise = (table[name].to_numpy() for name in names)
     u, u_log = np.sqrt(2.0) * gain, np.log10(points["speed_m_s"].to_numpy())
-    sign, dummies, away = (campaign - 0.5)[:, None], np.eye(m)[point], u_log - u_log.mean()
+    sign = (campaign - 0.5)[:, None]
+    dummies = np.eye(m)[point]
+    away = u_log - u_log.mean()
     speeds = np.unique(np.round(away, 2)).size
     bar = points.select(KEY[1:3]).to_numpy(order="c") / 1e5
     # Level, slope and bend over log speed; pressures of both chambers, or their sum if they are always equal.
@@ -190,7 +192,8 @@ def compare_curves(
     means = np.exp(sums / counts).reshape(2, m)
     with one_thread():
         model = MixedModel(log_n, x[:, kept], noise, tuple(_scatter(table, blocks)))
-        fit, each = model.fit(), replace(model, x=np.c_[dummies, dummies * sign]).fit()
+        fit = model.fit()
+        each = replace(model, x=np.c_[dummies, dummies * sign]).fit()
         difference = tuple(each.contrast(row, unit="").widened(u) for row in np.eye(2 * m)[m:])
         p = holm(np.array([e.p for e in difference]))
         return CurveComparison(
@@ -258,7 +261,8 @@ def _condensed(cycles: pl.DataFrame) -> tuple[pl.DataFrame, Array]:
     stretch = block - campaign * block[campaign == 1].min()  # from 0 in each campaign
     rows = MOST_CYCLES if cycles.height > MOST_CELLS else cycles.height
     groups = grouped(2 * point + campaign, stretch, rows, MOST_CELLS)
-    heads, count = [group[0] for group in groups], np.array([len(group) for group in groups], dtype=float)
+    heads = [group[0] for group in groups]
+    count = np.array([len(group) for group in groups], dtype=float)
     friction, stderr, order = (cycles[name].to_numpy() for name in ("friction_n", "stderr_n", "order"))
     columns = {"log_n": np.log(friction), "noise": (stderr / friction) ** 2, "order": order}
     means = {name: np.array([np.mean(values[group]) for group in groups]) for name, values in columns.items()}

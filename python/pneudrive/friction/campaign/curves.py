@@ -258,7 +258,8 @@ def curves_of(fits: Fits, *, contains_air: bool) -> tuple[result.Curve, ...]:
             centre, below, above, u = value, value - band.low_n, band.high_n - value, shared.friction_n()
             if direction != BOTH:
                 centre = value + direction * band.offset.mean if fits.has_zero else value
-                reach, u = band.offset.half_width(), np.hypot(u, np.hypot(shared.zero_n, shared.half_sum_n))
+                reach = band.offset.half_width()
+                u = np.hypot(u, np.hypot(shared.zero_n, shared.half_sum_n))
                 below, above = np.hypot(below, reach), np.hypot(above, reach)
             low, high = centre - np.hypot(below, NORMAL_95 * u), centre + np.hypot(above, NORMAL_95 * u)
             values: dict[str, Any] = {"friction_n": centre, "low_n": low, "high_n": high, "u_systematic_n": u}
@@ -442,8 +443,10 @@ def sources(fits: Fits, gain: Gain, known: ForceCalibration | None) -> tuple[res
     named = {name: u for name in known_to if (u := rms(used[name])) > 0.0}
     words = "" if known is None else f"{known.words()}: equal in all cycles"
     other, turning = ("force sensor", "sensors") if known is None else ("other sensors", "other sensors")
-    grow, turn = size_of(lambda b: b.shared.gain_n, GROWING), size_of(lambda b: b.shared.hysteresis_n, CONSTANT)
-    scatter, place = size_of(lambda b: (b.high_n - b.low_n) / (2.0 * NORMAL_95)), size_of(lambda b: b.shared.position_n)
+    grow = size_of(lambda b: b.shared.gain_n, GROWING)
+    turn = size_of(lambda b: b.shared.hysteresis_n, CONSTANT)
+    scatter = size_of(lambda b: (b.high_n - b.low_n) / (2.0 * NORMAL_95))
+    place = size_of(lambda b: b.shared.position_n)
     rows = [
         ("scatter of the cycles", scatter, "A", "data", f"{chance}; from the mixed model"),
         *((f"force sensor, {name.removeprefix('force: ')}", u, "B", "stated", words) for name, u in named.items()),
@@ -484,7 +487,8 @@ def stick_slip(
                 steady.append(speed)
         if not top and not steady:
             continue
-        above, mixed = min((v for v in steady if v > top), default=np.inf), [v for v in steady if v < top]
+        above = min((v for v in steady if v > top), default=np.inf)
+        mixed = [v for v in steady if v < top]
         kind = "none" if top == 0.0 else "between" if np.isfinite(above) else "all"
         text = sentence(f"threshold.{kind}", low=1e3 * top, high=1e3 * above)
         if mixed and kind == "between":

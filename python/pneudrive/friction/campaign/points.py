@@ -378,7 +378,8 @@ class CurvePoints(CycleTable):
 
 def points_of(reading: CampaignData) -> CurvePoints | None:
     """Return the sliding cycles as points; None if no cycle has both directions."""
-    cycles, rig = reading.sliding.at(np.flatnonzero(reading.sliding.moves.all(axis=1))), reading.identity
+    cycles = reading.sliding.at(np.flatnonzero(reading.sliding.moves.all(axis=1)))
+    rig = reading.identity
     if not len(cycles):
         return None
     shaky = unsteady(cycles, reading.tares, rig.stiffness_n_m, rig.mass_beyond_sensor_kg)

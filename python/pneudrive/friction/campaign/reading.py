@@ -208,7 +208,8 @@ def read_campaign(campaign: Campaign, choice: SampleChoice, processes: int | Non
     table = cycles.CycleTable.of(whole, BINS)
     skipped += [data for _, data in rows.values() if isinstance(data, Skipped)]
     kinds = table["kind"]
-    sliding, tares = table.at(np.isin(kinds.tolist(), SLIDING)), table.at(kinds == "tare")
+    sliding = table.at(np.isin(kinds.tolist(), SLIDING))
+    tares = table.at(kinds == "tare")
     gain = cycles.sensor_gain(campaign.identity, table.at(kinds == "weight"), tares)
     zeros = cycles.pressure_zeros(campaign.identity, tares)
     return CampaignData(
@@ -358,7 +359,9 @@ def reading_of(found: Characterisation) -> CampaignData:
     edges = common_edges([r.recording.position_m for r in found.results])
     members = [(result, level) for result in found.results for level in result.levels]
     pressures = {side: _joined(np.array([level.gauge_pa[side] for _, level in members])) for side in "ab"}
-    runs, grid, rows = list(dict.fromkeys(level.run for _, level in members)), grid_of(edges), []
+    runs = list(dict.fromkeys(level.run for _, level in members))
+    grid = grid_of(edges)
+    rows = []
     for i, (result, level) in enumerate(members):
         recording, kept = result.recording, {id(row.stroke) for row in level.kept}
         used = {way: tuple(s for s in side.used if id(s) in kept) for way, side in level.sides.items()}

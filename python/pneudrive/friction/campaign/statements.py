@@ -126,7 +126,8 @@ def _left(fits: Fits) -> Iterator[Statement]:
         off = np.abs(rest) / np.maximum(scatter, ROUNDING * np.abs(points["friction_n"]).max())
         far = np.flatnonzero(off > student(found.degrees_of_freedom) * LEAVES)
         if far.size:
-            keys, worst = points["key"][points.use], far[np.argsort(-off[far])].tolist()
+            keys = points["key"][points.use]
+            worst = far[np.argsort(-off[far])].tolist()
             several = named(f"{keys[i]} {off[i]:.2g}" for i in worst)
             yield say("curve.leaves", count=far.size, named=several)
     if fits.doubtful:
@@ -169,7 +170,8 @@ def _directions(found: CampaignCharacteristics) -> Iterator[Statement]:
     for kind, differs in (("differs", True), ("equal", False)):
         group = [a for a in found.asymmetry if (a.mean.p < CHANCE) == differs]
         if group:
-            values, half = [a.mean.value for a in group], max((a.mean.high - a.mean.low) / 2.0 for a in group)
+            values = [a.mean.value for a in group]
+            half = max((a.mean.high - a.mean.low) / 2.0 for a in group)
             ends = " to ".join(dict.fromkeys(f"{v:.3g}" for v in (min(values), max(values))))
             yield say(f"direction.{kind}", where=_where(found, group), values=ends, half=half)
 
@@ -202,7 +204,8 @@ def _air(found: CampaignCharacteristics) -> Iterator[Statement]:
         return
     where, speed = f"At {_where(found, shares)}", 1e3 * max(s.speed_m_s[-1] for s in shares)
     if shares[0].separated:
-        air, total = _span([s.air_n[-1] for s in shares]), _span([s.total_n[-1] for s in shares])
+        air = _span([s.air_n[-1] for s in shares])
+        total = _span([s.total_n[-1] for s in shares])
         half = max((s.air_high_n[-1] - s.air_low_n[-1]) / 2.0 for s in shares)
         yield say("air.separated", where=where, speed=speed, air=air, half=half, total=total)
     else:

@@ -149,7 +149,10 @@ def pure_scatter(fits: Fits) -> tuple[Estimate, float, str] | None:
     again = np.bincount(cell)[cell] > 1
     if not again.any():
         return None
-    use, cell, y, order = use[again], cells(cell[again]), fit.data.y[again], fit.data.order[again]
+    use = use[again]
+    cell = cells(cell[again])
+    y = fit.data.y[again]
+    order = fit.data.order[again]
     weight, groups = fit.data.count[again], cell.max() + 1
     columns = np.column_stack([y, order, shares_of(points.labels("block", use))[:, :-1]])
     total = np.zeros((groups, columns.shape[1]))

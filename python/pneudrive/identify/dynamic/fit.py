@@ -54,7 +54,8 @@ def transforms_of(
     other.
     """
     every, numbers = [*parameters, *sensors], numbers_of(drive)
-    places, upper = {p.name: k for k, p in enumerate(parameters)}, np.array([p.upper for p in every])
+    places = {p.name: k for k, p in enumerate(parameters)}
+    upper = np.array([p.upper for p in every])
     of = next((name.rpartition(".")[0] for name in places if name.endswith(FORCES)), "friction")
     coulomb, breakaway = (f"{of}.{key}" for key in ("coulomb", "breakaway"))
     if coulomb in places and breakaway not in places and breakaway in numbers:

@@ -278,7 +278,8 @@ def _profile(found: RobustEstimate, name: str) -> Interval:
     """Return the interval of one parameter by profile likelihood, on the pseudo-values of the estimate."""
     model, theta = found.model, found.model.transforms.natural(found.q)
     k = model.names.index(name)
-    is_positive, spread = bool(model.positive[k]), float(np.sqrt(found.covariance[k, k]))
+    is_positive = bool(model.positive[k])
+    spread = float(np.sqrt(found.covariance[k, k]))
     reach, upper = student(found.dof), float(model.uppers[k])
 
     def natural(coordinate: float) -> float:

@@ -257,7 +257,8 @@ def _axis(fit: AnyFit, name: str) -> tuple[float, Axis]:
 
 def _profiles(fit: FrictionFit, found: Columns) -> ShownFigure:
     """Return the interval of each value at every probability. An open end is left out."""
-    panels, percent = [], [*(100.0 * p for p in reversed(PROBABILITIES)), 0.0, *(100.0 * p for p in PROBABILITIES)]
+    panels = []
+    percent = [*(100.0 * p for p in reversed(PROBABILITIES)), 0.0, *(100.0 * p for p in PROBABILITIES)]
     for name, ends in found.items():
         size, axis = _axis(fit, name)
         at = np.array([*ends[::-1, 0], fit.free_values()[name], *ends[:, 1]]) / size

@@ -294,7 +294,8 @@ class DwellCurve:
         """Return the increment at log10 durations, or its derivative, N; condition by condition."""
         conditions, log_stop_s = len(self.conditions), self.data["log_s"]
         of, at = np.repeat(np.arange(conditions), log_s.size), np.tile(log_s, conditions)
-        rows, fixed = np.arange(of.size), np.zeros((of.size, self.fit.model.x.shape[1]))
+        rows = np.arange(of.size)
+        fixed = np.zeros((of.size, self.fit.model.x.shape[1]))
         fixed[rows, of] = 0.0 if derivative else 1.0
         fixed[rows, conditions + of] = 1.0 if derivative else at - self.centre
         with_stops = np.where(of[:, None] == self.data["condition"], 1.0, COMMON_BEND)
@@ -495,7 +496,8 @@ def design_stops(form: str, scale_s: float, stops: int = 12, factor: float = 3.0
         raise FitError("time constant and noise must be positive, and a factor 1 or more")
     t = np.array([float(f"{v:.{DIGITS}g}") for v in np.geomspace(*RANGE_S, DURATIONS)])
     # Derivatives with respect to level, increment, ln time constant and ln exponent, for each sample of the prior.
-    gradients, names = [], ("a_n", "increment_n", "time constant", "exponent")[: 2 + len(laws[form].units)]
+    gradients = []
+    names = ("a_n", "increment_n", "time constant", "exponent")[: 2 + len(laws[form].units)]
     for z in DRAWS:
         shape = (scale_s * factor**z, KATO_M)[: len(laws[form].units)]
         psi, _, *by_shape = laws[form].derivatives(t, *shape).T
