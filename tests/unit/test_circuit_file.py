@@ -48,11 +48,11 @@ FAULTS = {
     ),
     "two volumes": (
         changed(('"tank -> valve_r.1",', '"tank -> valve_r.1",\n    "tank -> left.a",')),
-        ("tank and left.a share a joint and both have a volume: put a fitting", '"tank -> left.a"', "", ""),
+        ("tank and left.a are one joint but have a volume each", '"tank -> left.a"', "or one volume", "a fitting"),
     ),
     "short circuit": (
         changed(('"mains -> inlet', '"mains -> ambient",\n    "mains -> inlet')),
-        ("ambient and mains.1 hold the same joint: put a fitting", '"mains -> ambient"', "", ""),
+        ("mains -> ambient without any restriction", '"mains -> ambient"', "at most one fixed pressure", "a fitting"),
     ),
     "dangling": (
         changed(('    "valve_l.2 -> fc_lb -> left.b",\n', "")),
@@ -64,7 +64,12 @@ FAULTS = {
     "two sources": (
         changed(('"tank -> valve_r.1",', '"tank -> valve_r.1",\n    "second -> mains",'))
         + '[components.second]\nkind = "reservoir"\npressure = "9 bar abs"\n',
-        ("mains.1 and second.1 hold the same joint: put a fitting", '"second -> mains"', "", ""),
+        (
+            "mains and second fix the pressure of the same joint (inlet.1) at 6 bar gauge and 9 bar abs",
+            '"second -> mains"',
+            "at most one fixed pressure",
+            "a fitting",
+        ),
     ),
     "a tank at the mains": (
         changed(
@@ -72,6 +77,7 @@ FAULTS = {
             ("[components.inlet]", "[components.inlet]\ncopies = []"),
             ("schema = 1", 'schema = 1\nplugged = ["inlet.1", "inlet.2"]'),
         ),
+        ("mains fixes the pressure in tank", '"mains -> tank"', "one volume", "a fitting"),
         ("inlet.copies = [] is not a list of names", "copies = []", "", 'copies = ["left"'),
     ),
     "itself": (

@@ -57,23 +57,23 @@ def test_a_number_holds_throughout_and_a_function_is_held_between_samples():
 
 
 @pytest.mark.parametrize(
-    ("content", "what", "entry"),
+    ("content", "what", "line"),
     [
-        (b"", "empty CSV", ""),
-        (b"time_s;command\n0,0;0,5\n", "time_s;command", ""),
-        (b"time_s,command\n", "the command is empty", ""),
-        (b"time_s,command\n0,1\n1\n", "is not a number", ", entry 2"),
-        (b"time_s,command\n0,1\n1,\n", "is not a number", ", entry 2"),
-        (b"time_s,command\n0,1\n2,0\n1,0\n", "1 s follows 2 s", ""),
-        (b"\xff\xfe\x00", "cannot be read as CSV", ""),
+        (b"", "is empty", None),
+        (b"time_s;command\n0,0;0,5\n", r"(?s)the first line is 'time_s;command'.*by commas", 1),
+        (b"time_s,command\n", "holds no entries", None),
+        (b"time_s,command\n0,1\n1\n", "1 values instead of 2", 3),
+        (b"time_s,command\n0,1\n1,\n", "command '' is not a number", 3),
+        (b"time_s,command\n0,1\n2,0\n1,0\n", "1 s follows 2 s", 4),
+        (b"\xff\xfe\x00", "is binary, not text", None),
     ],
 )
-def test_wrong_files_name_the_entry(tmp_path, content, what, entry):
+def test_wrong_files_name_the_line(tmp_path, content, what, line):
     path = tmp_path / "steps.csv"
     path.write_bytes(content)
     with pytest.raises(CommandError, match=what) as caught:
         command.steps(path)
-    assert caught.value.where == f"{path}{entry}"
+    assert line is None or caught.value.where == f"{path}:{line}"
 
 
 def test_a_valve_may_say_what_its_voltage_means():

@@ -94,8 +94,8 @@ WRONG = [
     ('"10 %/bar"', '"10 N/bar"', 'unit "N/bar" is a force per pressure', "a share per pressure"),
     ("share = 0.3", "share = 1", "friction.relaxation.share: 1 is out of bounds", "less than 1"),
     ('"5 %/m"', '"5 mm"', 'unit "mm" is a length', "a share per length"),
-    ("amplitude = 0.04", "amplitude = 0.99", "add up to 1.01, so that friction would change its sign", "less than 1"),
-    ('"45 cm"', '"45 mm"', "friction.position.table: the position 45 mm", "must be above 200 mm"),
+    ("amplitude = 0.04", "amplitude = 0.99", "add up to 1.01, so friction would change its sign", "less than 1"),
+    ('"45 cm"', '"45 mm"', "friction.position.table: the position 45 mm follows 200 mm", "positions must rise"),
     ('"0.8 K/W"', '"0.8 W"', "W", "a thermal resistance is needed"),
     ('reference = "20 degC"', "", "friction.temperature.reference is missing", "a temperature is needed"),
     ("[friction.dwell]", "[friction.dwel]", "friction.dwel is not a known key", "Did you mean 'dwell'"),
@@ -114,7 +114,7 @@ def test_wrong_tables_get_one_message(tmp_path, text, old, new, what, also):
 
 def test_only_bristles_relax():
     relaxation = {"share": 0.3, "time": "5 s", "distance": "0.2 mm"}
-    with pytest.raises(DescriptionError, match=r"needs elastic bristles.*lugre, elasto-plastic"):
+    with pytest.raises(DescriptionError, match=r"needs elastic bristles.*\n.*lugre, elasto-plastic"):
         pn.Friction(law="coulomb", coulomb="3 N", relaxation=relaxation)
 
 

@@ -116,7 +116,7 @@ WRONG = [
     ("ratio = 0.3", "ratio = 1.0", "valve.critical_pressure_ratio: 1.0 is out of bounds", "less than 1"),
     ("ratio = 0.3", 'ratio = "0.3"', "is not a number", "without unit and quotes"),
     ("_ratio = 1.4", "_ratio = inf", "gas.heat_capacity_ratio: inf is out of bounds", "finite"),
-    ('"45 N"', '"5 N"', "friction.breakaway = 5 N must not be below friction.coulomb = 30 N", "5 N"),
+    ('"45 N"', '"5 N"', "friction.breakaway = 5 N must not be below friction.coulomb = 30 N", "swapped"),
     ('coulomb = "30 N"\n', "", 'friction.coulomb is missing; law "lugre" needs it', "[friction]"),
     ('coulomb = { a = "1.0 N/bar"', 'coulomb = { a = "1.0 N"', "friction.pressure.coulomb.a", "a force per pressure"),
     ('(s bar)"', '(s bar)"\ncv = 0.5', "flow path is given 2 times: conductance, cv", "Keep one"),

@@ -206,8 +206,9 @@ UNUSABLE = [
 
 @pytest.mark.parametrize(("own", "what"), UNUSABLE, ids=[row[1][:40] for row in UNUSABLE])
 def test_a_law_that_cannot_be_friction_is_refused(own, what):
+    drive = pn.Drive.load("catalogue:reference").replace({"friction": pn.Friction(law=own)})
     with pytest.raises(DescriptionError, match=re.escape(what)):
-        pn.Friction(law=own)
+        pn.simulate(drive, command=COMMAND, duration="10 ms")
 
 
 def messages(own):
@@ -232,8 +233,10 @@ def test_what_may_be_a_mistake_is_said():
 
 def test_levels_are_needed_by_what_acts_on_them():
     own = law("Fc*tanh(v/v0)")
+    friction = pn.Friction(law=own, side_load={"force": "10 N", "coefficient": 0.1})
+    drive = pn.Drive.load("catalogue:reference").replace({"friction": friction})
     with pytest.raises(DescriptionError, match=r"side_load acts on levels, but law \"mine\" has none.*\[levels\]"):
-        pn.Friction(law=own, side_load={"force": "10 N", "coefficient": 0.1})
+        pn.simulate(drive, command=COMMAND, duration="10 ms")
     with pytest.raises(DescriptionError, match="needs elastic bristles"):
         pn.Friction(law=own, relaxation={"share": 0.3, "time": "5 s", "distance": "0.2 mm"})
     with pytest.raises(DescriptionError, match="needs a Stribeck curve"):

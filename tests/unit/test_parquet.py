@@ -57,6 +57,7 @@ def test_texts_and_seal(tmp_path):
 
 
 def test_a_large_file_is_hashed_once_until_it_changes(tmp_path, monkeypatch):
+    monkeypatch.setattr(seal, "STRETCH", 1 << 16)  # of a file of 1.6 MB
     path = _saved(tmp_path, {"x": np.random.default_rng(0).random(200_000)})
     assert open_table(path, "parquet").is_sealed
     with monkeypatch.context() as closed:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
@@ -15,8 +15,8 @@ from pneudrive.describe.circuit_tables import completed, read_components
 from pneudrive.describe.components import Component, within_component
 from pneudrive.describe.connections import Part, Wiring
 from pneudrive.describe.files import toml
-from pneudrive.describe.formulas import written
-from pneudrive.describe.kinds import COMMAND
+from pneudrive.describe.formulas import law, written
+from pneudrive.describe.kinds import COMMAND, component_kinds
 from pneudrive.describe.short import Short
 from pneudrive.describe.system import DRIVE_NAMES, PISTON, DescribedSystem, System
 from pneudrive.describe.tables.parts import assumed_stops
@@ -26,13 +26,13 @@ from pneudrive.lazy_names import upper
 from pneudrive.repr_tables import Card
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Mapping
 
     import xarray as xr
 
     from pneudrive.arrays import Keyed, NamedNumbers, Plain
     from pneudrive.describe.files.sourced import Value
-    from pneudrive.describe.marks import Signal
+    from pneudrive.describe.marks import Positions, Signal
     from pneudrive.describe.system import ShortNames
     from pneudrive.progress import Flag, Progress
     from pneudrive.simulation.command import Commands
@@ -100,14 +100,14 @@ class Circuit(DescribedSystem):
             for one in cls.explain(error):
                 problems.add(one)
         for one in problems.found.values():
-            _relocate(one, short)
+            _relocate(one, short, {})
         problems.tell()
         assert whole is not None  # otherwise there was a problem
         vars(whole)["wiring"] = wiring
         try:
             whole.core_initial()
         except DescriptionError as error:
-            raise together([_relocate(one, short, wiring) for one in error.each()]) from None
+            raise together([_relocate(one, short, parts) for one in error.each()]) from None
         for warning in wiring.warnings:
             warn(warning)
         return whole
@@ -160,7 +160,15 @@ class Circuit(DescribedSystem):
         DescriptionError
             As for `load`.
         """
-        with toml.locating(path, text), written.files_in(path.parent):
+        with toml.locating(path, text):
+            written.read_file(tables.get("friction"), "law", "friction", law.law_of, path)
+            components = tables.get("components")
+            for name, table in components.items() if isinstance(components, dict) else ():
+                if isinstance(table, dict):
+                    key, entry = f"components.{name}", component_kinds().get(str(table.get("kind")))
+                    written.read_file(table.get("friction"), "law", f"{key}.friction", law.law_of, path)
+                    if entry is not None and entry["formula"]:
+                        written.read_file(table, "formula", key, partial(written.formula_of, entry=entry), path)
             return cls.model_validate(tables)
 
     def replace(self, changes: Plain) -> Circuit:
@@ -192,9 +200,9 @@ class Circuit(DescribedSystem):
         return Wiring(parts, self.connections, self.plugged, {}, Problems())
 
     @property
-    def commandable(self) -> dict[str, Signal | None]:
-        """Components with a command, each with its described electrical input."""
-        return {name: getattr(one, COMMAND) for name, one in self.components.items() if hasattr(one, COMMAND)}
+    def commandable(self) -> dict[str, Signal | Positions | None]:
+        """Components with a command, each with its switching positions or its described electrical input."""
+        return {name: one.command_input for name, one in self.components.items() if hasattr(one, COMMAND)}
 
     #: Whether model errors are known: only those of a drive without lines.
     is_plain: ClassVar[bool] = False
@@ -388,17 +396,10 @@ class Circuit(DescribedSystem):
         return "\n".join([toml.write(tables), "\n\n".join(blocks), ""])
 
 
-def _relocate(error: Any, short: Short, wiring: Wiring | None = None) -> Any:  # noqa: ANN401 - an error
-    """Set the key of an error to the key in its file: of a table or a copy, of the short form, or of a connection.
-
-    With `wiring`, the error is one of the core, which names components and their ports.
-    """
-    key = getattr(error, "key", None)
-    table, _, rest = (key or "").partition(".")
+def _relocate(error: Any, short: Short, parts: Mapping[str, Part]) -> Any:  # noqa: ANN401 - an error
+    """Set the key of an error to the key in its file: of the table of a component or a copy, or of the short form."""
+    table, _, rest = (getattr(error, "key", None) or "").partition(".")
     name, dot, inner = rest.partition(".")
-    if wiring is not None and table in ("", "components"):
-        ports = [port.name for port in wiring.ports(name)] if name in wiring.parts else []
-        joined = wiring.key_of(error.what) if inner in ("", *ports) else None
-        key = joined or (f"{wiring.parts[name].table}{dot}{inner}" if name in wiring.parts else key)
-    error.key = short.located(key)
+    written = parts[name].table if table == "components" and name in parts else ""
+    error.key = short.located(f"{written}{dot}{inner}" if written else getattr(error, "key", None))
     return error

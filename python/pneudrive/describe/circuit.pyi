@@ -10,7 +10,7 @@ from pneudrive.describe.tables.parts import Ambient
 from pneudrive.describe.tables.parts import Gas
 import xarray as xr
 from _typeshed import Incomplete
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import cached_property
 from pathlib import Path
 from pneudrive.arrays import Keyed as Keyed, NamedNumbers as NamedNumbers, Plain as Plain
@@ -20,9 +20,9 @@ from pneudrive.describe.components import Component as Component, within_compone
 from pneudrive.describe.connections import Part as Part, Wiring as Wiring
 from pneudrive.describe.files import toml as toml
 from pneudrive.describe.files.sourced import Value as Value
-from pneudrive.describe.formulas import written as written
-from pneudrive.describe.kinds import COMMAND as COMMAND
-from pneudrive.describe.marks import Signal as Signal
+from pneudrive.describe.formulas import law as law, written as written
+from pneudrive.describe.kinds import COMMAND as COMMAND, component_kinds as component_kinds
+from pneudrive.describe.marks import Positions as Positions, Signal as Signal
 from pneudrive.describe.short import Short as Short
 from pneudrive.describe.system import (
     DRIVE_NAMES as DRIVE_NAMES,
@@ -75,7 +75,7 @@ class Circuit(DescribedSystem):
     @cached_property
     def wiring(self) -> Wiring: ...
     @property
-    def commandable(self) -> dict[str, Signal | None]: ...
+    def commandable(self) -> dict[str, Signal | Positions | None]: ...
     is_plain: ClassVar[bool]
 
     @property
@@ -136,4 +136,4 @@ class Circuit(DescribedSystem):
         **keys: _Any,
     ) -> None: ...
 
-def _relocate(error: Any, short: Short, wiring: Wiring | None = None) -> Any: ...
+def _relocate(error: Any, short: Short, parts: Mapping[str, Part]) -> Any: ...

@@ -77,6 +77,7 @@ def read_components(
         elif name not in copies:
             templates[name] = list(copies)
         component = None if table is None else problems.take(_component, name, table)
+        stated = ", ".join(map(str, component.pressures())) if component is not None else ""
         entry = component_kinds().get(kind) if isinstance(kind, str) else None
         for number, own in enumerate(copies):
             here = f"{key}.copies.{number}" if len(copies) > 1 or own != name else key
@@ -86,7 +87,7 @@ def read_components(
             if own == AMBIENT or not _NAME.fullmatch(str(own)):
                 rule = 'letters, digits, "_" and "-", a letter first; not ambient'
                 problems.add(wrong(here, f'"{own}" is not valid as the name of a component', rule=rule))
-            parts[own] = Part(entry, here)
+            parts[own] = Part(entry, here, stated)
             if component is not None:
                 components[own] = component
     return components, parts, templates

@@ -15,11 +15,11 @@ from pneudrive.describe.base import Described, inline
 from pneudrive.describe.files import sourced
 from pneudrive.describe.formulas.written import ComponentFormula, formula_of
 from pneudrive.describe.kinds import COMMAND, FLOW, RATIO, STATED, acts, component_kinds, flow_keys, is_bare, is_needed
-from pneudrive.describe.marks import POSITIVE, Quantity, Signal, StatedPressure, parameter_quantity
+from pneudrive.describe.marks import POSITIVE, Positions, Quantity, Signal, StatedPressure, parameter_quantity
 from pneudrive.describe.tables import valve_flow
 from pneudrive.describe.tables.friction import Friction
-from pneudrive.describe.tables.parts import CV, KV
-from pneudrive.errors import DescriptionError, invalid, nearest, within, wrong
+from pneudrive.describe.tables.parts import FlowCoefficient
+from pneudrive.errors import DescriptionError, invalid, nearest, package_table, within, wrong
 from pneudrive.units import Pressure, UnitFloat, column_name
 
 if TYPE_CHECKING:
@@ -194,6 +194,13 @@ class Component(Described):
             **({} if points is None else {"points": points}),
         }
 
+    @property
+    def command_input(self) -> Signal | Positions | None:
+        """Commands of a switching component, or the described electrical input."""
+        if self.kind in SWITCHED and _PULSES not in self.plain():
+            return Positions(tuple(SWITCHED[self.kind]), getattr(self, COMMAND))
+        return getattr(self, COMMAND)
+
     def to_dict(self) -> Plain:
         """Write the table, values with their origin if it is known."""
         return sourced.put_back(self.plain(), self.origins)
@@ -353,7 +360,7 @@ def _mark(parameter: Keyed) -> Quantity | StatedPressure:
     if parameter["unit"] == STATED:
         return StatedPressure()
     mark = parameter_quantity(parameter)
-    return mark if mark.si_unit else marks.NumberOf(bounds=mark.bounds)
+    return mark if mark.si_unit else marks.PureNumber("", bounds=mark.bounds)
 
 
 def _size(key: str) -> Quantity:
@@ -408,11 +415,14 @@ def component_class(kind: str, formula: ComponentFormula | None = None) -> type[
         if p["was"]
     )
     made.renamed = MappingProxyType({before: key for pairs in old for before, key in pairs})
-    made.elsewhere = dict.fromkeys(_SPOOL if "time_on" in names else (), _SWITCHES)
+    made.elsewhere = dict.fromkeys(_SPOOL if kind in SWITCHED else (), _SWITCHES)
     return made
 
 
-#: Keys of a spool, and a remedy for such a key of a switching component.
+#: Kind of switching component -> its commands. Some also accept pulses, with any fraction as command.
+SWITCHED: dict[str, list[float]] = package_table(__file__, "switched.toml")
+_PULSES = "pwm_frequency"
+#: Keys of a spool.
 _SPOOL = ("frequency", "damping_ratio", "stroke_time", "delay", "hysteresis", "overlap", "leakage")
 _SWITCHES = 'The valve switches, after time_on and time_off. A spool belongs to kind = "valve/proportional-5/3".'
 
@@ -420,8 +430,8 @@ _SWITCHES = 'The valve switches, after time_on and time_off. A spool belongs to 
 #: Alternatives to the conductance as size of a flow path, by the last word of their key.
 _SIZES: dict[str, Quantity] = {
     "flow": Quantity("m^3/s ANR", "l/min ANR", POSITIVE),
-    "kv": KV,
-    "cv": CV,
+    "kv": FlowCoefficient("", "Kv", POSITIVE),
+    "cv": FlowCoefficient("", "Cv", POSITIVE),
 }
 
 

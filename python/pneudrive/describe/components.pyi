@@ -28,6 +28,7 @@ from pneudrive.describe.kinds import (
 )
 from pneudrive.describe.marks import (
     POSITIVE as POSITIVE,
+    Positions as Positions,
     Quantity as Quantity,
     Signal as Signal,
     StatedPressure as StatedPressure,
@@ -35,11 +36,12 @@ from pneudrive.describe.marks import (
 )
 from pneudrive.describe.tables import valve_flow as valve_flow
 from pneudrive.describe.tables.friction import Friction as Friction
-from pneudrive.describe.tables.parts import CV as CV, KV as KV
+from pneudrive.describe.tables.parts import FlowCoefficient as FlowCoefficient
 from pneudrive.errors import (
     DescriptionError as DescriptionError,
     invalid as invalid,
     nearest as nearest,
+    package_table as package_table,
     within as within,
     wrong as wrong,
 )
@@ -67,6 +69,8 @@ class Component(Described):
     def same_size(cls, key: str) -> list[str]: ...
     def pressures(self) -> list[Pressure]: ...
     def core(self, ambient_pa: float) -> Plain: ...
+    @property
+    def command_input(self) -> Signal | Positions | None: ...
     def to_dict(self) -> Plain: ...
     def plain(self) -> Plain: ...
     @property
@@ -93,6 +97,8 @@ def _mark(parameter: Keyed) -> Quantity | StatedPressure: ...
 def _size(key: str) -> Quantity: ...
 def component_class(kind: str, formula: ComponentFormula | None = None) -> type[Component]: ...
 
+SWITCHED: dict[str, list[float]]
+_PULSES: str
 _SPOOL: Incomplete
 _SWITCHES: str
 _SIZES: dict[str, Quantity]

@@ -7,7 +7,6 @@ b, without flow.
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
@@ -26,6 +25,7 @@ class Part(NamedTuple):
 
     entry: Mapping[str, Any] | None  # entry of its kind in the core, if the kind is known
     key: str  # key in the file
+    pressure: str = ""  # pressure of a reservoir, for messages
 
     @property
     def table(self) -> str:
@@ -75,14 +75,25 @@ class Joint:
     ports: list[Port] = field(default_factory=list)
     ambient: bool = False  # open to the ambient air
     key: str = ""  # key of the connection that made it
+    is_refused: bool = False
 
     def __str__(self) -> str:
         return ", ".join([port.id for port in self.ports] + [AMBIENT] * self.ambient)
 
     @property
+    def holders(self) -> list[Port]:
+        """Ports of components that fix the pressure."""
+        return [port for port in self.ports if port.holds == "pressure"]
+
+    @property
     def is_constant(self) -> bool:
         """Whether the pressure of the joint is fixed from outside."""
-        return self.ambient or any(port.holds == "pressure" for port in self.ports)
+        return self.ambient or bool(self.holders)
+
+    @property
+    def volumes(self) -> list[Port]:
+        """Ports of components with a volume."""
+        return [port for port in self.ports if port.holds == "volume"]
 
 
 class Wiring:
@@ -123,7 +134,6 @@ class Wiring:
         self.joints: list[Joint] = []
         self.at: dict[Port, Joint] = {}
         self.named: dict[Port, str] = {}  # port -> connection that names it
-        self.links: list[tuple[str, Port, Port]] = []  # key of a connection, and two ports that it joins
         self.meant: set[Port] = set()  # ports that a connection names, even if it is wrong
         before = len(problems.found)
         for number, chain in enumerate(connections):
@@ -156,11 +166,6 @@ class Wiring:
                 for other in self.ports(port.component):
                     if other != port and other.is_single and other in self.at:
                         yield self.at[other]
-
-    def key_of(self, text: str) -> str | None:
-        """Return the key of the connection between components that a message of the core on a joint names."""
-        words = set(re.findall(r"[\w-]+", text)) if re.search("joint|holds the pressure", text) else set()
-        return next((key for key, *ends in self.links if words.issuperset(port.component for port in ends)), None)
 
     # --- reading -----------------------------------------------------------------------------
 
@@ -247,7 +252,6 @@ class Wiring:
                 before = self.named[port]
                 remedy = "A pilot port senses one pressure: keep one of the lines." if is_line else None
                 raise invalid(key, "describe.joined-twice", port=port.id, before=before, chain=chain, remedy=remedy)
-        self.links.append((key, one, other))
         self.named |= {port: chain for port in ports if port.is_pilot or not is_line}
         self._merge(one, other, key)
 
@@ -259,6 +263,25 @@ class Wiring:
             kept.ambient |= other_joint.ambient
             self.at |= dict.fromkeys(other_joint.ports, kept)
             self.joints.remove(other_joint)
+            self._one_state(kept, key)
+
+    def _one_state(self, joint: Joint, key: str) -> None:
+        """Report, once, a connection that gives a joint two pressures or two volumes."""
+        held = [port.component for port in joint.holders] + [AMBIENT] * joint.ambient
+        full = [port.component if len(self.ports(port.component)) == 1 else port.id for port in joint.volumes]
+        if joint.is_refused or len(held) + len(full) < 2:
+            return
+        joint.is_refused = True
+        if len(held) > 1 and AMBIENT in held:
+            raise invalid(key, "describe.reservoir-at-ambient", name=held[0], ambient=AMBIENT)
+        if len(held) > 1:
+            rest = ", ".join(port.id for port in joint.ports if port not in joint.holders)
+            at = " and ".join(filter(None, (self.parts[name].pressure for name in held)))
+            rest = f"{rest and f' ({rest})'}{at and f' at {at}'}"
+            raise invalid(key, "describe.two-pressures", names=" and ".join(held), rest=rest)
+        if held:
+            raise invalid(key, "describe.pressure-in-volume", name=held[0], full=full[0])
+        raise invalid(key, "describe.two-volumes", names=" and ".join(full))
 
     def _joint(self, port: Port, key: str) -> Joint:
         """Return the joint of a port, or a new joint; each connection to ambient air is a new joint."""
@@ -331,7 +354,7 @@ class Wiring:
             left = [joint for joint in left if joint not in group]
             if any(joint.is_constant for joint in group):
                 continue
-            full = {port.component for joint in group for port in joint.ports if port.holds == "volume"}
+            full = {port.component for joint in group for port in joint.volumes}
             names = [name for name in self.parts if name in full]
             if names:
                 rest = ", ..." if len(names) > MOST_NAMED else ""

@@ -15,7 +15,7 @@ from pneudrive.describe.files import catalogue, provenance, sourced, toml
 from pneudrive.describe.files.provenance import Origin
 from pneudrive.describe.formulas import written
 from pneudrive.describe.formulas.law import law_of
-from pneudrive.describe.marks import Signal, absolute_above_vacuum
+from pneudrive.describe.marks import Positions, Signal, absolute_above_vacuum
 from pneudrive.describe.short import TABLES, Short, without_other_sizes
 from pneudrive.describe.system import PISTON, DescribedSystem, System, drive_names, short_name
 from pneudrive.describe.tables.dependences import DEPENDENCES
@@ -115,7 +115,8 @@ class Drive(DescribedSystem):
         DescriptionError
             As for `load`.
         """
-        with toml.locating(path, text), written.files_in(path.parent):
+        with toml.locating(path, text):
+            written.read_file(tables.get("friction"), "law", "friction", law_of, path)
             base = tables.pop("drive", None)
             if base is None:
                 return cls.model_validate(tables)
@@ -179,7 +180,7 @@ class Drive(DescribedSystem):
     @property
     def is_plain(self) -> bool:
         """Whether the drive has no tubes and flow controls, and a proportional valve without overlap and leakage."""
-        return self.valve.is_plain and not (self.tubing or self.flow_control)
+        return not (self.tubing or self.flow_control or self.valve.has_shape or self.valve.is_switching)
 
     @property
     def plain(self) -> Drive:
@@ -212,9 +213,9 @@ class Drive(DescribedSystem):
         return System(self.circuit.core_json(), drive_names(only=False))
 
     @property
-    def commandable(self) -> dict[str, Signal | None]:
-        """The valve, under an empty name, with its described electrical input."""
-        return {"": self.valve.command}
+    def commandable(self) -> dict[str, Signal | Positions | None]:
+        """The valve, under an empty name, with its switching positions or its described electrical input."""
+        return {"": Positions((-1.0, 0.0, 1.0)) if self.valve.is_switching else self.valve.command}
 
     @property
     def meanings(self) -> dict[str, str]:

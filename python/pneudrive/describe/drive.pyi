@@ -19,7 +19,11 @@ from pneudrive.describe.files import catalogue as catalogue, provenance as prove
 from pneudrive.describe.files.provenance import Origin as Origin
 from pneudrive.describe.formulas import written as written
 from pneudrive.describe.formulas.law import law_of as law_of
-from pneudrive.describe.marks import Signal as Signal, absolute_above_vacuum as absolute_above_vacuum
+from pneudrive.describe.marks import (
+    Positions as Positions,
+    Signal as Signal,
+    absolute_above_vacuum as absolute_above_vacuum,
+)
 from pneudrive.describe.short import Short as Short, TABLES as TABLES, without_other_sizes as without_other_sizes
 from pneudrive.describe.system import (
     DescribedSystem as DescribedSystem,
@@ -89,7 +93,7 @@ class Drive(DescribedSystem):
     @cached_property
     def system(self) -> System: ...
     @property
-    def commandable(self) -> dict[str, Signal | None]: ...
+    def commandable(self) -> dict[str, Signal | Positions | None]: ...
     @property
     def meanings(self) -> dict[str, str]: ...
     @cached_property

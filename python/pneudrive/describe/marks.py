@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
+from itertools import pairwise
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, NamedTuple
 
 from pydantic_core import core_schema
@@ -14,7 +15,7 @@ from pneudrive.files.bounds import within
 from pneudrive.units import Pressure, UnitFloat
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping, Sequence
+    from collections.abc import Callable, Sequence
 
     from pneudrive.arrays import Interval, Keyed, Plain
 
@@ -189,10 +190,21 @@ class EachChamber(Quantity):
         """Convert and check both values."""
         if isinstance(given, PerChamber):
             given = self.show(given)
-        if not isinstance(given, dict) or set(given) != {"a", "b"}:
+        if not isinstance(given, dict):
             raise DescriptionError(f"{given!r} is not one value for each chamber", remedy="Write { a = ..., b = ... }.")
-        one = Quantity(self.si_unit, self.written, self.bounds)
-        return PerChamber(*(one.read_at(chamber, given[chamber]) for chamber in "ab"))
+        for key in given:
+            if key not in {"a", "b"}:
+                raise wrong(str(key), f"'{key}' is not known here", remedy=nearest(str(key), ["a", "b"]))
+        values = []
+        for chamber in ("a", "b"):
+            if chamber not in given:
+                raise DescriptionError(f"chamber {chamber} is missing", remedy="Write { a = ..., b = ... }.")
+            try:
+                values.append(super().read(given[chamber]))
+            except DescriptionError as error:
+                error.key = chamber
+                raise
+        return PerChamber(*values)
 
     def show(self, value: PerChamber) -> dict[str, str]:  # type: ignore[override]
         """Write both values as users would."""
@@ -417,44 +429,33 @@ def _on_paper(given: object) -> Interval | None:
 ON_PAPER = Reads(_on_paper, list, {"type": "array", "items": {"type": "number"}, "minItems": 2, "maxItems": 2})
 
 
-@dataclass(frozen=True)
-class NumberOf(Quantity):
-    """Annotation of a field for a pure number, or a number with a name as its unit: "0.4 %", "0.9 Cv".
-
-    Parameters
-    ----------
-    names : dict
-        Name -> its value.
-    """
-
-    si_unit: str = ""
-    names: Mapping[str, float] = field(default_factory=lambda: {"%": 100.0}, hash=False)
+class PureNumber(Quantity):
+    """Annotation of a field for a pure number, or a fraction in per cent, "0.4 %"."""
 
     def read(self, given: object) -> float:
         """Convert and check."""
-        if isinstance(given, str):
-            name = next((name for name in self.names if given.endswith(name)), "")
+        if isinstance(given, str) and given.endswith("%"):
             try:
-                given = float(given.removesuffix(name)) / self.names[name]
-            except (KeyError, ValueError):
-                rule = f"a pure number without quotes, or a text with {' or '.join(self.names)}"
-                raise DescriptionError(f'"{given}" is not a number', rule=rule) from None
+                given = float(given.removesuffix("%")) / 100.0
+            except ValueError:
+                raise DescriptionError(f'"{given}" is not a number') from None
         return super().read(given)
 
     def schema(self) -> Plain:
         """Describe both forms."""
-        names = "|".join(self.names)
-        return {"anyOf": [super().schema(), {"type": "string", "pattern": rf"^\S+\s*({names})$"}]}
+        number = super().schema()
+        return {"anyOf": [number, {"type": "string", "pattern": r"^\S+\s*%$"}]}
 
 
 @dataclass(frozen=True)
 class PointRows(Quantity):
-    """Annotation of a field for points: a list of tables, stored as rows in SI. The core checks number and order.
+    """Annotation of a field for points: a list of tables, stored as rows in SI.
 
     Parameters
     ----------
     columns : tuple
-        Key, annotation and default of each column; no default (None) for a required column.
+        Key, annotation and default of each column; no default (None) for a required column. Values of the first column
+        must increase.
     most : int
         Largest number of points.
     """
@@ -472,7 +473,15 @@ class PointRows(Quantity):
         example = "{ " + ", ".join(f"{key} = ..." for key, *_ in self.columns) + " }"
         if not isinstance(given, list | tuple) or not all(isinstance(one, dict) for one in given):
             raise DescriptionError(f"{given!r} is not a list of points", remedy=f"Write [{example}, {example}].")
-        return tuple(self._row(dict(one), number, example) for number, one in enumerate(given, start=1))
+        if not 2 <= len(given) <= self.most:
+            raise DescriptionError(f"{len(given)} points", rule=f"2 to {self.most} points")
+        rows = tuple(self._row(dict(one), number, example) for number, one in enumerate(given, start=1))
+        key, first, _ = self.columns[0]
+        for before, after in pairwise(rows):
+            if after[0] <= before[0]:
+                what = f"{key} = {first.show(after[0])} follows {first.show(before[0])}"
+                raise DescriptionError(what, rule=f"{key} must increase from point to point")
+        return rows
 
     def _row(self, table: Plain, number: int, example: str) -> tuple[float, ...]:
         if not set(self.needed) <= set(table) <= {key for key, *_ in self.columns}:
@@ -562,6 +571,25 @@ class Signal(NamedTuple):
             raise CommandError(f"command = {text} is outside the valve's range", rule=f"valve.command = {self}")
         opening = (2.0 * value - self.low - self.high) / (self.high - self.low)
         return min(max(opening, -1.0), 1.0)  # rounding
+
+
+class Positions(NamedTuple):
+    """Commands of a switching component, and its electrical input if one is described."""
+
+    values: tuple[float, ...]
+    signal: Signal | None = None
+
+    def check(self, value: float, what: str, where: str | None = None) -> None:
+        """Reject a command between the positions.
+
+        Raises
+        ------
+        CommandError
+            The command is not one of the positions.
+        """
+        if value not in self.values:
+            *first, last = (f"{one:g}" for one in self.values)
+            raise CommandError.of("describe.switches", where=where, what=what, first=", ".join(first), last=last)
 
 
 def _signal(given: object) -> Signal:

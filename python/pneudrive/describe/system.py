@@ -80,9 +80,9 @@ def compiled(core_json: str, names: ShortNames | None = None) -> _core.Circuit:
     try:
         return _core.Circuit(core_json, names)
     except ValueError as error:
-        refusal, text = DescriptionError(str(error)), str(error)
-        known = "|".join(re.escape(one["name"]) for one in json.loads(core_json)["components"])
-        named = re.match(rf"({known})\b(?:\.(\w+))?", text) or re.search(rf"\b({known})\.(\w+)", text)
+        refusal = DescriptionError(str(error))
+        known = [one["name"] for one in json.loads(core_json)["components"]]
+        named = re.match(rf"({'|'.join(map(re.escape, known))})\b(?:\.(\w+))?", str(error))
         if named and named[1]:
             refusal.key = f"components.{named[1]}.{named[2] or ''}".rstrip(".")
         raise refusal from None
@@ -143,6 +143,7 @@ class DescribedSystem(DescribedFile):
 
     #: Prefix of component names in the keys of the file.
     key_prefix: ClassVar[str] = ""
+    picture: ClassVar[str] = "circuit_svg"
     #: Cached values that follow from the fields.
     derived: ClassVar[tuple[str, ...]] = ("system", "description_hash", "assumptions")
 
@@ -156,12 +157,6 @@ class DescribedSystem(DescribedFile):
         for name in self.derived:
             vars(copy).pop(name, None)
         return copy
-
-    def _picture(self) -> str:
-        try:
-            return upper("circuit_svg")(self)
-        except DescriptionError:  # a circuit that has no drawing still has its card
-            return ""
 
     @cached_property
     def system(self) -> System:

@@ -27,7 +27,7 @@ from pneudrive.free.parameters import INITIAL
 from pneudrive.lazy_names import upper
 from pneudrive.progress import Flag, Progress, Watch
 from pneudrive.simulation.simulate import SOLVER, require, whole_number
-from pneudrive.simulation.start import check_commands, check_tolerance, ready, start
+from pneudrive.simulation.start import check_tolerance, ready, start
 from pneudrive.simulation.trajectory import meaning, save, write_frame, write_whole
 from pneudrive.views import View
 
@@ -627,9 +627,7 @@ def study_of(
             raise CommandError(f"initial has {beside.size} rows, and there are {rows.size} members")
         rows = rows.wider(beside)
     plans.check(rows.size)
-    session = start(drive, for_all)
-    check_commands(session, ((name, steps) for name, each in plans.steps.items() for steps in each))
-    columns = [variable.name for variable in session.variables if variable.kind == "output"]
+    columns = [variable.name for variable in start(drive, for_all).variables if variable.kind == "output"]
     states = [meaning(name)[0] for name in drive.system.compiled().start_names] if variation.is_circuit else STATE
     kept = reductions(outputs, SignalNames(columns, None if variation.is_circuit else plans.moves_up, states))
     taken = {*(number.name for number in variation.numbers), "member", "status", "reason"}

@@ -23,8 +23,7 @@ from pneudrive.simulation.trajectory import meaning
 
 if TYPE_CHECKING:
     from pneudrive.arrays import Array, Columns, Plain
-    from pneudrive.describe.marks import Signal
-    from pneudrive.simulation.command import Steps
+    from pneudrive.simulation.command import CommandInput, Steps
 
     EachSteps = list[Steps]
     OwnReduction = Callable[[Columns, Array], Array | float]
@@ -117,7 +116,7 @@ def _digest(given: Any) -> Plain:  # noqa: ANN401 - plain data
     return {"members": len(given), "sha256": hashlib.sha256(json.dumps(given).encode()).hexdigest()}
 
 
-def member_plans(command: Any, duration: Any, commandable: Mapping[str, Signal | None]) -> MemberPlans:  # noqa: ANN401
+def member_plans(command: Any, duration: Any, commandable: Mapping[str, CommandInput]) -> MemberPlans:  # noqa: ANN401
     """Read the commands of the members of a drive or a circuit.
 
     Parameters
@@ -151,7 +150,7 @@ def member_plans(command: Any, duration: Any, commandable: Mapping[str, Signal |
     return MemberPlans({commands.input_of(name): each for name, each in rows.items()}, _durations(duration))
 
 
-def read_rows(given: Any, signal: Signal | None) -> EachSteps:  # noqa: ANN401
+def read_rows(given: Any, signal: CommandInput) -> EachSteps:  # noqa: ANN401
     """Read one command for all members, or a list of commands, one for each.
 
     Raises

@@ -193,23 +193,33 @@ def _check_tokens(tokens: Iterable[re.Match[str]], where: str, kind: ErrorKind) 
             within("nesting", most + 1, what, kind, where)
 
 
-def check_numbers(value: object, where: str, kind: ErrorKind, name: object = "") -> None:
-    """Check the whole numbers of tables and lists: those of TOML have 64 bits, but Python's parser accepts longer ones.
+def check_depth(value: object, where: str, kind: ErrorKind) -> None:
+    """Check the nesting of parsed tables and lists, and the size of their whole numbers.
+
+    Dotted keys add to the depth of brackets. Integers of TOML are limited to 64 bits, but Python's parser accepts
+    longer ones.
 
     Raises
     ------
     PneudriveError
     """
-    if type(value) is int and abs(value) > LARGEST_WHOLE:
-        what = f"{name} is out of bounds: it is a whole number of {round(value.bit_length() * math.log10(2.0))} digits"
-        remedy = "Write a decimal point, or an exponent."
-        raise kind(what, where=where, rule="whole numbers have up to 64 bits", remedy=remedy)
-    if isinstance(value, dict):
-        for key, inner in value.items():
-            check_numbers(inner, where, kind, key)
-    elif isinstance(value, list):
-        for number, inner in enumerate(value, start=1):
-            check_numbers(inner, where, kind, f"number {number} of a list")
+    level, depth = [value], 0
+    while level:
+        depth += 1
+        within("nesting", depth - 1, "the file is nested too deep", kind, where)
+        tables = [value for value in level if isinstance(value, dict | list)]
+        for table in tables:
+            for key, number in table.items() if isinstance(table, dict) else enumerate(table, start=1):
+                if type(number) is int and abs(number) > LARGEST_WHOLE:
+                    name = key if isinstance(table, dict) else f"number {key} of a list"
+                    digits = round(number.bit_length() * math.log10(2.0))
+                    raise kind(
+                        f"{name} is out of bounds: it is a whole number of {digits} digits",
+                        where=where,
+                        rule="whole numbers have up to 64 bits",
+                        remedy="Write a decimal point, or an exponent.",
+                    )
+        level = [value for table in tables for value in (table.values() if isinstance(table, dict) else table)]
 
 
 # --- Kinds of folders by the files in them, and of TOML files by their tables.
@@ -362,6 +372,4 @@ def read_csv(
         return pl.read_csv(path, columns=columns, schema_overrides=dict(types))
     except (OSError, ValueError, pl.exceptions.PolarsError, pl.exceptions.PanicException) as error:
         reason = (str(error).strip() or type(error).__name__).splitlines()[0]
-        names = None if columns is None else f"a CSV file with the columns {', '.join(columns)}"
-        remedy = None if columns is None else "Separate columns by commas, and write decimal points."
-        raise kind("the file cannot be read as CSV", where=str(path), value=reason, rule=names, remedy=remedy) from None
+        raise kind("the file cannot be read as CSV", where=str(path), value=reason) from None

@@ -27,8 +27,7 @@ from pneudrive.describe.tables.valve_flow import FLOW_KEYS
 from pneudrive.errors import CommandError, FitError, SimulationError, nearest, package_table
 from pneudrive.progress import UNWATCHED, Watch
 from pneudrive.simulation import command as commands
-from pneudrive.simulation.session import Session
-from pneudrive.simulation.start import DriveOrCircuit, StartState, check_commands, ready
+from pneudrive.simulation.start import DriveOrCircuit, StartState, ready
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -502,7 +501,6 @@ class Differentiator:
         self._family = family_of(drive, self.parameters)
         self._commands = commands.inputs(command, drive.commandable)
         core, start = ready(drive, initial)
-        check_commands(Session(core.start(start, rtol)), self._commands)
         if not self._commands:  # a run has one command
             self._commands = [
                 (next(name for name, *_ in core.inputs if name.endswith("load_force_n")), ((0.0,), (0.0,)))

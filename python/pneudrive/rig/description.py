@@ -19,6 +19,7 @@ from pneudrive.arrays import Array, Pair, Plain
 from pneudrive.describe.base import Described
 from pneudrive.describe.files import toml
 from pneudrive.describe.formulas import written
+from pneudrive.describe.formulas.law import law_of
 from pneudrive.describe.kinds import component_kinds
 from pneudrive.describe.marks import Bounds, Choice, Mark, Quantity, StatedPressure, parameter_quantity
 from pneudrive.describe.tables.friction import Friction
@@ -236,8 +237,8 @@ def _friction(given: Plain, path: Path) -> Friction:
     """Read the friction table, as in a drive file but with a required law."""
     if not isinstance(given.get("law"), str):
         raise wrong("friction.law", "friction.law is missing", rule='law = "stribeck", without source')
-    with written.files_in(path.parent):
-        return Friction.model_validate(given)
+    written.read_file(given, "law", "friction", law_of, path)
+    return Friction.model_validate(given)
 
 
 def open_file(path: str | Path, above: tuple[Path, ...] = ()) -> Plain:

@@ -12,12 +12,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING, TypeAlias, cast
 
 from pneudrive import units
-from pneudrive.describe.marks import Signal
+from pneudrive.describe.marks import Positions, Signal
 from pneudrive.errors import CommandError, naming, nearest
-from pneudrive.files.content import read_csv
+from pneudrive.files.content import exists, read_text
 
 if TYPE_CHECKING:
     import numpy as np
+
+    CommandInput: TypeAlias = Signal | Positions | None
 
 Pairs: TypeAlias = Sequence[tuple[float | str, float | str]]
 Steps: TypeAlias = tuple[tuple[float, ...], tuple[float, ...]]
@@ -29,7 +31,7 @@ Commands: TypeAlias = "Command | Mapping[str, Command] | Sequence[str] | None"
 FORMS = 'a number (0.5), "0 s: 0.6, 1 s: -0.6", pairs [(0.0, 0.6), (1.0, -0.6)], a CSV file or a function of time'
 
 
-def steps(command: Command, times: Sequence[float] | None = None, signal: Signal | None = None) -> Steps:
+def steps(command: Command, times: Sequence[float] | None = None, signal: CommandInput = None) -> Steps:
     """Read a command as steps: times and values.
 
     Parameters
@@ -59,16 +61,16 @@ def steps(command: Command, times: Sequence[float] | None = None, signal: Signal
     ((0.0, 1.0), (0.6, -0.6))
     """
     if isinstance(command, Path):
-        return _from_file(command)
+        return _from_file(command, signal)
     if isinstance(command, str):
         # `isfile` is False for a text that is no name of a file.
         is_file = command.lower().endswith(".csv") or (":" not in command and os.path.isfile(command))  # noqa: PTH113
-        return _from_file(Path(command)) if is_file else _from_text(command, signal)
+        return _from_file(Path(command), signal) if is_file else _from_text(command, signal)
     if isinstance(command, Real):
-        return _checked([(0.0, _number(command, "command"))])
+        return _checked([(0.0, _number(command, "command"))], signal)
     if callable(command):
         pairs = [(time, _number(command(time), f"command at {time:g} s:")) for time in times or (0.0,)]
-        return _checked(pairs)
+        return _checked(pairs, signal)
     if not isinstance(command, Iterable):
         raise CommandError(f"the command is a {type(command).__name__}", remedy=f"Give {FORMS}.")
     pairs = []
@@ -78,11 +80,11 @@ def steps(command: Command, times: Sequence[float] | None = None, signal: Signal
         except (TypeError, ValueError):
             raise CommandError.of("simulation.command-entry", number=number + 1, pair=pair, forms=FORMS) from None
         pairs.append((_time(time) if isinstance(time, str) else _number(time, "time"), _opening(value, signal)))
-    return _checked(pairs)
+    return _checked(pairs, signal)
 
 
 def plans(
-    given: Commands, commandable: Mapping[str, Signal | None], times: Sequence[float] | None = None
+    given: Commands, commandable: Mapping[str, CommandInput], times: Sequence[float] | None = None
 ) -> list[tuple[str, Steps]]:
     """Read the commands of a circuit.
 
@@ -140,7 +142,7 @@ def plans(
 
 
 def inputs(
-    given: Commands, commandable: Mapping[str, Signal | None], times: Sequence[float] | None = None
+    given: Commands, commandable: Mapping[str, CommandInput], times: Sequence[float] | None = None
 ) -> list[tuple[str, Steps]]:
     """Read the commands of a drive or a circuit like `plans`, by the names of the inputs.
 
@@ -178,36 +180,47 @@ def _named(given: Command) -> tuple[str, Command]:
 
 
 @lru_cache(maxsize=64)
-def _from_text(text: str, signal: Signal | None) -> Steps:
+def _from_text(text: str, signal: CommandInput) -> Steps:
     entries = [entry.strip() for entry in re.split("[,;]", text)]
     if not text.strip():
         raise CommandError("the command is empty", remedy='Write for instance "0 s: 0.6, 1 s: -0.6".')
     pairs = []
     if len(entries) == 1 and ":" not in text:
-        return _checked([(0.0, _opening(text.strip(), signal))])
+        return _checked([(0.0, _opening(text.strip(), signal))], signal)
     for entry in entries:
         time, colon, value = entry.rpartition(":")
         if not colon or not time.strip():
             raise CommandError.of("simulation.entry-without-time", entry=entry)
         pairs.append((_time(time.strip()), _opening(value.strip(), signal)))
-    return _checked(pairs)
+    return _checked(pairs, signal)
 
 
-def _from_file(path: Path) -> Steps:
-    import polars as pl
-
-    names = ("time_s", "command")
-    frame = read_csv(path, dict.fromkeys(names, pl.String), CommandError, names).with_row_index("line", offset=2)
-    frame = frame.filter(~pl.all_horizontal(pl.col(names).is_null())).fill_null("")  # without empty lines
-    places, pairs = [f"{path}:{line}" for line in frame["line"]], []
-    for where, time, value in zip(places, frame["time_s"], frame["command"], strict=True):
-        pairs.append((_number(time, "time", where), _number(value, "command", where)))
-    return _checked(pairs, places or [path])
-
-
-def _checked(pairs: Sequence[tuple[float, float]], places: Sequence[str | Path] = ()) -> Steps:
+def _from_file(path: Path, signal: CommandInput) -> Steps:
+    if not exists(path):
+        raise CommandError(f"there is no command file {path}")
+    text = read_text(path, CommandError)
+    lines = [(number, line) for number, line in enumerate(text.splitlines(), start=1) if line.strip()]
+    if not lines:
+        raise CommandError(f"{path} is empty", rule="a command file is CSV: time_s,command")
+    header = [name.strip().strip('"') for name in lines[0][1].split(",")]
+    if header != ["time_s", "command"]:
+        raise CommandError.of("simulation.command-header", where=f"{path}:{lines[0][0]}", lines=lines[0][1].strip())
+    places, pairs = [], []
+    for number, line in lines[1:]:
+        fields = line.split(",")
+        where = f"{path}:{number}"
+        if len(fields) != 2:
+            raise CommandError(f"{len(fields)} values instead of 2", where=where, value=line.strip())
+        pairs.append((_number(fields[0], "time", where), _number(fields[1], "command", where)))
+        places.append(where)
     if not pairs:
-        raise CommandError("the command is empty", where=next(iter(places), None), rule="the first entry is at 0 s")
+        raise CommandError(f"{path} holds no entries", rule="the first entry is at 0 s")
+    return _checked(pairs, signal, places)
+
+
+def _checked(pairs: Sequence[tuple[float, float]], signal: CommandInput, places: Sequence[str] | None = None) -> Steps:
+    if not pairs:
+        raise CommandError("the command is empty", rule="the first entry is at 0 s")
     before = -math.inf
     for i, (time, value) in enumerate(pairs):
         where = places[i] if places else None
@@ -217,6 +230,8 @@ def _checked(pairs: Sequence[tuple[float, float]], places: Sequence[str | Path] 
             raise CommandError(f"{time:g} s follows {before:g} s in the command", where=where, rule="times rise")
         if not abs(value) <= 1.0:
             raise CommandError.of("simulation.command-out-of-range", where=where, given=value, time=time)
+        if isinstance(signal, Positions):
+            signal.check(value, f"command = {value:g} at {time:g} s", where)
         before = time
     times, values = zip(*pairs, strict=True)
     return times, values
@@ -227,11 +242,13 @@ def _time(text: str) -> float:
         return units.parse(text, "s")
 
 
-def _opening(given: object, signal: Signal | None) -> float:
+def _opening(given: object, signal: CommandInput) -> float:
     """Read one command: a number, or a voltage or current if the valve describes its electrical input."""
     unit = given.split()[1:] if isinstance(given, str) else []
     if not unit:
         return _number(given, "command")
+    if isinstance(signal, Positions):
+        signal = signal.signal
     if signal is None:
         raise CommandError.of("simulation.no-electrical-input", given=given)
     return signal.opening(str(given))

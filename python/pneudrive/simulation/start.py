@@ -9,12 +9,9 @@ from pneudrive.errors import CommandError
 from pneudrive.simulation.session import Session
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
-
     from pneudrive._core import Circuit as CoreCircuit
     from pneudrive.arrays import NamedNumbers
     from pneudrive.describe import Circuit, Drive
-    from pneudrive.simulation.command import Steps
 
 #: What a simulation takes.
 DriveOrCircuit: TypeAlias = "Drive | Circuit"
@@ -37,13 +34,6 @@ def ready(described: DriveOrCircuit, initial: StartState) -> tuple[CoreCircuit, 
         The start state is not valid, or does not fit the drive.
     """
     return described.system.compiled(), described.core_initial(initial)
-
-
-def check_commands(session: Session, steps: Iterable[tuple[str, Steps]]) -> None:
-    """Reject commands that the session rejects, for a core that runs them without this check."""
-    for name, (_, values) in steps:
-        for value in set(values):
-            session.set(name, value)
 
 
 def check_tolerance(rtol: float) -> None:

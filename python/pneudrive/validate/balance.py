@@ -499,7 +499,7 @@ def openings(drive: Drive, command: Array) -> Array:
 
     An edge opens by clip((u - overlap) / (1 - overlap), 0, 1) + leakage exp(-|u| / leakage_width).
     """
-    if drive.valve.overlap is None and drive.valve.leakage is None:
+    if not drive.valve.has_shape:
         return _core.valve_openings(command)
     overlap, leakage = drive.valve.overlap or 0.0, drive.valve.leakage or 0.0
     towards = command[:, None] * np.array([1.0, -1.0, -1.0, 1.0])

@@ -22,6 +22,11 @@ CASES = {
         "weight -> tripod.3",
         ["leg 3 of tripod has no cylinder", "a cylinder or a slide moves each leg", "Join the rod of a cylinder"],
     ),
+    "two cylinders on a leg": (
+        EXAMPLE.replace(JOINED, '"leg_3.rod -> tripod.2"'),
+        "leg_2.rod -> tripod.2",
+        ["leg_2 and leg_3 both move leg 2 of tripod", "one cylinder for each leg", "put a coupling between"],
+    ),
     "inertia": (
         EXAMPLE.replace('z = "0.17 kg m2"', 'z = "0.19 kg m2"'),
         "inertia = ",

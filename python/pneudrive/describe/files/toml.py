@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from pneudrive.errors import DescriptionError, ErrorKind, together, tomllib
-from pneudrive.files.content import check_nesting, check_numbers, exists, read_text
+from pneudrive.files.content import check_depth, check_nesting, exists, read_text
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator
@@ -92,7 +92,7 @@ def parse(text: str, origin: str, kind: ErrorKind = DescriptionError) -> Plain:
         raise kind(f"the file is not TOML: {what}", where=where, value=_line(text, line), remedy=remedy) from None
     except ValueError as error:  # a whole number of thousands of digits
         raise kind(f"the file is not TOML: {error}", where=origin) from None
-    check_numbers(tables, origin, kind)
+    check_depth(tables, origin, kind)
     return tables
 
 

@@ -6,8 +6,6 @@ The core reads, checks and runs the formulas.
 from __future__ import annotations
 
 import json
-from contextlib import contextmanager
-from contextvars import ContextVar
 from functools import cached_property, lru_cache, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, TypeVar
@@ -22,13 +20,12 @@ from pneudrive.errors import DescriptionError, invalid, nearest, warn, within, w
 from pneudrive.references import entries
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
+    from collections.abc import Callable
 
     from pneudrive.arrays import Keyed, Plain
 
 #: Prefix of the name of a file with formulas, relative to the file that names it.
 FILE_PREFIX = "file:"
-_FOLDER = ContextVar("folder of the file that names a file with formulas", default=Path())
 _SIDES = ("above", "at_least", "below", "at_most")
 
 Made = TypeVar("Made", bound="Written")
@@ -108,9 +105,12 @@ class Written(DescribedFile):
             A key is outside its table, unknown or missing.
         """
         output, needed = _table(tables, "output"), outputs[0]
-        outside = next((key for key in outputs if key in tables), None)
-        if outside:
-            raise wrong(outside, f"{outside} is outside its table", remedy=f"Write it under [output]: {outside} = ...")
+        known = ["output", *(key for key in cls.keys() if key not in (*outputs, "kind"))]  # noqa: SIM118 - a method
+        for key in tables:
+            if key in outputs:
+                raise wrong(key, f"{key} is outside its table", remedy=f"Write it under [output]: {key} = ...")
+            if key not in known:
+                raise invalid(key, "describe.unknown-key-of", key=key, called=cls.called, remedy=nearest(key, known))
         misplaced = next((key for key in outputs if key in _table(tables, "let")), None)
         if misplaced:
             raise invalid(f"let.{misplaced}", "describe.output-under-let", misplaced=misplaced)
@@ -175,27 +175,51 @@ def written_as(given: object, slot: str, of: Callable[[Plain], Made], guide: str
     DescriptionError
         The formulas are not valid.
     """
-    try:
-        if isinstance(given, dict):
+    if isinstance(given, dict):
+        try:
             return of(given)
-        if isinstance(given, str) and given.startswith(FILE_PREFIX):
-            return load(of, _FOLDER.get() / given.removeprefix(FILE_PREFIX).strip(), guide)
-    except DescriptionError as error:
-        if not error.where:  # otherwise it lies in the file of the formulas
-            error.what = error.what if error.key else f"{slot}: {error.what}"
+        except DescriptionError as error:
             error.key = f"{slot}.{error.key}" if error.key else slot
-        raise
+            raise
+    if isinstance(given, str) and given.startswith(FILE_PREFIX):
+        return load(of, given.removeprefix(FILE_PREFIX).strip(), guide)
     return None
 
 
-@contextmanager
-def files_in(folder: Path) -> Iterator[None]:
-    """Let ``file:NAME.toml`` in a block name files in a folder; otherwise it names files in the working folder."""
-    before = _FOLDER.set(folder)
-    try:
-        yield
-    finally:
-        _FOLDER.reset(before)
+def read_file(
+    table: object,
+    slot: str,
+    key: str,
+    make: Callable[[str], Written | None],
+    path: Path,
+) -> None:
+    """Replace the name of a formula file by its formulas. The name is relative to the folder of `path`.
+
+    Parameters
+    ----------
+    table : object
+        Table as read.
+    slot : str
+        Key of the entry that names the formula file.
+    key : str
+        Key of the table in its file.
+    make : callable
+        Returns the formulas from the name of their file.
+    path : Path
+        File that contains the table.
+
+    Raises
+    ------
+    DescriptionError
+        The file does not exist or is not valid.
+    """
+    name = table.get(slot) if isinstance(table, dict) else None
+    if not (isinstance(table, dict) and isinstance(name, str) and name.startswith(FILE_PREFIX)):
+        return
+    file = path.parent / name.removeprefix(FILE_PREFIX).strip()
+    if not file.is_file():
+        raise wrong(f"{key}.{slot}", f"{key}.{slot} names a file that does not exist: {file}", remedy=toml.beside(file))
+    table[slot] = make(f"{FILE_PREFIX}{file}")
 
 
 @lru_cache(maxsize=256)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import Field, model_validator
@@ -10,7 +11,7 @@ from pneudrive.arrays import Plain
 from pneudrive.describe import marks
 from pneudrive.describe.base import Described
 from pneudrive.describe.marks import NOT_NEGATIVE, POSITIVE, Bounds, EachChamber, Length, PerChamber, Position, Quantity
-from pneudrive.errors import invalid
+from pneudrive.errors import invalid, wrong
 
 Duration = Annotated[float, Quantity("s", "s", POSITIVE)]
 _Factor = Annotated[float, Quantity("", bounds=POSITIVE)]
@@ -102,6 +103,23 @@ class PositionDependence(Acting):
     harmonics: tuple[Harmonic, ...] = ()
     slope_per_m: Annotated[float, Quantity("1/m", "%/m")] = Field(default=0.0, alias="slope")
     reference_m: Position = 0.0
+
+    @model_validator(mode="after")
+    def _waves_and_points_fit(self) -> PositionDependence:
+        key = "friction.position.harmonics"
+        if len(self.harmonics) > MOST_HARMONICS:
+            raise wrong(key, f"{key} has {len(self.harmonics)} entries", rule=f"at most {MOST_HARMONICS}")
+        total = sum(abs(wave.amplitude) for wave in self.harmonics)
+        if total >= 1.0:
+            raise invalid(key, "describe.amplitudes-too-large", key=key, total=total)
+        key = "friction.position.table"
+        if len(self.points) == 1 or len(self.points) > MOST_POINTS:
+            raise wrong(key, f"{key} has {len(self.points)} entries", rule=f"2 to {MOST_POINTS}")
+        for before, after in pairwise(self.points):
+            if after.position_m <= before.position_m:
+                after_mm, before_mm = 1e3 * after.position_m, 1e3 * before.position_m
+                raise invalid(key, "describe.positions-not-rising", key=key, after_mm=after_mm, before_mm=before_mm)
+        return self
 
     def core(self) -> Plain:
         """Return the table in the core's form."""

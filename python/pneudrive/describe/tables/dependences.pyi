@@ -20,7 +20,7 @@ from pneudrive.describe.marks import (
     Position as Position,
     Quantity as Quantity,
 )
-from pneudrive.errors import invalid as invalid
+from pneudrive.errors import invalid as invalid, wrong as wrong
 from typing import Annotated, Any, ClassVar, Literal
 
 Duration: Incomplete

@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from functools import cached_property, lru_cache
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, get_args
 
-import numpy as np
 from pydantic import ModelWrapValidatorHandler, model_validator
 
 from pneudrive import _core, units
@@ -20,7 +18,7 @@ from pneudrive.describe.formulas.written import FILE_PREFIX
 from pneudrive.describe.marks import Quantity, StatedPressure, Stiffness, parameter_quantities, parameter_quantity
 from pneudrive.describe.tables import dependences
 from pneudrive.describe.tables.dependences import DEPENDENCES, Acting
-from pneudrive.errors import DescriptionError, nearest, warn, wrong
+from pneudrive.errors import DescriptionError, invalid, nearest, warn, wrong
 
 if TYPE_CHECKING:
     from pneudrive.arrays import Keyed, NamedNumbers, Plain
@@ -45,6 +43,11 @@ def options_of(entry: Keyed) -> dict[str, bool]:
     return own | {"evolution": entry["evolves"], "relaxation": entry["bristles"]}
 
 
+def laws_with(option: str) -> list[str]:
+    """Return the names of the core's laws that take an option."""
+    return [name for name, entry in friction_laws().items() if options_of(entry)[option]]
+
+
 #: Shapes of the Stribeck curve: exp(-(v/vs)^2), exp(-|v/vs|), 1/(1 + (v/vs)^2), exp(-|v/vs|^n) with the exponent n.
 StribeckShape = Literal["gaussian", "exponential", "lorentzian", "free"]
 
@@ -54,6 +57,8 @@ Evolution = Literal["ageing", "slip"]
 
 #: largest number of elements of law gms
 MOST_ELEMENTS = 10
+#: tolerance of the sum of fractions of the elements: rounding to four digits
+SHARES_WITHIN = 1e-3
 
 #: Options of a law, in addition to its parameters and modifiers.
 CHOICES = ("stribeck_shape", "evolution", "elements")
@@ -236,7 +241,11 @@ class Friction(Described):
             if default is None:
                 si_unit = parameter_quantity(parameter).si_unit
                 needed = units.needed(si_unit) if si_unit else "a number"
-                remedy = f"{parameter['meaning']}: {needed}.".removeprefix(": ")
+                remedy = (
+                    f"{parameter['meaning']}: {needed}."
+                    if parameter["meaning"]
+                    else f"{needed[0].upper()}{needed[1:]}."
+                )
                 raise wrong(f"friction.{key}", f'friction.{key} is missing; law "{name}" needs it', remedy=remedy)
             values[key] = default
         out = {
@@ -270,14 +279,34 @@ class Friction(Described):
 
     @model_validator(mode="after")
     def _fits_the_law(self) -> Friction:
-        """Let the core check parameters, choices and modifiers together."""
-        tables = self.core()
-        law, parameters, pressure = (tables.pop(key) for key in ("law", "parameters", "pressure"))
-        try:
-            _core.steady_friction(law, parameters, np.zeros(0), pressure=pressure, dependences=tables)
-        except ValueError as error:
-            key = re.match(r"friction[.\w]*", str(error))
-            raise wrong(key[0].rstrip(".") if key else "friction", str(error)) from None
+        coulomb, breakaway = self.parameters.get("coulomb"), self.parameters.get("breakaway")
+        if coulomb is not None and breakaway is not None and breakaway < coulomb:
+            lower, upper = units.write(breakaway, "N", "N"), units.write(coulomb, "N", "N")
+            raise invalid("friction.breakaway", "describe.breakaway-below-coulomb", lower=lower, upper=upper)
+        takes = options_of(self.entry)
+        if self.stribeck_shape is not None and not takes["stribeck_shape"]:
+            laws = ", ".join(laws_with("stribeck_shape"))
+            raise invalid("friction.stribeck_shape", "describe.no-stribeck-curve", law=self.law, laws=laws)
+        if self.stribeck_shape not in (None, "free") and "stribeck_exponent" in self.given:
+            raise invalid("friction.stribeck_exponent", "describe.idle-exponent", shape=self.stribeck_shape)
+        key, stiffness = "friction.elements", "friction.bristle_stiffness"
+        total = sum(element.share for element in self.elements)
+        if not self.elements:
+            if takes["elements"] and "bristle_stiffness" not in self.parameters:
+                raise invalid(stiffness, "describe.no-stiffness", law=self.law, needed=units.needed("N/m"))
+        elif not takes["elements"]:
+            raise wrong(key, f'{key} belongs to law "gms"; law "{self.law}" has no elements')
+        elif "bristle_stiffness" in self.given:
+            raise wrong(stiffness, f"{stiffness} already follows from {key}", remedy="Keep one of the two.")
+        elif not 2 <= len(self.elements) <= MOST_ELEMENTS:
+            raise wrong(key, f"{key} has {len(self.elements)} entries", rule=f"2 to {MOST_ELEMENTS}")
+        elif abs(total - 1.0) > SHARES_WITHIN:
+            raise wrong(key, f"the values `share` of {key} add up to {total:g}", rule="their sum must be 1")
+        if self.evolution is not None and not takes["evolution"]:
+            raise invalid("friction.evolution", "describe.no-evolution", law=self.law)
+        if self.relaxation is not None and not takes["relaxation"]:
+            laws = ", ".join(laws_with("relaxation"))
+            raise invalid("friction.relaxation", "describe.no-bristles", law=self.law, laws=laws)
         return self
 
     def __getattr__(self, name: str) -> units.UnitFloat | float:

@@ -32,17 +32,25 @@ from pneudrive.describe.marks import (
 )
 from pneudrive.describe.tables import dependences as dependences
 from pneudrive.describe.tables.dependences import Acting as Acting, DEPENDENCES as DEPENDENCES
-from pneudrive.errors import DescriptionError as DescriptionError, nearest as nearest, warn as warn, wrong as wrong
+from pneudrive.errors import (
+    DescriptionError as DescriptionError,
+    invalid as invalid,
+    nearest as nearest,
+    warn as warn,
+    wrong as wrong,
+)
 from pydantic import ModelWrapValidatorHandler
 from types import MappingProxyType
 from typing import Annotated, Any, ClassVar
 
 def friction_laws() -> MappingProxyType[str, Plain]: ...
 def options_of(entry: Keyed) -> dict[str, bool]: ...
+def laws_with(option: str) -> list[str]: ...
 
 StribeckShape: Incomplete
 Evolution: Incomplete
 MOST_ELEMENTS: int
+SHARES_WITHIN: float
 CHOICES: Incomplete
 
 class SlipElement(Acting):

@@ -13,7 +13,7 @@ from pneudrive.describe.base import Described
 from pneudrive.describe.marks import NOT_NEGATIVE, POSITIVE, Bounds, MaybePressure, MaybeTemperature, Quantity
 from pneudrive.describe.tables import valve_flow
 from pneudrive.describe.tables.geometry import check_rod, piston_areas
-from pneudrive.errors import invalid, package_table, warn, wrong
+from pneudrive.errors import DescriptionError, invalid, package_table, warn, wrong
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Mapping, Sequence
@@ -280,10 +280,31 @@ class Cylinder(_DrivePart):
         return piston_areas(self.kind, self.bore_m, self.rod_diameter_m or 0.0)
 
 
-#: Annotations of flow coefficients.
-KV = marks.NumberOf("", "Kv", POSITIVE, {"Kv": 1.0, "m3/h": 1.0})
-CV = marks.NumberOf("", "Cv", POSITIVE, {"Cv": 1.0})
+class FlowCoefficient(Quantity):
+    """Annotation of a flow coefficient: a pure number, or a number with its name as unit ("0.9 Cv")."""
+
+    def read(self, given: object) -> float:
+        """Convert and check."""
+        if isinstance(given, str) and given.split()[1:] in (["Kv"], ["Cv"], ["m3/h"]):
+            text, unit = given.split()
+            if (unit in {"Kv", "m3/h"}) != (self.written == "Kv"):
+                raise DescriptionError(f'"{given}" is not a {self.written}')
+            try:
+                given = float(text)
+            except ValueError:
+                raise DescriptionError(f'"{given}" is not a number') from None
+        return super().read(given)
+
+    def schema(self) -> Plain:
+        """Return the JSON schema of both forms."""
+        own = "Kv|m3/h" if self.written == "Kv" else "Cv"
+        number = super().schema()
+        return {"anyOf": [number, {"type": "string", "pattern": rf"^\S+\s+({own})$"}]}
+
+
 SWITCHING = "switching-5/3"
+#: Keys of a switching valve, and keys of a proportional valve.
+_TIMES, _SHARES = ("time_on", "time_off"), ("overlap", "leakage", "command")
 
 
 class Valve(_DrivePart):
@@ -306,8 +327,8 @@ class Valve(_DrivePart):
         default=None, alias="conductance"
     )
     nominal_flow_m3_s_anr: Annotated[float | None, Quantity("m^3/s ANR", "l/min ANR", POSITIVE)] = None
-    kv: Annotated[float | None, KV] = None
-    cv: Annotated[float | None, CV] = None
+    kv: Annotated[float | None, FlowCoefficient("", "Kv", POSITIVE)] = None
+    cv: Annotated[float | None, FlowCoefficient("", "Cv", POSITIVE)] = None
     critical_pressure_ratio: marks.Fraction = valve_flow.USUAL_RATIO
     subsonic_index: Annotated[float, Quantity("", bounds=Bounds(above=0.0, at_most=2.0))] = 0.5
     linear_above: marks.Fraction = 0.999
@@ -324,6 +345,15 @@ class Valve(_DrivePart):
             key, rule = "valve.critical_pressure_ratio", "a valve is given by C and b, or by a nominal flow, kv or cv"
             raise wrong(key, f"{key} is missing", rule=rule, remedy="Write critical_pressure_ratio = 0.3.")
         valve_flow.check_shape("valve", self.critical_pressure_ratio, self.linear_above)
+        own, others = (_TIMES, _SHARES) if self.is_switching else ((), _TIMES)
+        given = self.to_dict()
+        for key in others:
+            if key in given:
+                other = "proportional" if self.is_switching else "switching"
+                raise invalid(f"valve.{key}", "describe.of-other-valve", key=key, other=other, kind=self.kind)
+        for key in own:
+            if key not in given:
+                raise invalid(f"valve.{key}", "describe.no-switching-time", key=key)
         return self
 
     @property
@@ -332,10 +362,9 @@ class Valve(_DrivePart):
         return self.kind == SWITCHING
 
     @property
-    def is_plain(self) -> bool:
-        """Whether the valve is proportional, without overlap, leakage and times."""
-        more = (self.overlap, self.leakage, self.time_on_s, self.time_off_s)
-        return not self.is_switching and more == (None,) * 4
+    def has_shape(self) -> bool:
+        """Whether overlap or leakage of the edges is given."""
+        return self.overlap is not None or self.leakage is not None
 
     def _sizes(self) -> tuple[float | None, ...]:
         return self.conductance_given, self.nominal_flow_m3_s_anr, self.kv, self.cv

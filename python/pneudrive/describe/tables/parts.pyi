@@ -27,7 +27,13 @@ from pneudrive.describe.marks import (
 )
 from pneudrive.describe.tables import valve_flow as valve_flow
 from pneudrive.describe.tables.geometry import check_rod as check_rod, piston_areas as piston_areas
-from pneudrive.errors import invalid as invalid, package_table as package_table, warn as warn, wrong as wrong
+from pneudrive.errors import (
+    DescriptionError as DescriptionError,
+    invalid as invalid,
+    package_table as package_table,
+    warn as warn,
+    wrong as wrong,
+)
 from typing import Annotated, Any, ClassVar, Literal
 
 DEW_POINTS: Incomplete
@@ -177,9 +183,13 @@ class Cylinder(_DrivePart):
         chamber_law: _Literal["energy-balance", "as-printed"] = ...,
     ) -> None: ...
 
-KV: Incomplete
-CV: Incomplete
+class FlowCoefficient(Quantity):
+    def read(self, given: object) -> float: ...
+    def schema(self) -> Plain: ...
+
 SWITCHING: str
+_TIMES: Incomplete
+_SHARES: Incomplete
 
 class Valve(_DrivePart):
     table_name: ClassVar[str]
@@ -201,7 +211,7 @@ class Valve(_DrivePart):
     @property
     def is_switching(self) -> bool: ...
     @property
-    def is_plain(self) -> bool: ...
+    def has_shape(self) -> bool: ...
     @property
     def conductance(self) -> units.UnitFloat: ...
     @property

@@ -465,11 +465,13 @@ def start_state(start: Initial, stroke_m: Any, ambient_pa: Any, ambient_k: Any) 
     return state
 
 
-# --- Checks of platforms: something that moves each leg, and possible moments of inertia.
+# --- Checks of platforms: a cylinder at each leg, in the direction of the leg, and possible moments of inertia.
+
+AXES = "xyz"
 
 
 def check_platforms(wiring: Wiring, components: Keyed, problems: Problems) -> None:
-    """Add the errors of platforms to `problems`. The core checks each leg further.
+    """Add the errors of platforms to `problems`.
 
     Parameters
     ----------
@@ -477,24 +479,41 @@ def check_platforms(wiring: Wiring, components: Keyed, problems: Problems) -> No
     components : mapping
     problems : Problems
     """
-    entries = {name: part.entry for name, part in wiring.parts.items() if part.entry is not None}
-    for name in filter(lambda name: is_platform(entries[name]), entries):
+    for name, own in components.items():
+        if not is_platform(own.entry):
+            continue
         for port in wiring.ports(name):
-            joint = wiring.at.get(port)
-            if joint is not None and not any(_moves(entries[other.component]) for other in joint.ports):
-                leg = f"leg {port.name} of {name}"
-                problems.add(invalid(joint.key, "describe.leg-without-cylinder", leg=leg, name=port.name, id=port.id))
-        moments = [getattr(components.get(name), f"inertia_{axis}_kg_m2", 0.0) for axis in "xyz"]
-        largest = max(moments)
-        axis, most = "xyz"[moments.index(largest)], sum(moments) - largest
-        if largest > most * (1.0 + 1e-12):
-            what = f"{name}.inertia.{axis} = {largest:g} kg m2 is impossible"
-            rule = f"{axis} <= {' + '.join('xyz'.replace(axis, ''))} = {most:g} kg m2"
-            remedy = "Give the moments of inertia about axes through the centre of mass."
-            problems.add(wrong(f"{wiring.parts[name].table}.inertia", what, rule=rule, remedy=remedy))
+            told = {getattr(one, "key", None) for one in problems.found.values()}
+            for problem in _leg_problems(wiring, port, components):
+                of_joint = problem.key == wiring.at[port].key
+                if of_joint or problem.key not in told:  # copies have one table, whose errors are reported once
+                    problems.add(problem)
+        moments = [getattr(own, f"inertia_{axis}_kg_m2", 0.0) for axis in AXES]
+        for axis, moment in zip(AXES, moments, strict=True):
+            others = [other for other in AXES if other != axis]
+            most = sum(moments) - moment
+            if moment > most * (1.0 + 1e-12):
+                what = f"{name}.inertia.{axis} = {moment:g} kg m2 is impossible"
+                rule = f"{axis} <= {' + '.join(others)} = {most:g} kg m2"
+                remedy = "Give the moments of inertia about axes through the centre of mass."
+                problems.add(wrong(f"{wiring.parts[name].table}.inertia", what, rule=rule, remedy=remedy))
 
 
-def _moves(entry: Keyed) -> bool:
-    """Return whether a component can move a leg: it has a position, or it couples two axes."""
-    axes = sum(port["kind"] == "axis" for port in entry["ports"])
-    return axes == 2 or any(output["name"] == POSITION for output in entry["outputs"])
+def _leg_problems(wiring: Wiring, port: Port, components: Keyed) -> Iterator[DescriptionError]:
+    """Yield the errors of a leg: no cylinder, two cylinders, an incline of a cylinder."""
+    joint = wiring.at.get(port)
+    if joint is None:
+        return  # reported with the connections
+    leg = f"leg {port.name} of {port.component}"
+    links = [one for one in joint.ports if sum(port.kind == "axis" for port in wiring.ports(one.component)) == 2]
+    names = [one.component for one in joint.ports if one.component in components]
+    movers = [name for name in names if any(one["name"] == "position_m" for one in components[name].entry["outputs"])]
+    if not movers and not links:
+        yield invalid(joint.key, "describe.leg-without-cylinder", leg=leg, name=port.name, id=port.id)
+    if len(movers) > 1:
+        yield invalid(joint.key, "describe.two-movers", movers=movers[::-1], every=" and ".join(movers), leg=leg)
+    for name in movers:
+        angle = getattr(components[name], "incline_rad", None) or 0.0
+        if angle != 0.0:
+            what, rule = f"{name}.incline = {degrees(angle):g} deg", f"the two joints of {leg} define its direction"
+            yield wrong(f"{wiring.parts[name].table}.incline", what, rule=rule, remedy="Leave out incline.")
