@@ -68,7 +68,10 @@ class Pneu:
         """
         changed: dict[str, xr.DataArray] = {}
         columns = {name: values for name, values in self._run.variables.items() if values.dtype.kind in "iuf"}
-        for unit in map(str, wanted):
+        for unit in wanted:
+            if not isinstance(unit, str):
+                remedy = 'Write for instance run.pneu.to("bar", "mm").'
+                raise CommandError(f"the unit {unit!r} is not a text", remedy=remedy)
             before = len(changed)
             for name, values in columns.items():
                 try:

@@ -191,6 +191,31 @@ def test_what_was_not_recorded_is_refused(recorded):
     assert len(Samples.join(list(rig.acquire(cycle.steps, Sampling())))) > 1000
 
 
+def test_a_campaign_that_somebody_else_wrote(recorded, tmp_path):
+    """Only what the format requires: no steps, no envelope; the cycles are found by speed, stop and pressure."""
+    import json
+    import shutil
+
+    import polars as pl
+
+    shutil.copytree(recorded, tmp_path / "plain")
+    (tmp_path / "plain" / "campaign.json").write_text("{}")
+    for path in (tmp_path / "plain" / "cycles").iterdir():
+        cycle = json.loads(pl.read_parquet_metadata(path)["pneudrive"])["cycle"]
+        needed = ("key", "kind", "pressure_a_pa", "pressure_b_pa", "speed_m_s", "stop_s")
+        head = {"cycle": {name: cycle[name] for name in needed}}
+        pl.read_parquet(path).write_parquet(path, metadata={"pneudrive": json.dumps(head)})
+    rig = load_rig(tmp_path / "plain")
+    low, high = load_rig(recorded).limits().position_m
+    assert rig.limits().position_m == pytest.approx((low, high), abs=2e-3)  # less the margin
+    for file in Campaign.open(recorded).cycles():
+        cycle = file.head.cycle
+        if cycle.kind in ("sweep", "stop"):
+            rig.set_pressure(cycle.pressure_a_pa, cycle.pressure_b_pa)
+            played = Samples.join(list(rig.acquire(cycle.steps, cycle.sampling)))
+            assert np.array_equal(played.force_n, file.samples().force_n)
+
+
 @pytest.mark.parametrize(
     ("text", "words"),
     [

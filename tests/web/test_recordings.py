@@ -95,10 +95,14 @@ def test_a_recording_whose_name_misses_the_pattern_of_its_layout_is_shown_with_a
     assert "correct the pattern" in found["notes"][0]
 
 
-def test_a_layout_above_the_folder_is_not_read(served: Served) -> None:
+def test_a_layout_above_the_folder_is_told_of_and_not_read(served: Served) -> None:
     pl.DataFrame({"time_s": np.arange(50.0), "force_N": np.ones(50)}).write_csv(served.folder / "log.csv")
-    (served.folder.parent / "layout.toml").write_text("nonsense =")
+    pn.save(pn.simulate(pn.Drive.load("catalogue:reference"), "0.3", "20 ms"), served.folder / "run.parquet")
     assert read(served, "log.csv")["notes"] == []
+    (served.folder.parent / "layout.toml").write_text("nonsense =")
+    (note,) = read(served, "log.csv")["notes"]
+    assert "the folder above has a layout.toml" in note
+    assert read(served, "run.parquet")["notes"] == []  # it needs none
 
 
 @pytest.mark.parametrize("name", ["../layout.toml", "axis.toml", "layout.parquet/../../x.csv"])

@@ -52,14 +52,27 @@ def alike(asked: Step, recorded: Step, tolerance: float) -> bool:
     )
 
 
-def matches(steps: Sequence[Step], recorded: Sequence[Step], tolerance: float) -> bool:
-    """Return whether the steps match those of a recorded cycle."""
-    return len(steps) == len(recorded) and all(alike(*pair, tolerance) for pair in zip(steps, recorded, strict=True))
+def matches(steps: Sequence[Step], cycle: Cycle, tolerance: float) -> bool:
+    """Return whether the steps match those of a recorded cycle.
+
+    If the recorded cycle lists no steps, compare the longest stop and the speed after it.
+    """
+    if cycle.steps:
+        return len(steps) == len(cycle.steps) and all(
+            alike(*pair, tolerance) for pair in zip(steps, cycle.steps, strict=True)
+        )
+    holds = [(step.duration_s, at) for at, step in enumerate(steps) if isinstance(step, Hold)]
+    stop, at = max(holds, default=(0.0, 0)) if cycle.stop_s else (0.0, 0)
+    moves = [step.speed_m_s for step in steps[at:] if isinstance(step, Move)]
+    if not moves or cycle.speed_m_s is None or not near(moves[0], cycle.speed_m_s, tolerance):
+        return False
+    return bool(cycle.stop_s) == bool(holds) and near(stop, cycle.stop_s or 0.0, tolerance)
 
 
 def speeds_of(cycle: Cycle) -> list[float]:
-    """Return the speeds of the moves of a cycle, m/s."""
-    return [step.speed_m_s for step in cycle.steps if isinstance(step, Move)]
+    """Return the speeds of the moves of a cycle, m/s. If the header lists no moves, return the speed of the cycle."""
+    moves = [step.speed_m_s for step in cycle.steps if isinstance(step, Move)]
+    return moves or ([cycle.speed_m_s] if cycle.speed_m_s else [])
 
 
 class ReplayRig:
@@ -180,7 +193,7 @@ class ReplayRig:
         def fits(cycle: Cycle) -> bool:
             is_mounted = all(cycle.levels.get(factor, level) == level for factor, level in self._levels.items())
             is_near = is_mounted and max(self._apart_pa(cycle)) <= self.pressure_tolerance_pa
-            return is_near and matches(steps, cycle.steps, self.speed_tolerance)
+            return is_near and matches(steps, cycle, self.speed_tolerance)
 
         matching = [file for file in self.files if fits(file.cycle)]
         if not matching:
@@ -276,8 +289,14 @@ def load_replay(source: str | Path, seed: int, pace: float | None) -> ReplayRig:
 
 def _envelope(files: Sequence[CycleFile], identity: Identity) -> Envelope:
     """Return the limits of a rig that is known only from recordings: the range that all recordings cover."""
-    moves = ([step.to_m for step in file.cycle.steps if isinstance(step, Move)] for file in files)
-    ends = [end for ends in moves if len(ends) > 1 for end in ends]
+    ends: list[float] = []
+    for file in files:
+        moves = [step.to_m for step in file.cycle.steps if isinstance(step, Move)]
+        if not file.cycle.steps:  # without steps in the header, the range of the samples
+            position = file.samples().position_m
+            ends += [float(np.nanmin(position)), float(np.nanmax(position))]
+        elif len(moves) > 1:
+            ends += moves
     if not ends:
         raise RigError("no recording moves in both directions", rule="the range of the axis is unknown then")
     cycles = [file.cycle for file in files]

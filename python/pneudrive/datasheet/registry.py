@@ -263,12 +263,14 @@ def characteristic_named(name: str) -> Characteristic:
     Raises
     ------
     CommandError
-        The characteristic does not exist.
+        The characteristic does not exist. The message gives the nearest name or title.
     """
     known = characteristics()
-    if name not in known:
-        raise CommandError(f"there is no characteristic {name!r}", remedy=nearest(name, known))
-    return known[name]
+    if name in known:
+        return known[name]
+    titled = {one.title.lower().replace(" ", "-"): one.name for one in known.values()}
+    remedy = f"Did you mean '{titled[name]}'?" if name in titled else nearest(name, known)
+    raise CommandError(f"there is no characteristic {name!r}", remedy=remedy)
 
 
 #: Unit of each setting that is a quantity.

@@ -369,14 +369,22 @@ def _stop_panels(stop: SimpleNamespace, condition: str) -> tuple[Panel, Panel]:
     # The start of the approach may still show the reversal.
     low, high = max(APPROACH * time[0], -0.35 * reach), min(time[-1], 1.6 * reach + AFTER * stop.loading_s)
     begin, end = -BEFORE * shown, AFTER * shown
-    whole = (time >= low) & (time <= high)
-    late = (time >= stop.dwell_s + begin) & (time <= stop.dwell_s + end)
     running = Rule(y=stop.running_n, look=RUNNING, width=0.9)
-    raw = Markers(time[late] - stop.dwell_s, stop.friction_n[late], look=Look("black", "-", "."), size=1.8)
+    raw = Markers(time - stop.dwell_s, stop.friction_n, look=Look("black", "-", "."), size=1.8)
     peak = Markers([stop.loading_s], [stop.breakaway_n], look=Look("orange"), size=7.0)
-    course = [Rule((0.0, stop.dwell_s)), Line(time[whole], stop.friction_n[whole], width=0.7), running]
+    course = [Rule((0.0, stop.dwell_s)), Line(time, stop.friction_n, width=0.7), running]
     x, restart = Axis("time since rest / s", low=low, high=high), Axis("time since restart / ms", low=begin, high=end)
-    return Panel(course, title, x, "friction / N"), Panel([peak, raw, running], "", restart)
+    y = _force(stop, stop.dwell_s + begin, stop.dwell_s + end, "")
+    return Panel(course, title, x, _force(stop, low, high, "friction / N")), Panel([peak, raw, running], "", restart, y)
+
+
+def _force(stop: SimpleNamespace, begin_s: float, end_s: float, label: str) -> Axis:
+    """Return an axis with the forces of a span of time."""
+    inside = stop.friction_n[(stop.time_s >= begin_s) & (stop.time_s <= end_s)]
+    if not inside.size or np.ptp(inside) <= 0:
+        return Axis(label)
+    margin = 0.08 * float(np.ptp(inside))
+    return Axis(label, low=float(inside.min()) - margin, high=float(inside.max()) + 2 * margin)
 
 
 # --- breakaway against duration --------------------------------------------------------------------------------------

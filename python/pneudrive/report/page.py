@@ -44,7 +44,7 @@ Fits: TypeAlias = "Mapping[str, Mapping[str, FrictionFit]]"
 TEMPLATE, TYPST = (Path(__file__).with_name(f"report.{kind}.j2") for kind in ("html", "typ"))
 FIGURES, REPORT = "figures", "report.html"
 #: Sections with details that few readers need. A long report folds them.
-DETAILS = ("record", "flags", "budget", "drift", "recovered", "provenance")
+DETAILS = ("record", "flags", "budget", "stick-slip-of-strokes", "recovered", "provenance")
 DETAILS += ("stick-slip-over-speed", "budget-over-speed", "paper", "stick-slip", "chambers", "controlled-axis", "study")
 MOST_OPEN = 8
 MOST_ROWS = 12  # of a table that is not folded, in a report that folds

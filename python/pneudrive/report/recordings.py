@@ -16,7 +16,6 @@ import polars as pl
 from pneudrive import figures
 from pneudrive.errors import RecordingError
 from pneudrive.figures import THIN, Axis, Band, Figure, Line, Look, Markers, Panel, Rule, look, ramp, stack, thin
-from pneudrive.files.content import read_text
 from pneudrive.friction.budget import COVERAGE_FACTOR
 from pneudrive.friction.friction_map import ALL_RECORDINGS, MapGroup, bar, group_of, groups_of
 from pneudrive.friction.pressure import MINIMUM_RANGE_PA, NET, ClosureFit, PressureLine
@@ -680,7 +679,11 @@ def provenance(topic: Topic, found: Characterisation) -> Blocks:
     yield topic.table([*page.software(), ("protocol of the characterisation", found.protocol)])
     for note in _source_notes(found):
         yield topic.text("note", note=f"{note.parent.name}/{note.name}")
-        yield Paragraph(read_text(note, RecordingError)[:MOST_LETTERS].strip(), "code")
+        try:
+            text = note.read_text("utf-8", errors="replace")[:MOST_LETTERS].strip()
+        except OSError as error:
+            text = f"(it cannot be read: {error.strerror})"
+        yield Paragraph(text, "code")
     yield from topic.listed(page.references(topic.texts["cites"]), "sources")
 
 

@@ -333,7 +333,7 @@ def controllers_view(found: ControlComparison, measures: Collection[str] = ()) -
         leading=leading[:MOST_LEADING],
         findings=findings,
         tables=(Topic("control", "true").table(truth),) if found.truth else (),
-        figures=(*_box_figures(found), *_track_figures(found)),
+        figures=tuple(_reference_figures(found)),
     )
 
 
@@ -356,37 +356,42 @@ def _conditions(found: ControlComparison) -> Iterator[str]:
         yield topic.say("spread", spread=found.spread)
 
 
-def _track_figures(found: ControlComparison) -> Iterator[ShownFigure]:
-    """Yield, for each reference, the tracks of all laws in one picture, with their errors."""
-    topic = Topic("control", "reference")
-    which = "member 1" if found.spread else "first seed"
-    for number, (along, text) in enumerate(found.references.items(), 1):
-        tracks, references, errors = [], [], []
-        for run, track in tracks_of(found, along):
-            part, own = thin(track["time_s"], MOST_SHOWN), look(found.laws.index(run.law))
-            time, position, reference, error = (values[part] for values in track.values())
-            tracks.append(Line(time, position, run.law, own, 0.9))
-            references.append(Line(time, reference, "reference", Look("red"), 0.6))
-            errors.append(Line(time, error, look=own, width=0.9))
-        if tracks:
-            error = Axis(f"error / {error_unit([line.y for line in errors])}", "far")
-            positions = Panel([*tracks, *references[:1]], y="position / mm")
-            caption = topic.say("tracks", which=which, called=_called(along, text))
-            panels = [positions, Panel([*errors, Rule(y=0.0)], y=error)]
-            yield ShownFigure(f"tracks-{number}", caption, stack(panels, 4.2))
+def _reference_figures(found: ControlComparison) -> Iterator[ShownFigure]:
+    """Yield, for each reference, the errors of all members of a spread, and the tracks of all laws."""
+    for number, along in enumerate(found.references, 1):
+        yield from _boxes(found, number, along) if found.spread else ()
+        yield from _tracks(found, number, along)
 
 
-def _box_figures(found: ControlComparison) -> Iterator[ShownFigure]:
-    """Yield, for each reference, the largest errors of all members of a spread, a box for each law."""
-    for number, (along, text) in enumerate(found.references.items() if found.spread else (), 1):
-        each = [[run.score.max_error_m for run in found.of(law, along) if run.score is not None] for law in found.laws]
-        marks = [mark for position, values in enumerate(each) if values for mark in box_marks(position, values)]
-        if marks:
-            x = Axis(f"largest error / {error_unit(each)}", "log")
-            laws = Axis(names=found.laws, low=len(each) - 0.5, high=-0.5)
-            caption = Topic("control", "reference").say("boxes", called=_called(along, text), spread=found.spread)
-            figure = Figure([Panel(marks)], x, laws, row_in=0.5 + 0.34 * len(each), rest_in=0.0)
-            yield ShownFigure(f"boxes-{number}", caption, figure)
+def _boxes(found: ControlComparison, number: int, along: str) -> Iterator[ShownFigure]:
+    """Yield the largest errors of all members of a spread, a box for each law."""
+    each = [[run.score.max_error_m for run in found.of(law, along) if run.score is not None] for law in found.laws]
+    marks = [mark for position, values in enumerate(each) if values for mark in box_marks(position, values)]
+    if marks:
+        x = Axis(f"largest error / {error_unit(each)}", "log")
+        laws = Axis(names=found.laws, low=len(each) - 0.5, high=-0.5)
+        called = _called(along, found.references[along])
+        caption = Topic("control", "reference").say("boxes", called=called, spread=found.spread)
+        figure = Figure([Panel(marks)], x, laws, row_in=0.5 + 0.34 * len(each), rest_in=0.0)
+        yield ShownFigure(f"boxes-{number}", caption, figure)
+
+
+def _tracks(found: ControlComparison, number: int, along: str) -> Iterator[ShownFigure]:
+    """Yield the tracks of all laws in one picture, with their errors."""
+    tracks, references, errors = [], [], []
+    for run, track in tracks_of(found, along):
+        part, own = thin(track["time_s"], MOST_SHOWN), look(found.laws.index(run.law))
+        time, position, reference, error = (values[part] for values in track.values())
+        tracks.append(Line(time, position, run.law, own, 0.9))
+        references.append(Line(time, reference, "reference", Look("red"), 0.6))
+        errors.append(Line(time, error, look=own, width=0.9))
+    if tracks:
+        error = Axis(f"error / {error_unit([line.y for line in errors])}", "far")
+        positions = Panel([*tracks, *references[:1]], y="position / mm")
+        which, called = "member 1" if found.spread else "first seed", _called(along, found.references[along])
+        caption = Topic("control", "reference").say("tracks", which=which, called=called)
+        panels = [positions, Panel([*errors, Rule(y=0.0)], y=error)]
+        yield ShownFigure(f"tracks-{number}", caption, stack(panels, 4.2))
 
 
 def box_marks(position: int, values: Sequence[float]) -> Iterator[Any]:

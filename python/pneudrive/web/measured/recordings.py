@@ -31,6 +31,7 @@ from pneudrive.web.measured.tiles import BLOCK, Pyramid
 from pneudrive.web.messages import MOST_PIXELS, PageRequest, pack, page_error, problems_of
 from pneudrive.web.workspace import TABLES, Listed, Workspace, cache_folder, safe
 
+ENDS = 1 << 16  # bytes at both ends of a file that enter its key
 MOST_OPEN = 16  # recordings
 PART, MOST_PARTS = 1 << 17, 256  # samples of a part of a column, 1 MB, and number of kept parts
 MOST_VERSIONS = 2  # kept versions of a changing file: the shown one, and the one that is being read
@@ -247,7 +248,7 @@ def shown_recording(workspace: Workspace, path: str) -> Plain:
         "samples": found.pyramid.count,
         "time": found.file.time is not None,
         "layout": "own names" if needs_none(file) else None if layout is None else layout.kind,
-        "notes": found.file.notes,
+        "notes": found.file.notes if layout else found.file.notes + layout_above(workspace, file),
     }
 
 
@@ -425,23 +426,51 @@ def layout_in(workspace: Workspace, path: Path) -> Layout | None:
     return None
 
 
+def layout_above(workspace: Workspace, path: Path) -> tuple[str, ...]:
+    """Return a note about a layout above the workspace.
+
+    Commands use this layout for a file in the workspace, but the page does not.
+    """
+    above = path.parent == workspace.root and (workspace.root.parent / "layout.toml").is_file()
+    if not above or needs_none(path):
+        return ()
+    remedy = "copy it into this folder, or start pneudrive web in the folder above"
+    return (f"the folder above has a layout.toml, which commands use but the page does not: {remedy}",)
+
+
 def needs_none(path: Path) -> bool:
     """Return whether a file has the column names of a run or of a recording of a drive."""
-    is_table = path.suffix in SUFFIXES and path.is_file()
-    return is_table and (is_trajectory(path) or len(columns_in(path, NEEDED)) == len(NEEDED))
+    if path.suffix not in SUFFIXES or not path.is_file():
+        return False
+    status = path.stat()
+    return _has_own_names(path, status.st_size, status.st_mtime_ns)
+
+
+@lru_cache(maxsize=4 * MOST_OPEN)
+def _has_own_names(path: Path, _size: int, _changed_ns: int) -> bool:
+    """Return the result of `needs_none`, cached for an unchanged file, because the reader process may be busy."""
+    return is_trajectory(path) or len(columns_in(path, NEEDED)) == len(NEEDED)
 
 
 def _key(path: Path) -> str:
-    """Return the key of a file: its path, its inode, its size and its times.
+    """Return the key of a file: its path, its inode, its size and times, and the bytes at both ends.
 
-    A different file of the same size and time has another inode. A file whose content was changed has another change
-    time (ctime), which users cannot set.
+    A different file of the same size and time has another inode. A file that was changed only in the middle has another
+    change time (ctime), which users cannot set.
     """
     if not path.is_file():
         raise RecordingError("there is no such file", where=path.name)
-    status = path.stat()
-    said = (str(path), status.st_dev, status.st_ino, status.st_size, status.st_mtime_ns, status.st_ctime_ns)
-    return hashlib.sha256(repr(said).encode("utf-8", "surrogateescape")).hexdigest()[:32]
+    try:
+        status = path.stat()
+        said = (str(path), status.st_dev, status.st_ino, status.st_size, status.st_mtime_ns, status.st_ctime_ns)
+        digest = hashlib.sha256(repr(said).encode("utf-8", "surrogateescape"))
+        with path.open("rb") as file:
+            digest.update(file.read(ENDS))
+            file.seek(max(status.st_size - ENDS, 0))
+            digest.update(file.read(ENDS))
+    except OSError as error:
+        raise unreadable(Path(path.name), error, RecordingError) from None
+    return digest.hexdigest()[:32]
 
 
 def _opened(path: Path, layout: Layout | None, key: str, watch: Watch) -> OpenRecording:

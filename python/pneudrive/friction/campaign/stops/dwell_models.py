@@ -497,7 +497,7 @@ def design_stops(form: str, scale_s: float, stops: int = 12, factor: float = 3.0
     t = np.array([float(f"{v:.{DIGITS}g}") for v in np.geomspace(*RANGE_S, DURATIONS)])
     # Derivatives with respect to level, increment, ln time constant and ln exponent, for each sample of the prior.
     gradients = []
-    names: tuple[str, ...] = ("a_n", "increment_n", "time constant", "exponent")[: 2 + len(laws[form].units)]
+    names = ["a_n", "increment_n", "time constant", "exponent"][: 2 + len(laws[form].units)]
     for z in DRAWS:
         shape = (scale_s * factor**z, KATO_M)[: len(laws[form].units)]
         psi, _, *by_shape = laws[form].derivatives(t, *shape).T
