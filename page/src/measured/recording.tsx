@@ -306,7 +306,6 @@ function Spectrum({ found, path }: { found: Opened; path: string }) {
                 unit={`${unit || "1"}/√Hz`}
                 xUnit="Hz"
                 size={1}
-                log
                 curves={[{ label, x: drawn.get(`hz/${column}`)!, y: drawn.get(`density/${column}`)! }]}
               />
             ))}

@@ -30,24 +30,16 @@ function dashOf(dash: unknown): string | undefined {
   return ({ "--": "6 4", "-.": "7 3 2 3", ":": "2 3" } as Record<string, string>)[String(dash)];
 }
 
-/** Return the path of a closed line around a point, from its corners as pairs of numbers in radii. */
-function around(corners: string): (x: number, y: number, r: number) => string {
-  const pairs = corners.split(", ").map((pair) => pair.split(" ").map(Number));
-  return (x, y, r) =>
-    `M${pairs.map(([dx, dy]) => `${(x + dx! * r).toFixed(1)} ${(y + dy! * r).toFixed(1)}`).join("L")}Z`;
-}
-const SHAPES: Record<string, (x: number, y: number, r: number) => string> = {
-  s: around("-0.9 -0.9, 0.9 -0.9, 0.9 0.9, -0.9 0.9"),
-  "^": around("0 -1.2, 1.1 0.8, -1.1 0.8"),
-  v: around("0 1.2, 1.1 -0.8, -1.1 -0.8"),
-  D: around("0 -1.2, 1.2 0, 0 1.2, -1.2 0"),
-  P: around(
-    "-0.4 -1.1, 0.4 -1.1, 0.4 -0.4, 1.1 -0.4, 1.1 0.4, 0.4 0.4, 0.4 1.1, -0.4 1.1, -0.4 0.4, -1.1 0.4, -1.1 -0.4, -0.4 -0.4",
-  ),
-  "|": around("0 -1.4, 0 1.4"),
+/** Markers around the origin, of radius 1. */
+const ROUND = "M-1 0a1 1 0 1 0 2 0a1 1 0 1 0-2 0Z";
+const SHAPES: Record<string, string> = {
+  s: "M-.9-.9H.9V.9H-.9Z",
+  "^": "M0-1.2L1.1.8H-1.1Z",
+  v: "M0 1.2L1.1-.8H-1.1Z",
+  D: "M0-1.2L1.2 0L0 1.2L-1.2 0Z",
+  P: "M-.4-1.1H.4V-.4H1.1V.4H.4V1.1H-.4V.4H-1.1V-.4H-.4Z",
+  "|": "M0-1.4V1.4",
 };
-const round = (x: number, y: number, r: number) =>
-  `M${(x - r).toFixed(1)} ${y.toFixed(1)}a${r} ${r} 0 1 0 ${2 * r} 0a${r} ${r} 0 1 0 ${-2 * r} 0Z`;
 const radius = (mark: Markers): number => (mark.look[2] === "." ? 1.8 : Math.max(mark.size, 3) * 0.9);
 
 /** A panel in pixels: where values lie. */
@@ -58,7 +50,7 @@ interface Place {
   right: number;
   top: number;
   bottom: number;
-  hasEnds?: boolean; // names stand in the panel
+  isNamed?: boolean; // a name stands beside its mark
   words?: (x: number, y: number) => string; // of a point under the pointer
 }
 
@@ -83,7 +75,6 @@ const besideOf = (x: number, right: number, text: string) =>
 /** Points with their bars and names. A tooltip has the title of a point, or its values. */
 function Points({ mark, at }: { mark: Markers & { titles?: string[] }; at: Place }) {
   const ink = colour(mark.look[0]);
-  const shape = SHAPES[mark.look[2]] ?? round;
   return (
     <g stroke={ink} fill={mark.filled || mark.look[2] === "." ? ink : "var(--surface)"} stroke-width="1.3">
       {mark.joined && <path d={pathOf(mark.x, mark.y, at)} fill="none" stroke-dasharray={dashOf(mark.look[1])} />}
@@ -96,7 +87,10 @@ function Points({ mark, at }: { mark: Markers & { titles?: string[] }; at: Place
             {isNumber(low) && isNumber(high) && (
               <path d={`M${px} ${at.py(low)}V${at.py(high)}m-3 0h6M${px - 3} ${at.py(low)}h6`} fill="none" />
             )}
-            <path d={shape(px, py, radius(mark))}>
+            <path
+              d={SHAPES[mark.look[2]] ?? ROUND}
+              transform={`translate(${px} ${py}) scale(${radius(mark)})`}
+              vector-effect="non-scaling-stroke">
               {at.words && <title>{mark.titles?.[k] ?? `${mark.label} ${at.words(value, other)}`.trim()}</title>}
             </path>
             {mark.names[k] && (
@@ -162,23 +156,28 @@ function Drawn({ mark, at }: { mark: Mark; at: Place }) {
     case "bars":
       return <BarsOf mark={mark} at={at} />;
     case "rule": {
-      const [xs, ys] = [asList(mark.x).map((one) => at.px(one!)), asList(mark.y).map((one) => at.py(one!))];
-      const [x0 = at.left, x1 = xs.length ? undefined : at.right] = [...xs].sort((a, b) => a - b);
-      const [y0 = at.top, y1 = ys.length ? undefined : at.bottom] = [...ys].sort((a, b) => a - b);
-      const isShade = ["band", "shade", "shade two"].includes(String(mark.look[0]));
-      if (x1 !== undefined && y1 !== undefined) {
-        const tint = isShade ? colour(mark.look[0]) : "var(--fig-shade)";
+      const sides = (value: typeof mark.x, at: (value: number) => number, all: Ends): Ends => {
+        const [from = all[0], to = from] = asList(value).map((one) => at(one!));
+        return value === null ? all : [Math.min(from, to), Math.max(from, to)];
+      };
+      const [[x0, x1], [y0, y1]] = [
+        sides(mark.x, at.px, [at.left, at.right]),
+        sides(mark.y, at.py, [at.top, at.bottom]),
+      ];
+      const ink = colour(mark.look[0]);
+      if (x0 !== x1 && y0 !== y1) {
+        const tint = mark.look[0] === "band" || String(mark.look[0]).startsWith("shade") ? ink : "var(--fig-shade)";
         return <rect x={x0} width={x1 - x0} y={y0} height={y1 - y0} fill={tint} />;
       }
       return (
         <>
           <path
-            d={xs.length ? `M${x0} ${at.top}V${at.bottom}` : `M${at.left} ${y0}H${at.right}`}
-            stroke={colour(mark.look[0])}
+            d={`M${x0} ${y0}L${x1} ${y1}`}
+            stroke={ink}
             stroke-width={1.2 * mark.width}
             stroke-dasharray={dashOf(mark.look[1])}
           />
-          {xs.length === 1 && at.hasEnds && <Words x={x0 + 4} y={at.top + 12} words={mark.label} />}
+          {x0 === x1 && at.isNamed && <Words x={x0 + 4} y={at.top + 12} words={mark.label} />}
         </>
       );
     }
@@ -226,13 +225,12 @@ interface PanelProps {
   panel: Panel;
   x: Axis;
   y: Axis;
-  scales: [Scale, Scale];
+  scales: Scale[];
   width: number;
   height: number;
-  isBare: boolean; // the panel below has the axis
-  hasEnds: boolean;
-  longest: number; // characters of a number of the axis, and of a name at the end of a line
-  ends: number;
+  isBare?: boolean; // the panel below has the axis
+  longest: number; // characters of a number of the axis
+  ends: number; // and of a name at the end of a line; 0: the names stand elsewhere
   name: string;
 }
 
@@ -243,8 +241,8 @@ const unitOf = ({ unit, label }: Axis): string => unit || label.slice(label.last
 const ticksOf = (scale: Scale, height: number) => scale.ticks(Math.max(Math.round(height / 48), 2));
 
 export function PanelDrawing(props: PanelProps) {
-  const { panel, x, y, scales, width, height, isBare, hasEnds, longest, ends, name } = props;
-  const [sx, sy] = scales;
+  const { panel, x, y, scales, width, height, isBare = false, longest, ends, name } = props;
+  const [sx, sy] = scales as [Scale, Scale];
   const yTicks = ticksOf(sy, height);
   const left = Math.min(14 + CHARACTER * longest, width * 0.4);
   const right = width - 12 - (ends ? CHARACTER * ends + 4 : 0);
@@ -258,7 +256,7 @@ export function PanelDrawing(props: PanelProps) {
     right,
     top,
     bottom,
-    hasEnds,
+    isNamed: ends > 0,
     words: (one, other) => `${digits(one / x.size, 4)} ${unitOf(x)}, ${digits(other / y.size, 4)} ${unitOf(y)}`,
     px: (value) => left + sx.at(value / x.size) * (right - left),
     py: (value) => bottom - sy.at(value / y.size) * (bottom - top),
@@ -311,7 +309,7 @@ export function PanelDrawing(props: PanelProps) {
           <Drawn mark={mark} at={at} />
         ))}
       </g>
-      {hasEnds &&
+      {ends > 0 &&
         lineEnds(panel, at).map((one) => (
           <text x={right + 8} y={one.y + 4} font-weight="650" fill={one.ink}>
             {one.label}
@@ -424,64 +422,59 @@ function rowsOf(panels: { panel: Panel; x: Axis; y: Axis }[]): string[][] {
   return [["panel", "label", first?.x.label || "x", first?.y.label || "y", "low", "high"], ...rows];
 }
 
+/** Whether the labels of a panel stand at the ends of its lines. */
+function isShort(panel: Panel): boolean {
+  const marks = labelled(panel);
+  const isFitting = ({ label, kind }: Labelled) =>
+    label.length <= LONGEST_END && ["line", "markers", "rule"].includes(kind);
+  return marks.length <= MOST_ENDS && marks.every(isFitting);
+}
+
 /** A figure with its caption. */
 export function FigureView({ shown }: { shown: ShownFigure }) {
   const [place, width] = useWidth<HTMLDivElement>();
-  const { figure } = shown;
+  const { figure, name } = shown;
   const total = Math.max(Math.min(figure.columns, figure.panels.length), 1);
   const least = figure.panels.length > MOST_LARGE ? LEAST_OF_MANY : LEAST_WIDTH;
   const columns = Math.max(Math.min(total, Math.floor(width / least)), 1);
+  const panelWidth = Math.floor((width - 16 * (columns - 1)) / columns);
   const numbered = figure.panels.map((panel, index) => ({ panel, index }));
   const tall = { panel: figure.tall, index: -1 };
-  const drawnPanels = (figure.tall_first ? [tall, ...numbered] : [...numbered, tall]).flatMap(({ panel, index }) =>
+  const drawn = (figure.tall_first ? [tall, ...numbered] : [...numbered, tall]).flatMap(({ panel, index }) =>
     panel ? [{ panel, index, x: axisOf(panel.x, figure.x), y: axisOf(panel.y, figure.y) }] : [],
   );
+  const panels = drawn.map(({ panel }) => panel);
   /** Panels of one group have equal ends of an axis. */
   const groupOf = (index: number, how: string): number => {
     if (index < 0 || how === "all") return Math.min(index, 0);
     return how === "row" ? Math.floor(index / total) : how === "col" ? index % total : index;
   };
   const together = (index: number, how: string) =>
-    drawnPanels.filter((one) => groupOf(one.index, how) === groupOf(index, how)).flatMap(({ panel }) => panel.marks);
+    drawn.filter((one) => groupOf(one.index, how) === groupOf(index, how)).flatMap(({ panel }) => panel.marks);
   const rows = Math.ceil(figure.panels.length / total);
-  const ratios = figure.heights.length ? figure.heights : Array<number>(rows).fill(1);
-  const whole = ratios.reduce((sum, one) => sum + one, 0);
+  const whole = figure.heights.reduce((sum, one) => sum + one, 0);
   const heightOf = (index: number) => {
-    const row = index < 0 ? 1 : ((ratios[Math.floor(index / total)] ?? 1) * rows) / whole;
-    const height = figure.row_in * INCH * row * (rows === 1 || index < 0 ? HERO : 1) + 40;
+    const ratio = index < 0 || !whole ? 1 : (figure.heights[Math.floor(index / total)]! * rows) / whole;
+    const height = figure.row_in * INCH * ratio * (rows === 1 || index < 0 ? HERO : 1) + 40;
     return Math.min(Math.max(height, LEAST_HEIGHT), MOST_HEIGHT);
   };
-  const panelWidth = Math.floor((width - 16 * (columns - 1)) / columns);
-  const hasEnds = (panel: Panel) => {
-    const marks = labelled(panel);
-    return (
-      panelWidth > 440 &&
-      drawnPanels.length <= 3 &&
-      marks.length <= MOST_ENDS &&
-      marks.every((mark) => mark.label.length <= LONGEST_END && ["line", "markers", "rule"].includes(mark.kind))
-    );
-  };
-  const above = labelled(...drawnPanels.map(({ panel }) => panel).filter((panel) => !hasEnds(panel)));
-  const isStacked = columns === total && (figure.share_x === "all" || figure.share_x === "col");
-  const placed = drawnPanels.map((one) => {
-    const scales: [Scale, Scale] = [
-      scaleOf(one.x, "x", together(one.index, figure.share_x)),
-      scaleOf(one.y, "y", together(one.index, figure.share_y)),
-    ];
+  const placed = drawn.map((one) => {
+    const y = scaleOf(one.y, "y", together(one.index, figure.share_y));
     const height = heightOf(one.index);
-    const longest = Math.max(...ticksOf(scales[1], height).map(([, words]) => words.length), 1);
-    const ends = hasEnds(one.panel) ? Math.max(...labelled(one.panel).map((mark) => mark.label.length), 0) : 0;
-    return { ...one, scales, height, longest, ends };
+    const scales = [scaleOf(one.x, "x", together(one.index, figure.share_x)), y];
+    return { ...one, scales, height, longest: Math.max(...ticksOf(y, height).map(([, words]) => words.length), 1) };
   });
+  const labels = labelled(...panels);
+  const hasEnds = panelWidth > 440 && panels.length <= 3 && panels.every(isShort);
   /* Panels below each other have one left and one right. */
-  const longest = Math.max(...placed.map((one) => one.longest), 1);
-  const ends = Math.max(...placed.map((one) => one.ends), 0);
-  const marks = drawnPanels.flatMap(({ panel }) => panel.marks);
-  const points = marks.flatMap((mark) => (mark.kind === "markers" ? mark.x : []));
+  const ends = hasEnds ? Math.max(...labels.map(({ label }) => label.length), 0) : 0;
+  const longest = columns === 1 && { longest: Math.max(...placed.map((one) => one.longest)) };
+  const isStacked = columns === total && (figure.share_x === "all" || figure.share_x === "col");
+  const points = panels.flatMap(({ marks }) => marks.flatMap((mark) => (mark.kind === "markers" ? mark.x : [])));
   return (
-    <figure class="figure" data-figure={shown.name} data-points={points.length}>
+    <figure class="figure" data-figure={name} data-points={points.length}>
       {figure.title && <p class="title">{figure.title}</p>}
-      <Labels marks={above} />
+      <Labels marks={hasEnds ? [] : labels} />
       <div ref={place} class="figure-panels" style={{ gridTemplateColumns: `repeat(${columns}, minmax(0, 1fr))` }}>
         {width > 0 &&
           placed.map((one) => {
@@ -489,7 +482,7 @@ export function FigureView({ shown }: { shown: ShownFigure }) {
             const [first] = panel.marks;
             const isTall = index < 0;
             const gridColumn = isTall ? "1 / -1" : columns === total ? (index % total) + 1 : undefined;
-            const wide = isTall || (columns < total && columns === 1) ? width : panelWidth;
+            const wide = isTall ? width : panelWidth;
             return (
               <div key={index} style={{ gridColumn }}>
                 {first?.kind === "drawing" ? (
@@ -497,11 +490,11 @@ export function FigureView({ shown }: { shown: ShownFigure }) {
                 ) : (
                   <PanelDrawing
                     {...one}
-                    {...(columns === 1 && { longest, ends })}
+                    {...longest}
+                    ends={ends}
                     width={wide}
                     isBare={isStacked && !isTall && Boolean(figure.panels[index + total])}
-                    hasEnds={hasEnds(panel)}
-                    name={`${shown.name}-${index}`}
+                    name={`${name}-${index}`}
                   />
                 )}
               </div>
@@ -511,11 +504,11 @@ export function FigureView({ shown }: { shown: ShownFigure }) {
       <figcaption>
         {shown.caption}{" "}
         <span class="saves">
-          <Button class="link" act={() => saveDrawing(shown.name, place.current!)} words="Save figure" />{" "}
-          <Button class="link" act={() => saveRows(shown.name, rowsOf(drawnPanels))} words="Save numbers" />
+          <Button class="link" act={() => saveDrawing(name, place.current!)} words="Save figure" />{" "}
+          <Button class="link" act={() => saveRows(name, rowsOf(drawn))} words="Save numbers" />
         </span>
       </figcaption>
-      <NumbersTable name={shown.name} rows={() => rowsOf(drawnPanels)} />
+      <NumbersTable name={name} rows={() => rowsOf(drawn)} />
     </figure>
   );
 }

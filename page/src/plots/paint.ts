@@ -77,9 +77,17 @@ function placed(u: uPlot, series: number) {
   };
 }
 
-/** Draw only within the area of the curves, until the canvas is restored. */
-function clipped({ ctx, bbox }: uPlot): void {
-  ctx.save();
+/** Return a hook of uPlot that draws and leaves the canvas as it was. */
+export const kept =
+  <Given extends unknown[]>(paint: (u: uPlot, ...given: Given) => void) =>
+  (u: uPlot, ...given: Given): void => {
+    u.ctx.save();
+    paint(u, ...given);
+    u.ctx.restore();
+  };
+
+/** Draw only within the area of the curves. */
+function clip({ ctx, bbox }: uPlot): void {
   ctx.beginPath();
   ctx.rect(bbox.left, bbox.top, bbox.width, bbox.height);
   ctx.clip();
@@ -105,7 +113,7 @@ export function lines(u: uPlot, series: number): void {
   while (from > 0 && y[from] === undefined); // to the value before the view, so that its line comes in
   do to += 1;
   while (to < x.length - 1 && y[to] === undefined);
-  clipped(u);
+  clip(u);
   ctx.beginPath();
   let [column, low, high, begun, endX, endY, isOne] = [Number.NaN, 0, 0, 0, 0, 0, true];
   const leave = () => {
@@ -150,7 +158,6 @@ export function lines(u: uPlot, series: number): void {
   ctx.lineJoin = "round";
   ctx.setLineDash((own.dash ?? []).map((one) => one * devicePixelRatio));
   ctx.stroke();
-  ctx.restore();
 }
 
 /**
@@ -183,7 +190,6 @@ function columns(u: uPlot, series: number): void {
     }
     [column, at] = [next, to];
   }
-  u.ctx.save();
   u.ctx.fillStyle = (u.series[series]!.stroke as () => string)();
   const dash = (u.series[series]!.dash ?? []).map((one) => one * devicePixelRatio);
   for (let k = 0; k < width; k++) {
@@ -191,7 +197,6 @@ function columns(u: uPlot, series: number): void {
     u.ctx.globalAlpha = isInDash(k, dash) ? 1 : 0.4; // a gap of the dash is pale: no value is left out
     if (to > from) u.ctx.fillRect(left + k, top + from, 1, to - from);
   }
-  u.ctx.restore();
 }
 
 /** Return the spans of time that the plot shows, each with its ends in pixels. */
@@ -208,30 +213,25 @@ export function shade(u: uPlot, parts: Shade[]): void {
   const { top, width, height } = u.bbox;
   const shown = seen(u, parts);
   if (shown.length > width / 4) return;
-  u.ctx.save();
   for (const { one, from, to } of shown) {
     u.ctx.fillStyle = token(one.strong ? "stroke-strong" : "stroke");
     u.ctx.fillRect(from, top, to - from, height);
   }
-  u.ctx.restore();
 }
 
 /** Mark places by a bar at the foot of the plot, at least three pixels wide. */
 export function mark(u: uPlot, places: Mark[]): void {
   const { left, top, width, height } = u.bbox;
   const [tall, thin] = [7 * devicePixelRatio, 3 * devicePixelRatio];
-  u.ctx.save();
   u.ctx.fillStyle = token("mark");
   for (const { from, to } of seen(u, places)) {
     u.ctx.fillRect(Math.min(from, left + width - thin), top + height - tall, Math.max(to - from, thin), tall);
   }
-  u.ctx.restore();
 }
 
 /** Draw vertical lines with their numbers. */
 export function upright(u: uPlot, times: number[]): void {
   const { left, top, width, height } = u.bbox;
-  u.ctx.save();
   u.ctx.strokeStyle = u.ctx.fillStyle = token("upright");
   u.ctx.lineWidth = devicePixelRatio;
   u.ctx.font = `${12 * devicePixelRatio}px system-ui`;
@@ -242,7 +242,6 @@ export function upright(u: uPlot, times: number[]): void {
     u.ctx.stroke(new Path2D(`M${at} ${top}v${height}`));
     if (times.length > 1) u.ctx.fillText(String(index + 1), at + 4 * devicePixelRatio, top + 12 * devicePixelRatio);
   });
-  u.ctx.restore();
 }
 
 /** Return the limits of the values and bands. */
@@ -260,7 +259,6 @@ export function within({ bands, size }: { bands?: Band[]; size: number }, low: n
 export function flag(u: uPlot, events: Event[]): void {
   const { left, top, width, height } = u.bbox;
   const size = 5 * devicePixelRatio;
-  u.ctx.save();
   u.ctx.fillStyle = u.ctx.strokeStyle = token("mark");
   u.ctx.lineWidth = devicePixelRatio;
   let last = -Infinity;
@@ -274,11 +272,10 @@ export function flag(u: uPlot, events: Event[]): void {
     u.ctx.setLineDash([2 * devicePixelRatio, 3 * devicePixelRatio]);
     u.ctx.stroke(new Path2D(`M${at} ${top}v${height}`));
   }
-  u.ctx.restore();
 }
 
 export function fill(u: uPlot, bands: Band[], size: number): void {
-  clipped(u);
+  clip(u);
   for (const one of bands) {
     u.ctx.beginPath();
     const at = (i: number, values: ArrayLike<number>) =>
@@ -288,5 +285,4 @@ export function fill(u: uPlot, bands: Band[], size: number): void {
     u.ctx.fillStyle = `${look(one.look).color}33`;
     u.ctx.fill();
   }
-  u.ctx.restore();
 }

@@ -12,7 +12,7 @@ import type { RunPanel } from "../server/generated";
 import { Button } from "../workspace/fields";
 import { digits, instant, isDark, look, pretty, token } from "./looks";
 import * as paint from "./paint";
-import { type Saved, saveCsv, savePng, saveSamples } from "./saving";
+import { type Saved, saveCsv, saveSamples } from "./saving";
 
 export interface Curve {
   label: string;
@@ -53,12 +53,12 @@ export function valueAt({ x, y, at = y }: Curve, time: number): number {
 }
 
 /** Return the mean time between two samples of a curve. */
-const stepOf = (x: ArrayLike<number> | undefined): number => (x ? (x[x.length - 1]! - x[0]!) / (x.length - 1) : 0);
+const stepOf = (x: ArrayLike<number> = []): number => (x[x.length - 1]! - x[0]!) / (x.length - 1);
 
 export interface PlotProps {
   title: string;
   unit: string;
-  xUnit?: string;
+  xUnit?: "s" | "samples" | "Hz"; // over frequency both axes are logarithmic: a spectrum
   size: number; // of the unit, in SI
   curves: Curve[];
   height?: number; // of the area of the curves
@@ -74,7 +74,6 @@ export interface PlotProps {
   cursors?: number[]; // times of upright lines, the first one solid, the second one dashed
   onHover?: (time: number) => void; // of the value that is pointed at
   onPick?: (time: number) => void; // a click that is no drag
-  log?: boolean; // both axes logarithmic: a spectrum
   extreme?: boolean; // values are the lowest and the highest of each pixel, in turn
   samples?: () => Promise<Map<string, Numbers>>; // all values of the shown part, "time" first
 }
@@ -165,6 +164,10 @@ const FLAT = 1e-9; // of a unit: a curve that varies less is drawn as a straight
 const reach = (low: number, high: number): [number, number] =>
   high - low < FLAT && Math.abs(high) < FLAT ? [-1, 1] : (uPlot.rangeNum(low, high, 0.1, true) as [number, number]);
 
+/** The label of the axis below a plot. */
+const abscissaOf = ({ xUnit = "s" }: PlotProps): string =>
+  xUnit === "samples" ? "sample" : `${xUnit === "Hz" ? "frequency" : "time"}, ${xUnit}`;
+
 export function Plot(props: PlotProps) {
   const place = useRef<HTMLDivElement>(null);
   const title = useRef<HTMLElement>(null);
@@ -177,8 +180,7 @@ export function Plot(props: PlotProps) {
   const numbers = props.curves.flatMap(({ x, y, label }) => [x, y, label]);
   const data = useMemo(() => aligned(props.curves, props.size), [props.size, ...numbers]);
   const height = (props.height ?? HEIGHT) + (props.bare ? EDGE : AXIS) + EDGE;
-  const over = props.log ? "frequency" : "time";
-  const xUnit = props.xUnit ?? "s";
+  const isLog = props.xUnit === "Hz";
 
   /* Layout effects: an effect would run after the next frame, and the curves would come one frame late. */
   useLayoutEffect(() => {
@@ -191,14 +193,14 @@ export function Plot(props: PlotProps) {
         width: at.clientWidth || 400,
         height,
         padding: [EDGE, 12, props.bare ? EDGE : 0, 0],
-        cursor: { ...(!props.log && { sync: { key: "time" } }), drag: { x: true, y: false, setScale: !props.onZoom } },
+        cursor: { ...(!isLog && { sync: { key: "time" } }), drag: { x: true, y: false, setScale: !props.onZoom } },
         scales: {
-          x: { time: false, ...(props.log ? { distr: 3 } : { range: rangeX }) },
-          y: props.log ? { distr: 3 } : { range: rangeY },
+          x: { time: false, ...(isLog ? { distr: 3 } : { range: rangeX }) },
+          y: isLog ? { distr: 3 } : { range: rangeY },
         },
         legend: { show: false },
         axes: axes(
-          props.bare ? { size: 0, values: () => [] } : { size: AXIS - 16, label: `${over}, ${xUnit}` },
+          props.bare ? { size: 0, values: () => [] } : { size: AXIS - 16, label: abscissaOf(props) },
           props.height ? { space: LOW_SPACE } : {},
         ),
         series: [
@@ -217,19 +219,19 @@ export function Plot(props: PlotProps) {
           }),
         ],
         hooks: {
-          drawSeries: [paint.curve],
+          drawSeries: [paint.kept(paint.curve)],
           draw: [
-            (u) => paint.mark(u, latest.current.marks ?? []),
-            (u) => paint.flag(u, latest.current.events ?? []),
-            (u) => paint.upright(u, latest.current.cursors ?? []),
+            paint.kept((u) => paint.mark(u, latest.current.marks ?? [])),
+            paint.kept((u) => paint.flag(u, latest.current.events ?? [])),
+            paint.kept((u) => paint.upright(u, latest.current.cursors ?? [])),
           ],
           setCursor: [
             (u) => title.current && tell(u, title.current, latest.current),
             (u) => typeof u.cursor.idx === "number" && latest.current.onHover?.(u.data[0][u.cursor.idx]!),
           ],
           drawClear: [
-            (u) => paint.shade(u, latest.current.shades ?? []),
-            (u) => paint.fill(u, latest.current.bands ?? [], latest.current.size),
+            paint.kept((u) => paint.shade(u, latest.current.shades ?? [])),
+            paint.kept((u) => paint.fill(u, latest.current.bands ?? [], latest.current.size)),
           ],
           setSelect: [
             (u) => {
@@ -268,14 +270,6 @@ export function Plot(props: PlotProps) {
   }, [data, props.shades, props.bands, props.marks, props.range?.join()]);
   useLayoutEffect(() => plot.current?.redraw(false, false), [props.cursors?.join(), props.events]);
 
-  const saved = (): Saved => ({
-    title: props.title,
-    x: `${over}, ${xUnit}`,
-    y: props.unit || "1",
-    legend: props.curves.map(({ label, look: own }, k) => ({ label, look: own ?? k })),
-    u: plot.current!,
-    extreme: props.extreme,
-  });
   return (
     <figure class="plot" data-plot={props.title}>
       <figcaption ref={title}>
@@ -283,7 +277,7 @@ export function Plot(props: PlotProps) {
         <span class="value" data-value="time" />
         <Legend curves={props.curves} />
         {props.onReset && <Button class="link" act={props.onReset} words="Reset zoom" />}
-        <More of={props} saved={saved} />
+        <More of={props} saved={() => ({ ...props, over: abscissaOf(props), u: plot.current! })} />
       </figcaption>
       <div ref={place} aria-hidden="true" />
     </figure>
@@ -309,14 +303,15 @@ function Legend({ curves }: { curves: Curve[] }) {
 function More({ of, saved }: { of: PlotProps; saved: () => Saved }) {
   const [open, setOpen] = useState(false);
   const { title, extreme, samples } = of;
+  const drawn = (ending: "svg" | "png") => import("./plotsvg").then(({ saveAs }) => saveAs(ending, saved()));
   return (
     <details class="more" onToggle={(event) => setOpen(event.currentTarget.open)}>
       <summary aria-label={`${title}: save, values as a table`}>⋯</summary>
       {open && (
         <div class="menu">
           <p class="row">
-            Save as <Button act={() => savePng(saved())}>PNG</Button>
-            <Button act={() => import("./plotsvg").then(({ saveSvg }) => saveSvg(saved()))}>SVG</Button>
+            Save as <Button act={() => drawn("png")}>PNG</Button>
+            <Button act={() => drawn("svg")}>SVG</Button>
             <Button act={() => saveCsv(saved())}>{extreme ? "CSV of lowest and highest" : "CSV"}</Button>
             {extreme && samples && (
               <Button act={() => samples().then((all) => saveSamples(saved(), all))}>CSV of all samples</Button>
@@ -340,13 +335,11 @@ function tell(u: uPlot, title: HTMLElement, { curves, size }: PlotProps): void {
   });
 }
 
-function Values({ curves, size, unit, xUnit, title, extreme }: PlotProps) {
-  const first = curves[0];
-  if (!first) return <p>No curve.</p>;
-  const at = Array.from({ length: ROWS }, (_, row) => Math.round(((first.x.length - 1) * row) / (ROWS - 1)));
-  const over = xUnit === "samples" ? "sample" : `${xUnit === "Hz" ? "frequency" : "time"}, ${xUnit ?? "s"}`;
-  const value = (curve: Curve, index: number) =>
-    curve.x === first.x ? (curve.at ?? curve.y)[index]! : valueAt(curve, first.x[index]!);
+/** Values at some times from the first to the last one. */
+function Values(props: PlotProps) {
+  const { curves, size, unit, title, extreme } = props;
+  const times = curves[0]?.x ?? [];
+  const shown = Array.from({ length: ROWS }, (_, row) => times[Math.round(((times.length - 1) * row) / (ROWS - 1))]!);
   return (
     <>
       {extreme && (
@@ -354,10 +347,10 @@ function Values({ curves, size, unit, xUnit, title, extreme }: PlotProps) {
       )}
       <Table
         label={`Table of ${title}`}
-        heads={[over, ...curves.map(({ label }) => `${label}, ${unit}`)]}
-        rows={at.map((index) => [
-          instant(first.x[index], stepOf(first.x)),
-          ...curves.map((curve) => digits(value(curve, index) / size, 6)),
+        heads={[abscissaOf(props), ...curves.map(({ label }) => `${label}, ${unit}`)]}
+        rows={shown.map((time) => [
+          instant(time, stepOf(times)),
+          ...curves.map((curve) => digits(valueAt(curve, time) / size, 6)),
         ])}
       />
     </>

@@ -1,6 +1,6 @@
-/** A plot as an SVG drawing; texts stay texts. */
+/** A plot as a drawing or a picture; texts of a drawing stay texts. */
 import { render } from "preact";
-import type { Axis, Line, Panel } from "../server/generated";
+import type { Axis, Line } from "../server/generated";
 import { PanelDrawing } from "./figure";
 import { look } from "./looks";
 import { axis } from "./points";
@@ -10,11 +10,10 @@ import { scaleOf } from "./scale";
 const DASH = 1.6; // pixels of a unit of a dash
 
 /** Return the visible curves of a plot as lines. A value of another curve's time is left out; null is a gap. */
-function linesOf({ u, legend }: Saved): Line[] {
-  const { min = 0, max = 1 } = u.scales.x!;
-  return legend.map(({ label, look: index }, k): Line => {
-    const isGap = !u.series[k + 1]!.spanGaps;
-    const values = u.data[k + 1]!;
+const linesOf = ({ u, curves }: Saved): Line[] =>
+  curves.map(({ label, look: own }, k): Line => {
+    const { min = 0, max = 1 } = u.scales.x!;
+    const [index, isGap, values] = [own ?? k, !u.series[k + 1]!.spanGaps, u.data[k + 1]!];
     const rows = Array.from(u.data[0], (x, row) => [x, values[row]] as const).filter(
       ([x, y]) => x >= min! && x <= max! && y !== undefined && (y !== null || isGap),
     );
@@ -28,38 +27,24 @@ function linesOf({ u, legend }: Saved): Line[] {
       look: [`look-${(index % 8) + 1}`, [0, look(index).dash.map((length) => length / DASH)], ""],
     };
   });
-}
 
-export function saveSvg(plot: Saved): void {
-  const { u, title } = plot;
+export async function saveAs(ending: "svg" | "png", plot: Saved): Promise<void> {
+  const { u, title, unit, over } = plot;
   const marks = linesOf(plot);
-  const isLog = u.scales.x!.distr === 3;
-  const over = (label: string, { min = null, max = null }: { min?: number | null; max?: number | null }): Axis => ({
-    ...axis(label, isLog ? "log" : "linear", min),
-    high: max,
+  const axisOf = (label: string, { min, max, distr }: uPlot.Scale): Axis => ({
+    ...axis(label, distr === 3 ? "log" : "linear", min),
+    high: max ?? null,
   });
-  const [x, y] = [over(plot.x, u.scales.x!), over(`${title}, ${plot.y}`, u.scales.y!)];
-  const panel: Panel = { marks, title: "", x, y };
+  const [x, y] = [axisOf(over, u.scales.x!), axisOf(`${title}, ${unit || "1"}`, u.scales.y!)];
   const host = document.querySelector(".pneudrive")!.appendChild(document.createElement("div"));
   host.style.width = `${u.width}px`;
-  const ends = plot.legend.length > 1 ? Math.max(...plot.legend.map(({ label }) => label.length)) : 0;
+  const ends = marks.length > 1 ? Math.max(...marks.map(({ label }) => label.length)) : 0;
+  const drawing = { panel: { marks, title: "", x, y }, x, y, scales: [scaleOf(x, "x", marks), scaleOf(y, "y", marks)] };
   render(
-    <PanelDrawing
-      panel={panel}
-      x={x}
-      y={y}
-      ends={ends}
-      width={u.width}
-      height={u.height + 60}
-      isBare={false}
-      longest={8}
-      name="saved"
-      hasEnds={ends > 0}
-      scales={[scaleOf(x, "x", marks), scaleOf(y, "y", marks)]}
-    />,
+    <PanelDrawing {...drawing} ends={ends} width={u.width} height={u.height + 60} longest={8} name="saved" />,
     host,
   );
-  saveDrawing(title, host);
+  await saveDrawing(title, host, ending);
   render(null, host);
   host.remove();
 }
