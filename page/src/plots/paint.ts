@@ -14,12 +14,6 @@ export interface Shade extends Mark {
   strong: boolean;
 }
 
-/** A marked moment above the curves, with its event. */
-export interface Event {
-  at: number;
-  what: string;
-}
-
 /** Band of many runs, shaded behind the curves. */
 export interface Band {
   x: ArrayLike<number>;
@@ -255,15 +249,15 @@ export function within({ bands, size }: { bands?: Band[]; size: number }, low: n
   return [least, most];
 }
 
-/** Mark events by a triangle at the top and a pale line below it. */
-export function flag(u: uPlot, events: Event[]): void {
+/** Mark times by a triangle at the top and a pale line below it. */
+export function flag(u: uPlot, times: number[]): void {
   const { left, top, width, height } = u.bbox;
   const size = 5 * devicePixelRatio;
   u.ctx.fillStyle = u.ctx.strokeStyle = token("mark");
   u.ctx.lineWidth = devicePixelRatio;
   let last = -Infinity;
-  for (const one of events) {
-    const at = u.valToPos(one.at, "x", true);
+  for (const time of times) {
+    const at = u.valToPos(time, "x", true);
     if (at < left || at > left + width || at - last < size) continue; // it would cover the one before
     last = at;
     u.ctx.globalAlpha = 1;

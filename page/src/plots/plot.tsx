@@ -70,7 +70,7 @@ export interface PlotProps {
   bands?: paint.Band[];
   gaps?: boolean; // values that are no number are gaps, also beside another curve
   marks?: paint.Mark[];
-  events?: paint.Event[];
+  events?: number[]; // times with a mark above the curves
   cursors?: number[]; // times of upright lines, the first one solid, the second one dashed
   onHover?: (time: number) => void; // of the value that is pointed at
   onPick?: (time: number) => void; // a click that is no drag

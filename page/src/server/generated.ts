@@ -463,13 +463,6 @@ export interface OtherRun {
   largest: Record<string, number>;
 }
 
-export interface EnergyOfRun {
-  accounts_j: Record<string, number>;
-  open_share: number;
-  lost_j: Record<string, number>;
-  air_litres_anr: Record<string, number>;
-}
-
 export interface MemberBand {
   members: number;
   failed: number;
@@ -494,7 +487,7 @@ export interface RunHead {
   ends?: Record<string, number>;
   others?: OtherRun[];
   loops?: string[];
-  energy?: EnergyOfRun;
+  energy?: SentView;
   band?: MemberBand;
   platforms?: SentPlatform[];
   cylinders?: MovingCylinder[];

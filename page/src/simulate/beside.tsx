@@ -197,34 +197,3 @@ export function Loops({ now }: { now: Frame<RunHead> }) {
   const axes = { x: "volume, l", y: "pressure, bar abs" };
   return <FigurePanel shown={pointsFigure({ name: title, ...axes, panels: [{ title, groups }] })} />;
 }
-
-/** Energy, lost exergy and air of the run. */
-export function Energy({ found }: { found: NonNullable<RunHead["energy"]> }) {
-  const lost = Object.entries(found.lost_j);
-  const groups: [string, [string, number][], string][] = [
-    ["Over the boundary, positive inward", Object.entries(found.accounts_j), "J"],
-    [
-      "Exergy lost: ambient temperature times entropy produced",
-      [...lost, ["all", lost.reduce((sum, one) => sum + one[1], 0)]],
-      "J",
-    ],
-    ["Air given by", Object.entries(found.air_litres_anr), "l ANR"],
-  ];
-  return (
-    <section class="energy" aria-label="Energy">
-      <h2>Energy of the run</h2>
-      {groups.map(([title, rows, unit]) => (
-        <Table
-          key={title}
-          label={title}
-          heads={[title, unit]}
-          rows={rows.map(([name, value]) => ({
-            cells: [name, digits(value)],
-            data: { "data-energy": `${title.split(" ")[0]}/${name}`, "data-si": value },
-          }))}
-        />
-      ))}
-      <p class="note">Not explained by the accounts: {digits(found.open_share, 2)} of the energy turned over.</p>
-    </section>
-  );
-}

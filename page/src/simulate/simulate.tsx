@@ -2,13 +2,13 @@
 
 import { computed, effect, signal } from "@preact/signals";
 import { useMemo } from "preact/hooks";
-import { Circuit } from "../drive/circuit";
-import { MovingCircuit, pointAt, TimeRange, timeAt } from "../drive/moving";
+import { Circuit, type Moved } from "../drive/circuit";
+import { MovingCircuit, pistonsAt, pointAt, TimeRange, timeAt } from "../drive/moving";
 import { opened, restructure, said, set, problems as textProblems, useDrawing, valid } from "../drive/opened";
 import { changed, count, digits, instant, isSevere, sentence, withUnit } from "../plots/looks";
 import { type Curve, curvesOf, indexAt, Plot, zooming } from "../plots/plot";
 import type { Frame } from "../server/frame";
-import type { Field, RunHead as Head, MovingCylinder, RunPanel as Panel } from "../server/generated";
+import type { Field, RunHead as Head, RunPanel as Panel } from "../server/generated";
 import { attempts } from "../server/server";
 import { undoable } from "../undo";
 import { isShowable, useLive } from "../workspace/answers";
@@ -16,6 +16,7 @@ import { withFile } from "../workspace/command";
 import { Button, Fold, Pick, Remarks, TextInput, toggled } from "../workspace/fields";
 import { studies } from "../workspace/files";
 import { Leading, Problems, SliderRow, useCopied } from "../workspace/parts";
+import { Values } from "../workspace/result";
 import { isOverMain } from "../workspace/tree";
 import * as beside from "./beside";
 import { braked, type Step, StepsPane, stepsOf, written } from "./steps";
@@ -284,6 +285,9 @@ function Commands() {
   );
 }
 
+const MOST_PISTONS = 3;
+const MM = 1e-3;
+
 /** The pistons at the time of the cursor, with position, speed and pressures. */
 function Pistons() {
   const now = answer.value;
@@ -291,59 +295,39 @@ function Pistons() {
   if (!now || !time) return null;
   const end = time[time.length - 1]!;
   const row = indexAt(time, Math.min(timeAt.value, end));
-  const at = (column: string) => (now.arrays.get(`${column}/at`) ?? now.arrays.get(column))?.[row];
-  const cylinders = (now.head.cylinders ?? []).filter((one) => now.arrays.has(one.position)).slice(0, MOST_PISTONS);
-  if (!cylinders.length) return null;
+  const pistons = pistonsAt(now, row);
+  const shown = (now.head.cylinders ?? []).filter(({ name }) => pistons[name]).slice(0, MOST_PISTONS);
+  if (!shown.length) return null;
+  const words = `${instant(time[row], end / time.length)} s`;
   return (
     <div class="pistons">
-      <TimeRange
-        label={`At ${instant(time[row], end / time.length)} s`}
-        name="Time of the pistons"
-        end={end}
-        at={time[row]!}
-        words={`${instant(time[row], end / time.length)} s`}
-      />
+      <TimeRange label={`At ${words}`} name="Time of the pistons" end={end} at={time[row]!} words={words} />
       <div>
-        {cylinders.map((one) => (
-          <Piston key={one.name} of={one} name={cylinders.length > 1 ? one.name : ""} at={at} />
-        ))}
+        {shown.map(({ name, position }) => {
+          const column = position.replace("position_m", "velocity_m_s");
+          const speed = (now.arrays.get(`${column}/at`) ?? now.arrays.get(column))?.[row];
+          return <Piston key={name} name={shown.length > 1 ? name : ""} at={pistons[name]!} speed={speed} />;
+        })}
       </div>
     </div>
   );
 }
 
-const MOST_PISTONS = 3;
-const [BAR, MM] = [1e5, 1e-3];
-
-interface PistonProps {
-  of: MovingCylinder;
-  name: string;
-  at: (column: string) => number | undefined;
-}
-
-function Piston({ of, name, at }: PistonProps) {
-  const position = at(of.position)!;
-  const speed = at(of.position.replace("position_m", "velocity_m_s"));
-  const pressures = of.pressures.map(at);
-  const x = 4 + 380 * Math.min(Math.max(position / of.stroke_m, 0), 1);
-  const words = pressures.map((value) => (value === undefined ? "" : `${digits(value / BAR)} bar`));
-  const most = Math.max(...pressures.map((value) => value ?? 0), BAR);
-  const tint = (k: number) => (0.6 * (pressures[k] ?? 0)) / most;
+function Piston({ name, at, speed }: { name: string; at: Moved; speed: number | undefined }) {
+  const { share, position, pressures, tints, said } = at;
+  const x = 4 + 380 * Math.min(Math.max(share, 0), 1);
   return (
     <div class="piston" data-piston-at={position}>
       <span>
-        {name} a {words[0]}
+        {name} a {pressures[0]}
       </span>
-      <svg
-        viewBox="0 0 400 40"
-        role="img"
-        aria-label={`Piston at ${digits(position / MM)} mm, a ${words[0]}, b ${words[1]}`}>
-        <rect class="air" x={4} y={8} width={Math.max(x - 4, 0)} height={24} fill-opacity={tint(0)} />
-        <rect class="air" x={x + 12} y={8} width={Math.max(384 - x, 0)} height={24} fill-opacity={tint(1)} />
+      <svg viewBox="0 0 400 40" role="img" aria-label={said}>
+        <rect class="air" x={4} y={8} width={Math.max(x - 4, 0)} height={24} fill-opacity={tints[0]} />
+        <rect class="air" x={x + 12} y={8} width={Math.max(384 - x, 0)} height={24} fill-opacity={tints[1]} />
         <rect class="barrel" x={3} y={7} width={394} height={26} />
         <rect class="body" x={x} y={8} width={12} height={24} />
       </svg>
-      <span>b {words[1]}</span>
+      <span>b {pressures[1]}</span>
       <b>
         {digits(position / MM)} mm{speed === undefined ? "" : `, ${digits(beside.settled(speed))} m/s`}
       </b>
@@ -405,7 +389,12 @@ function Beside() {
   return (
     <div class="plots">
       {now.head.loops && <beside.Loops now={now} />}
-      {now.head.energy && <beside.Energy found={now.head.energy} />}
+      {now.head.energy && (
+        <section class="energy" aria-label="Energy">
+          <h2>{now.head.energy.title}</h2>
+          <Values view={now.head.energy} />
+        </section>
+      )}
     </div>
   );
 }
@@ -458,7 +447,7 @@ function PanelPlot({ panel, height, isLast }: { panel: Panel; height: number; is
     ...frozen.value.flatMap((trace) => curvesOf(trace, panel, trace.label)),
   ];
   const bands = panel.curves.flatMap(({ column }, index) => beside.bandOf(now, column, index));
-  const events = useMemo(() => now.head.events?.map((one) => ({ at: one.time_s, what: one.what })), [now]);
+  const events = useMemo(() => now.head.events?.map((one) => one.time_s), [now]);
   return (
     <Plot
       {...panel}

@@ -233,12 +233,6 @@ class OtherRun(TypedDict):
     ends: dict[str, float]
     largest: dict[str, float]
 
-class EnergyOfRun(TypedDict):
-    accounts_j: dict[str, float]
-    open_share: float
-    lost_j: dict[str, float]
-    air_litres_anr: dict[str, float]
-
 class MemberBand(TypedDict):
     members: int
     failed: int
@@ -262,7 +256,7 @@ class RunHead(TypedDict):
     ends: NotRequired[dict[str, float]]
     others: NotRequired[list[OtherRun]]
     loops: NotRequired[list[str]]
-    energy: NotRequired[EnergyOfRun]
+    energy: NotRequired[SentView]
     band: NotRequired[MemberBand]
     platforms: NotRequired[list[SentPlatform]]
     cylinders: NotRequired[list[MovingCylinder]]
