@@ -105,23 +105,18 @@ function Points({ mark, at }: { mark: Markers & { titles?: string[] }; at: Place
   );
 }
 
-type Ends = [number, number];
+/** Return the path of a rectangle. */
+const boxOf = (x0: number, x1: number, y0: number, y1: number): string => `M${x0} ${y0}H${x1}V${y1}H${x0}Z`;
 
-/** Return the rectangle between two values of each axis. */
-function boxOf({ px, py }: Place, [x0, x1]: Ends, [y0, y1]: Ends) {
-  const side = (a: number, b: number) => ({ at: Math.min(a, b), size: Math.abs(b - a) });
-  const [x, y] = [side(px(x0), px(x1)), side(py(y0), py(y1))];
-  return { x: x.at, y: y.at, width: x.size, height: y.size };
-}
-
-function BarsOf({ mark, at }: { mark: Bars; at: Place }) {
+function BarsOf({ mark, at: { px, py } }: { mark: Bars; at: Place }) {
   return (
     <g fill={colour(mark.look[0])} stroke="var(--fig-black)" stroke-width="0.8">
       {mark.at.map((place, k) => {
         const value = mark.values[k];
         if (!isNumber(place) || !isNumber(value)) return null;
-        const sides: Ends = [place - mark.thickness / 2, place + mark.thickness / 2];
-        return <rect {...(mark.across ? boxOf(at, [0, value], sides) : boxOf(at, sides, [0, value]))} />;
+        const [low, high] = [place - mark.thickness / 2, place + mark.thickness / 2];
+        const across = boxOf(px(0), px(value), py(low), py(high));
+        return <path d={mark.across ? across : boxOf(px(low), px(high), py(0), py(value))} />;
       })}
     </g>
   );
@@ -156,18 +151,12 @@ function Drawn({ mark, at }: { mark: Mark; at: Place }) {
     case "bars":
       return <BarsOf mark={mark} at={at} />;
     case "rule": {
-      const sides = (value: typeof mark.x, at: (value: number) => number, all: Ends): Ends => {
-        const [from = all[0], to = from] = asList(value).map((one) => at(one!));
-        return value === null ? all : [Math.min(from, to), Math.max(from, to)];
-      };
-      const [[x0, x1], [y0, y1]] = [
-        sides(mark.x, at.px, [at.left, at.right]),
-        sides(mark.y, at.py, [at.top, at.bottom]),
-      ];
+      const [x0 = at.left, x1 = mark.x === null ? at.right : x0] = asList(mark.x).map((one) => at.px(one!));
+      const [y0 = at.top, y1 = mark.y === null ? at.bottom : y0] = asList(mark.y).map((one) => at.py(one!));
       const ink = colour(mark.look[0]);
       if (x0 !== x1 && y0 !== y1) {
-        const tint = mark.look[0] === "band" || String(mark.look[0]).startsWith("shade") ? ink : "var(--fig-shade)";
-        return <rect x={x0} width={x1 - x0} y={y0} height={y1 - y0} fill={tint} />;
+        const isShade = /^(band|shade)/.test(String(mark.look[0]));
+        return <path d={boxOf(x0, x1, y0, y1)} fill={isShade ? ink : "var(--fig-shade)"} />;
       }
       return (
         <>
@@ -246,11 +235,10 @@ export function PanelDrawing(props: PanelProps) {
   const yTicks = ticksOf(sy, height);
   const left = Math.min(14 + CHARACTER * longest, width * 0.4);
   const right = width - 12 - (ends ? CHARACTER * ends + 4 : 0);
-  const head = [panel.title, y.is_named ? y.label : ""].filter(Boolean);
-  const [top, bottom] = [
-    head.length ? 26 : 10,
-    height - (isBare ? 8 : 22) - (isBare || !x.label || !x.is_named ? 0 : 18),
-  ];
+  const quantity = y.is_named ? y.label.replace("\n", " ") : "";
+  const head = [panel.title, quantity].filter(Boolean);
+  const hasLabel = !isBare && x.is_named && x.label !== "";
+  const [top, bottom] = [head.length ? 26 : 10, height - (isBare ? 8 : 22) - (hasLabel ? 18 : 0)];
   const at: Place = {
     left,
     right,
@@ -279,8 +267,8 @@ export function PanelDrawing(props: PanelProps) {
           <tspan font-weight="650" fill="var(--ink)">
             {panel.title}
           </tspan>
-          {panel.title && head.length > 1 ? "  " : ""}
-          {pretty(head.length > 1 || !panel.title ? y.label.replace("\n", " ") : "")}
+          {head.length > 1 && "  "}
+          {pretty(quantity)}
         </text>
       )}
       {yTicks.map(([value, words]) => (
@@ -298,9 +286,7 @@ export function PanelDrawing(props: PanelProps) {
         </>
       ))}
       <path d={`M${left} ${bottom}H${right}`} stroke="var(--edge)" />
-      {!isBare && x.is_named && x.label && (
-        <Words x={(left + right) / 2} y={height - 5} side="middle" words={pretty(x.label)} />
-      )}
+      {hasLabel && <Words x={(left + right) / 2} y={height - 5} side="middle" words={pretty(x.label)} />}
       <clipPath id={clip}>
         <rect x={left - 6} y={top - 6} width={Math.max(right - left + 12, 0)} height={Math.max(bottom - top + 12, 0)} />
       </clipPath>
@@ -319,6 +305,10 @@ export function PanelDrawing(props: PanelProps) {
   );
 }
 
+/** Anchors of texts of a drawing by their alignment, and their baselines below the point, pixels. */
+const ANCHORS: Record<string, "start" | "end"> = { left: "start", right: "end" };
+const DROPS: Record<string, number> = { top: 10, bottom: -2 };
+
 /** A drawing without axes, such as a mechanism, in its own lengths. */
 function Paper({ drawing, width, height }: { drawing: Drawing; width: number; height: number }) {
   const [[x0, x1], [y0, y1]] = [drawing.x, drawing.y];
@@ -334,15 +324,14 @@ function Paper({ drawing, width, height }: { drawing: Drawing; width: number; he
       aria-label="Drawing"
       font-family="system-ui, sans-serif">
       {drawing.strokes.map((stroke) => {
-        const [across, up] = stroke.align.split(" ");
-        const anchor = across === "left" ? "start" : across === "right" ? "end" : "middle";
+        const [across = "", up = ""] = stroke.align.split(" ");
         const [px, py] = point(stroke.points[0]!).split(" ");
         if (stroke.text)
           return (
             <text
               x={px}
-              y={Number(py) + (up === "top" ? 10 : up === "bottom" ? -2 : 4)}
-              text-anchor={anchor}
+              y={Number(py) + (DROPS[up] ?? 4)}
+              text-anchor={ANCHORS[across] ?? "middle"}
               font-size={Math.max(1.35 * stroke.size, 11)}
               font-weight={stroke.bold ? 650 : 400}
               fill={colour(stroke.color)}>

@@ -137,31 +137,32 @@ export function stripFigure(name: string, x: string, rows: StripRow[], limit = I
   const figure = pointsFigure({ name, x, y: "", isLog: true, panels: [] });
   const hasLimit = limit < Infinity;
   const unit = x.split(", ")[1];
-  const marks = rows.flatMap(({ values }, row): (Markers & { titles: string[] })[] => {
+  const marks = rows.flatMap(({ values }, row) => {
     const known = values.filter(({ value }) => value > 0);
-    const over = known.filter(({ value }) => value > limit);
-    const words = known.length > 1 ? `${over.length} of ${known.length} miss` : "misses";
-    const namesOf = (some: typeof known, isOver: boolean): string[] => {
-      if (known.length === 1) return [`${digits(some[0]!.value)}${hasLimit ? `, ${isOver ? words : "keeps"}` : ""}`];
+    return [false, true].flatMap((isOver): (Markers & { titles: string[] })[] => {
+      const some = known.filter(({ value }) => value > limit === isOver);
+      if (!some.length) return [];
       const largest = Math.max(...some.map(({ value }) => value));
-      return isOver ? some.map(({ value }) => (value === largest ? words : "")) : [];
-    };
-    const marksOf = (some: typeof known, isOver: boolean): Markers & { titles: string[] } => ({
-      x: some.map(({ value }) => value),
-      y: some.map(() => row),
-      titles: some.map(({ value, of }) => `${of}: ${digits(value)} ${unit}${isOver ? ", over the goal" : ""}`),
-      names: namesOf(some, isOver),
-      look: [isOver ? "red" : `look-${(row % 8) + 1}`, "-", "|"],
-      label: "",
-      low: null,
-      high: null,
-      size: 6,
-      filled: true,
-      joined: false,
-      kind: "markers",
+      const verdict = isOver ? "misses" : "keeps";
+      const ofMany = (value: number) => (isOver && value === largest ? `${some.length} of ${known.length} miss` : "");
+      const alone = `${digits(largest)}${hasLimit ? `, ${verdict}` : ""}`;
+      return [
+        {
+          x: some.map(({ value }) => value),
+          y: some.map(() => row),
+          titles: some.map(({ value, of }) => `${of}: ${digits(value)} ${unit}${isOver ? ", over the goal" : ""}`),
+          names: some.map(({ value }) => (known.length === 1 ? alone : ofMany(value))),
+          look: [isOver ? "red" : `look-${(row % 8) + 1}`, "-", "|"],
+          label: "",
+          low: null,
+          high: null,
+          size: 6,
+          filled: true,
+          joined: false,
+          kind: "markers",
+        },
+      ];
     });
-    const kept = known.filter(({ value }) => value <= limit);
-    return [...(kept.length ? [marksOf(kept, false)] : []), ...(over.length ? [marksOf(over, true)] : [])];
   });
   const goal: Mark[] = hasLimit
     ? [{ x: limit, y: null, label: `goal ${digits(limit)}`, look: ["black", "--", ""], width: 1, kind: "rule" }]
