@@ -57,17 +57,6 @@ const shift = computed(() => beside.value && shiftOf(moved.value.strokes, beside
 export const besideAsked = (): Record<string, string> =>
   beside.value ? { beside: beside.value.path, shift: String(shift.value ?? 0) } : {};
 
-const WORDS: Record<string, string> = {
-  non_finite: "not a number",
-  repeated_time: "repeated time",
-  spike: "spike",
-  saturated: "sensor at its limit",
-  stuck: "sensor stuck",
-  gap: "gap in time",
-  counter_wrap: "counter wrapped",
-  position_jump: "position jumps",
-};
-
 export const marksOf = (faults: Strokes["faults"]): Mark[] =>
   Object.values(faults).flatMap((one) => one.places.map(([from, to]) => ({ from, to })));
 
@@ -90,7 +79,7 @@ export function FaultsLine({ span, whole, onShow }: { span: Span; whole: Span; o
     <p class="row" role="group" aria-label="Faults of the recording">
       <span>Faults, marked at the foot of the plots:</span>
       {kinds.map(([kind, { count, places }]) => {
-        const words = WORDS[kind] ?? kind.replace(/_/g, " ");
+        const words = kind.replaceAll("_", " ");
         return (
           <span key={kind} data-fault={kind} data-count={count}>
             {words} {count}{" "}

@@ -169,11 +169,12 @@ export default function RecordingView() {
   }, [path]);
   const unread = file.value.problems ?? [];
   const why = foreignTo(found);
+  const wizard = <Wizard path={path} foreignTo={why} />;
   return (
     <div class="recording">
       <h2>{path}</h2>
       <Problems of={[...unread, ...wrong.value, ...(why ? [] : (found?.unmoved ?? []))]} />
-      {why && <Foreign path={path} why={why} />}
+      {why && wizard}
       {!found && !unread.length && (
         <p role="status">
           The file is read for the first time.{" "}
@@ -210,7 +211,7 @@ export default function RecordingView() {
           </div>
         </>
       )}
-      {(found || unread.length > 0) && !why && <Wizard path={path} />}
+      {(found || unread.length > 0) && !why && wizard}
       {found?.layout === "rig" && !why && <Characterise path={path} />}
     </div>
   );
@@ -224,25 +225,6 @@ const foreignTo = (found: Opened | null): string =>
     ?.find((one) => one.startsWith(FOREIGN))
     ?.slice(FOREIGN.length)
     .split("; ")[0] ?? "";
-
-/** Explain why the layout of the folder does not fit, and link to the layout. */
-function Foreign({ path, why }: { path: string; why: string }) {
-  const layout = studies.value?.files.find((one) => one.kind === "layout" && path.startsWith(folderOf(one.path)));
-  return (
-    <section class="problem" aria-label="Layout of other files">
-      <p>
-        The layout in this folder belongs to other files: {why}.
-        {layout && (
-          <>
-            {" "}
-            If it should hold for this file too, <a href={link("drive", layout.path)}>edit {layout.path}</a>.
-          </>
-        )}
-      </p>
-      <Wizard path={path} />
-    </section>
-  );
-}
 
 function Controls({ found }: { found: Opened }) {
   const [from, to] = span.value;
@@ -369,12 +351,16 @@ function Plots({ found }: { found: Opened }) {
   );
 }
 
-/** Form that proposes a layout, lets the user correct it, and writes it next to the recording. */
-function Wizard({ path }: { path: string }) {
+/**
+ * Form that proposes a layout, lets the user correct it, and writes it next to the recording. If the layout of the folder
+ * belongs to other files, `foreignTo` says why.
+ */
+function Wizard({ path, foreignTo: why }: { path: string; foreignTo: string }) {
   const place = [folderOf(path), "layout.toml"].filter(Boolean).join("/");
   const now = proposals.value[path];
   const own = nameOf(path).replace(/\..*$/, "");
-  const isOther = foreignTo(about.value) !== ""; // its layout goes into a folder of its own
+  const isOther = why !== ""; // its layout goes into a folder of its own
+  const others = studies.value?.files.find((one) => one.kind === "layout" && path.startsWith(folderOf(one.path)));
   const layout = about.value?.layout;
   if (layout === "own names") return <p class="note">Its columns have the names of pneudrive: it needs no layout.</p>;
   if (layout && !isOther)
@@ -394,7 +380,17 @@ function Wizard({ path }: { path: string }) {
       else wake(); // the file has a layout now
     });
   return (
-    <section aria-label="Layout">
+    <section class={isOther ? "problem" : ""} aria-label={isOther ? "Layout of other files" : "Layout"}>
+      {isOther && (
+        <p>
+          The layout in this folder belongs to other files: {why}.{" "}
+          {others && (
+            <>
+              If it should hold for this file too, <a href={link("drive", others.path)}>edit {others.path}</a>.
+            </>
+          )}
+        </p>
+      )}
       <p class="row">
         <Button class={isOther ? "primary" : ""} act={() => propose()}>
           {isOther ? "Propose a layout for this file" : "Propose a layout"}

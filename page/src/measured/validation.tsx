@@ -288,27 +288,21 @@ function Runs({ now, one, frame, span }: ShownRun & { span: Signal<[number, numb
 function Fits({ now, one, frame }: ShownRun) {
   const changed = frame.value?.head.fit;
   return (
-    <p role="group" aria-label="Fit of the free run">
-      {now.channels.map(({ column, label }) => {
-        const fit = one[column].free.fit_percent;
-        return (
-          <span key={column}>
-            {label}{" "}
-            <b data-fit={column} data-si={fit}>
-              {digits(fit)} %
-            </b>
-            {changed && (
-              <>
-                {" → "}
-                <b data-changed={column} data-si={changed[column]}>
-                  {digits(changed[column])} %
-                </b>
-              </>
-            )}{" "}
-          </span>
-        );
+    <Table
+      label="Fit of the free run"
+      heads={["Fit of the free run", "%", ...(changed ? ["changed, %"] : [])]}
+      rows={now.channels.map(({ column, label }) => {
+        const cell = (name: string, fit: number | null | undefined) => ({
+          text: digits(fit),
+          data: { [`data-${name}`]: column, "data-si": fit },
+        });
+        return [
+          label,
+          cell("fit", one[column].free.fit_percent),
+          ...(changed ? [cell("changed", changed[column])] : []),
+        ];
       })}
-    </p>
+    />
   );
 }
 

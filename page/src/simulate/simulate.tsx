@@ -1,14 +1,13 @@
 /** Sliders on a running simulation. */
 
 import { computed, effect, signal } from "@preact/signals";
-import { useMemo } from "preact/hooks";
 import { Circuit, type Moved } from "../drive/circuit";
 import { MovingCircuit, pistonsAt, pointAt, TimeRange, timeAt } from "../drive/moving";
 import { opened, restructure, said, set, problems as textProblems, useDrawing, valid } from "../drive/opened";
 import { changed, count, digits, instant, isSevere, sentence, withUnit } from "../plots/looks";
 import { type Curve, curvesOf, indexAt, Plot, zooming } from "../plots/plot";
 import type { Frame } from "../server/frame";
-import type { Field, RunHead as Head, RunPanel as Panel } from "../server/generated";
+import type { Field, RunHead as Head } from "../server/generated";
 import { attempts } from "../server/server";
 import { undoable } from "../undo";
 import { isShowable, useLive } from "../workspace/answers";
@@ -116,7 +115,10 @@ export default function SimulateView() {
   return (
     <div class="simulate">
       <div class="top">
-        <Refusal />
+        <Problems of={wrong.value} />
+        {wrong.value.length > 0 && isAnswered.value && (
+          <p class="banner">Curves and numbers below belong to the last run.</p>
+        )}
         {hasPlatform.value ? <Drawn /> : <Answers />}
       </div>
       <section class="controls" aria-label="What is simulated">
@@ -145,19 +147,11 @@ export default function SimulateView() {
   );
 }
 
-const drawnColumns = computed(() =>
-  (answer.value?.head.panels ?? []).flatMap((panel) => panel.curves.map((one) => one.column)).join("\n"),
-);
-
 /** Buttons of the run, and the lines that are copied: they hold for these values only. */
 function Actions() {
   const asked = request();
-  const [copy, copied] = useCopied(
-    asked && { ...asked, columns: drawnColumns.value.split("\n").filter(Boolean) },
-    attempt,
-    "",
-    "/api/copy",
-  );
+  const columns = (answer.value?.head.panels ?? []).flatMap((panel) => panel.curves.map((one) => one.column));
+  const [copy, copied] = useCopied(asked && { ...asked, columns }, attempt, "", "/api/copy");
   return (
     <>
       <p class="row">
@@ -166,17 +160,6 @@ function Actions() {
         {copy}
       </p>
       {copied}
-    </>
-  );
-}
-
-/** Reason why the newest values cannot be simulated. The curves shown next to it belong to earlier values. */
-function Refusal() {
-  if (!wrong.value.length) return null;
-  return (
-    <>
-      <Problems of={wrong.value} />
-      {answer.value && <p class="banner">Curves and numbers below belong to the last run.</p>}
     </>
   );
 }
@@ -375,13 +358,31 @@ function Notes() {
 /** Heights of the curves, so that four panes, the command and the piston fit on one screen. */
 const HEIGHTS = [92, 64, 64, 62];
 
-const Plots = () => (
-  <>
-    {answer.value?.head.panels?.map((panel, k, all) => (
-      <PanelPlot key={panel.title} panel={panel} height={HEIGHTS[k] ?? 62} isLast={k === all.length - 1} />
-    ))}
-  </>
-);
+function Plots() {
+  const now = answer.value;
+  const events = now?.head.events?.map((one) => one.time_s);
+  return now?.head.panels?.map((panel, k, all) => {
+    const curves: Curve[] = [
+      ...curvesOf(now, panel),
+      ...panel.curves.flatMap(({ column, label }) => beside.otherCurves(now, column, label)),
+      ...frozen.value.flatMap((trace) => curvesOf(trace, panel, trace.label)),
+    ];
+    return (
+      <Plot
+        key={panel.title}
+        {...panel}
+        height={HEIGHTS[k] ?? 62}
+        curves={curves}
+        bands={panel.curves.flatMap(({ column }, index) => beside.bandOf(now, column, index))}
+        events={events}
+        bare={k < all.length - 1}
+        {...zooming(zoom)}
+        cursors={[timeAt.value]}
+        onHover={pointAt}
+      />
+    );
+  });
+}
 
 function Beside() {
   const now = answer.value;
@@ -439,40 +440,13 @@ function Drawn() {
   );
 }
 
-function PanelPlot({ panel, height, isLast }: { panel: Panel; height: number; isLast: boolean }) {
-  const now = answer.value!;
-  const curves: Curve[] = [
-    ...curvesOf(now, panel),
-    ...panel.curves.flatMap(({ column, label }) => beside.otherCurves(now, column, label)),
-    ...frozen.value.flatMap((trace) => curvesOf(trace, panel, trace.label)),
-  ];
-  const bands = panel.curves.flatMap(({ column }, index) => beside.bandOf(now, column, index));
-  const events = useMemo(() => now.head.events?.map((one) => one.time_s), [now]);
-  return (
-    <Plot
-      {...panel}
-      height={height}
-      curves={curves}
-      bands={bands}
-      events={events}
-      bare={!isLast}
-      {...zooming(zoom)}
-      cursors={[timeAt.value]}
-      onHover={pointAt}
-    />
-  );
-}
-
-export function Sliders() {
-  return (
-    <>
-      {pinned.value.map((key) => {
-        const field = fields.value.get(key);
-        return field?.number === undefined ? null : <Slider key={key} field={field} />;
-      })}
-    </>
-  );
-}
+export const Sliders = () => (
+  <>
+    {pinned.value.map((key) => (
+      <Slider key={key} of={key} />
+    ))}
+  </>
+);
 
 function AddSlider() {
   const free = [...fields.value.values()].filter((one) => one.number !== undefined && !pinned.value.includes(one.key));
@@ -486,8 +460,11 @@ function AddSlider() {
   );
 }
 
-function Slider({ field }: { field: Field }) {
-  const value = numbers.value[field.key] ?? field.number!;
+/** Slider of a value, which the description may have no more. */
+function Slider({ of }: { of: string }) {
+  const field = fields.value.get(of);
+  if (field?.number === undefined) return null;
+  const value = numbers.value[field.key] ?? field.number;
   const isChanged = value !== field.number;
   const put = (next: number) => (moved.value = { ...moved.value, [placeOf(field)]: next });
   return (
