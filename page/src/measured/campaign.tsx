@@ -21,7 +21,6 @@ import { Answer, Findings, useView } from "../workspace/result";
 const [wrong, attempt] = attempts();
 const LOOK_MS = 500;
 const HOLD_MS = 1000; // abort is held down this long
-const MM = 1000;
 const CYCLE_MS = 200; // between two looks at the cycle in progress
 
 export default function CampaignView() {
@@ -56,8 +55,8 @@ function CycleFigure({ now: { head, arrays } }: { now: Frame<CycleHead> }) {
   const [position, force] = ["position_m", "force_n"].map((name) => Array.from(arrays.get(name) ?? []));
   if (position!.length < 2) return null;
   const name = `Cycle in progress: ${head.cycle}, ${head.samples} samples`;
-  const groups = [{ label: "", points: [], curve: { x: position!.map((one) => MM * one), y: force! } }];
-  const shown = pointsFigure({ name, x: "position, mm", y: "force, N", panels: [{ title: name, groups }] });
+  const groups = [{ label: "", points: [], curve: { x: position!, y: force! } }];
+  const shown = pointsFigure({ name, x: ["position, mm", 1e-3], y: "force, N", panels: [{ title: name, groups }] });
   return <FigurePanel data-cycle={head.cycle} data-samples={head.samples} shown={shown} />;
 }
 
@@ -65,10 +64,10 @@ function frictionFigure(measured: Campaign["groups"]): ShownFigure {
   const [name, caption] = ["Friction so far", "Quick estimates."];
   const groups = measured.map(({ label, points }) => ({
     label,
-    points: points.map((point) => ({ x: MM * point.speed, y: point.friction, spread: null })),
+    points: points.map((point) => ({ x: point.speed, y: point.friction, spread: null })),
   }));
-  const axes = { x: "speed, mm/s", y: "friction, N", isLog: true };
-  return pointsFigure({ name, caption, ...axes, panels: [{ title: name, groups }] });
+  const panels = [{ title: name, groups }];
+  return pointsFigure({ name, caption, x: ["speed, mm/s", 1e-3], y: "friction, N", isLog: true, panels });
 }
 
 function Watched({ now, path }: { now: Campaign; path: string }) {

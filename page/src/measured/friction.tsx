@@ -38,9 +38,7 @@ interface Part<Key extends Abscissa> {
 
 const MOST_ROWS = 300;
 const MM = 1000; // mm in a metre
-/** Quantities over which friction is drawn, with the numbers of their units in an SI unit: mm/s and bar. */
-const UNITS = { speed: MM, gauge: 1e-5 };
-type Abscissa = keyof typeof UNITS;
+type Abscissa = "speed" | "gauge";
 const NEAR = 0.05; // speeds that differ by less, relatively, are one level
 const NARROW = 3; // ratio of speeds below which pressure is the axis
 const ALL = "all, side by side";
@@ -58,20 +56,16 @@ export function levels(speeds: number[]): number[] {
 }
 
 function groupOver<Key extends Abscissa>(key: Key, { label, assembly, points, curve }: Part<Key>): Group {
-  const size = UNITS[key];
   const runs = [...new Set(points.map((point) => point.recording))];
   return {
     label: label.replace(`${assembly}: `, ""),
     points: points.map((point) => ({
-      x: size * point[key],
+      x: point[key],
       y: point.friction,
       spread: point.spread,
       run: key === "speed" ? runs.indexOf(point.recording) : 0,
     })),
-    curve: curve && {
-      ...{ x: curve[key].map((at) => size * at), y: curve.friction, low: curve.low, high: curve.high },
-      measured: curve.measured.map((at) => size * (at ?? Number.NaN)),
-    },
+    curve: curve && { ...curve, x: curve[key], y: curve.friction },
   };
 }
 
@@ -90,8 +84,8 @@ const isLogOf = (groups: FrictionMap["groups"]): boolean =>
 export function overPressure({ chamber, groups }: Slice, caption: string): ShownFigure {
   const panels = panelsOf("gauge", groups);
   if (groups.length === panels.length) for (const panel of panels) panel.groups[0]!.label = ""; // one pressure alone
-  const x = `chamber ${chamber}, bar gauge`;
-  return pointsFigure({ name: "Friction over pressure", caption, x, y: "friction, N", panels, isFromZero: true });
+  const axes = { x: [`chamber ${chamber}, bar gauge`, 1e5] as [string, number], y: "friction, N" };
+  return pointsFigure({ name: "Friction over pressure", caption, ...axes, panels, isFromZero: true });
 }
 
 /** Whether the axis is pressure: as chosen, or because pressure was varied more than speed, as a map of one seal shows. */
@@ -289,7 +283,7 @@ function MapFigure(props: ShownMap & { path: string; fit: string; isOver: boolea
     : pointsFigure({
         name: "Friction over speed",
         caption: `${BARS}${hints} ${found.fit}`,
-        x: "speed, mm/s",
+        x: ["speed, mm/s", 1e-3],
         y: "friction, N",
         panels: panelsOf("speed", groups),
         isFromZero: true,

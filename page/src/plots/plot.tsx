@@ -127,12 +127,14 @@ export const zooming = (shown: Signal<[number, number] | null>): Pick<PlotProps,
   ...(shown.value && { range: shown.value, onReset: () => (shown.value = null) }),
 });
 
-/** The line of a look as a background, for the legend. */
-function swatch(index: number): string {
+/** The line of a look, for a legend. */
+export function LineSample({ index, isHidden = false }: { index: number; isHidden?: boolean }) {
   const { color, dash } = look(index);
-  let at = 0;
-  const stops = dash.map((one, k) => `${k % 2 ? "transparent" : color} ${at}px ${(at += one)}px`);
-  return `repeating-linear-gradient(90deg, ${stops.join(", ") || `${color}, ${color}`})`;
+  return (
+    <svg class={isHidden ? "hidden" : ""} width="32" height="8" aria-hidden="true">
+      <path d="M0 4H32" stroke={color} stroke-width="2" stroke-dasharray={dash.join(" ")} />
+    </svg>
+  );
 }
 
 const AXIS = 34; // height of the axis of time with its label
@@ -291,8 +293,8 @@ function Legend({ curves }: { curves: Curve[] }) {
     <ul class="legend">
       {curves.map(({ label, look: own }, index) => (
         <li key={label}>
-          <span class={isOne ? "hidden swatch" : "swatch"} style={{ background: swatch(own ?? index) }} />{" "}
-          <span class={isOne ? "hidden" : "name"}>{label}</span> <span class="value" />
+          <LineSample index={own ?? index} isHidden={isOne} /> <span class={isOne ? "hidden" : "name"}>{label}</span>{" "}
+          <span class="value" />
         </li>
       ))}
     </ul>

@@ -1,6 +1,7 @@
 /** Figures of measured points with their bars, the curves of fits with their bands, and plain lines. */
 import type { Axis, Mark, Markers, ShownFigure } from "../server/generated";
 import { digits } from "./looks";
+import type { Numbers } from "./scale";
 
 export interface Point {
   x: number;
@@ -13,7 +14,7 @@ export interface Point {
 export interface Group {
   label: string;
   points: Point[];
-  curve?: { x: number[]; y: (number | null)[]; low?: (number | null)[]; high?: (number | null)[]; measured?: number[] };
+  curve?: { x: number[]; y: Numbers; low?: Numbers; high?: Numbers; measured?: Numbers };
 }
 
 type Look = [color: string, dash: string, marker: string];
@@ -28,9 +29,12 @@ const LOOKS: Look[] = [
 const GREY: Look = ["grey", "-", "."];
 const DECADE = 10; // values that span as much lie on a logarithmic axis
 
-/** Return an axis that follows its values, which are in the unit of its label. */
-export const axis = (label: string, scale = "linear", low: number | null = null): Axis => ({
-  label,
+/** Label of an axis with its unit, and the size of this unit in that of the values; absent: 1. */
+type Quantity = string | [label: string, size: number];
+
+/** Return an axis that follows its values. */
+export const axis = (quantity: Quantity, scale = "linear", low: number | null = null): Axis => ({
+  label: typeof quantity === "string" ? quantity : quantity[0],
   scale,
   low,
   high: null,
@@ -39,7 +43,7 @@ export const axis = (label: string, scale = "linear", low: number | null = null)
   names: [],
   is_named: true,
   unit: "",
-  size: 1,
+  size: typeof quantity === "string" ? 1 : quantity[1],
 });
 
 /** Return whether the points of all groups lie above zero and span a decade. */
@@ -90,8 +94,8 @@ function marksOf({ label, points, curve }: Group, look: Look): Mark[] {
 export function pointsFigure(about: {
   name: string;
   caption?: string;
-  x: string;
-  y: string;
+  x: Quantity;
+  y: Quantity;
   panels: { title: string; groups: Group[] }[];
   isLog?: boolean;
   isFromZero?: boolean;

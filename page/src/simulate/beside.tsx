@@ -174,9 +174,6 @@ export function Differences({ head, panels }: { head: RunHead; panels: Panel[] }
   );
 }
 
-const LITRE = 1e-3;
-const BAR = 1e5;
-
 /** Plot of pressure over volume for each chamber. */
 export function Loops({ now }: { now: Frame<RunHead> }) {
   const names = now.head.loops ?? [];
@@ -186,14 +183,14 @@ export function Loops({ now }: { now: Frame<RunHead> }) {
         No p-V loop: only double-acting cylinders have loops, and this circuit does not contain one.
       </p>
     );
-  const of = (name: string, axis: string, unit: number) =>
-    Array.from(now.arrays.get(`loop/${name}/${axis}`)!, (one) => one / unit);
+  const of = (name: string, axis: string) => Array.from(now.arrays.get(`loop/${name}/${axis}`)!);
   const groups = names.map((name) => ({
     label: name.replace(/\.([ab])$/, ", chamber $1"),
     points: [],
-    curve: { x: of(name, "volume_m3", LITRE), y: of(name, "pressure_pa", BAR) },
+    curve: { x: of(name, "volume_m3"), y: of(name, "pressure_pa") },
   }));
   const title = "Pressure over volume of the chambers";
-  const axes = { x: "volume, l", y: "pressure, bar abs" };
-  return <FigurePanel shown={pointsFigure({ name: title, ...axes, panels: [{ title, groups }] })} />;
+  const panels = [{ title, groups }];
+  const shown = pointsFigure({ name: title, x: ["volume, l", 1e-3], y: ["pressure, bar abs", 1e5], panels });
+  return <FigurePanel shown={shown} />;
 }

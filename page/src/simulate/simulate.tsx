@@ -21,8 +21,7 @@ import * as beside from "./beside";
 import { braked, type Step, StepsPane, stepsOf, written } from "./steps";
 
 interface Trace extends Pick<Frame<Head>, "arrays"> {
-  run: string; // what was simulated, in words
-  label: string;
+  label: string; // what was simulated, in words
 }
 
 const command = undoable(signal("0 s: 1, 1 s: -1"));
@@ -96,9 +95,9 @@ function freeze(): void {
   if (!now) return;
   const changed = Object.entries(changes.value).map(([key, value]) => `${key} ${value}`);
   const run = `${changed.join(", ") || "as described"}; ${command.value.trim().replace(/\s*\n\s*/g, "; ")}${initial.value && `; ${initial.value}`}`;
-  const again = frozen.value.filter((one) => one.run === run).length;
+  const again = frozen.value.filter((one) => one.label.startsWith(run)).length;
   const label = again ? `${run}; ${again + 1}` : run;
-  frozen.value = [...frozen.value.slice(-6), { run, label, arrays: now.arrays }];
+  frozen.value = [...frozen.value.slice(-6), { label, arrays: now.arrays }];
 }
 
 /** Frame of the view. It does not depend on answers, so that an answer redraws only curves and numbers. */
