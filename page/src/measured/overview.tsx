@@ -154,6 +154,7 @@ function Spark({ part, all }: { part: Part; all: Part[] }) {
   );
 }
 
+/** A seal with its friction and its recordings, each with its box, its origin and another name. */
 function Row(props: {
   label: string;
   files: Listed[];
@@ -196,42 +197,29 @@ function Row(props: {
         )}
         {old.length > 0 && <b class="missed"> out of date</b>}
       </span>
-      {isOpen ? (
-        <Names paths={paths} />
-      ) : (
-        <details>
-          <summary aria-label={`Recordings of ${label}`}>recordings</summary>
-          <Names paths={paths} />
-        </details>
-      )}
+      <details open={isOpen}>
+        <summary aria-label={`Recordings of ${label}`}>recordings</summary>
+        <ul class="chips">
+          {paths.slice(0, MOST).map((path) => (
+            <li key={path}>
+              <Choose paths={[path]} label="" name={`Choose ${path}`} />
+              <ObjectLink path={path} view="recording" name={nameOf(path)} />
+              {stale.value.stale[path] && (
+                <b class="missed" data-stale={path}>
+                  out of date
+                </b>
+              )}
+              <details class="chip-menu">
+                <summary aria-label={`More of ${path}`}>⋯</summary>
+                <Button class="link" aria-label={`Made from: ${path}`} act={() => trace(path)} words="made from" />{" "}
+                <Rename path={path} />
+              </details>
+            </li>
+          ))}
+        </ul>
+        {paths.length > MOST && <p class="note">{paths.length - MOST} more: search for them in the tree.</p>}
+      </details>
     </li>
-  );
-}
-
-/** Recordings of a row, each with its box, its origin and another name. */
-function Names({ paths }: { paths: string[] }) {
-  return (
-    <>
-      <ul class="chips">
-        {paths.slice(0, MOST).map((path) => (
-          <li key={path}>
-            <Choose paths={[path]} label="" name={`Choose ${path}`} />
-            <ObjectLink path={path} view="recording" name={nameOf(path)} />
-            {stale.value.stale[path] && (
-              <b class="missed" data-stale={path}>
-                out of date
-              </b>
-            )}
-            <details class="chip-menu">
-              <summary aria-label={`More of ${path}`}>⋯</summary>
-              <Button class="link" aria-label={`Made from: ${path}`} act={() => trace(path)} words="made from" />{" "}
-              <Rename path={path} />
-            </details>
-          </li>
-        ))}
-      </ul>
-      {paths.length > MOST && <p class="note">{paths.length - MOST} more: search for them in the tree.</p>}
-    </>
   );
 }
 

@@ -35,7 +35,6 @@ const span = signal<[number, number]>([0, 1]);
 const pixels = signal(1000);
 const views = signal<{ head: Head; time: Numbers; channels: Map<string, Numbers> } | null>(null);
 const wrong = signal<Problem[]>([]); // with the view that was asked for
-const turn = signal(0); // of asking for the same view
 const proposals = signal<Record<string, Proposal>>({}); // the last one of each recording, with what was typed into it
 const [refused, attempt] = attempts(); // of a layout: said beside its button
 
@@ -62,8 +61,8 @@ async function open(path: string, isGone: () => boolean): Promise<void> {
     if (isGone()) return;
     file.value = Array.isArray(now) ? { problems: now } : now;
     if (Array.isArray(now)) return;
-    if (now.channels && now.key !== about.value?.key) await put(now, path, isGone);
-    else if (now.channels && (wrong.value.length || isOwed)) turn.value += 1;
+    const isShown = now.key === about.value?.key && !wrong.value.length && !isOwed;
+    if (now.channels && !isShown) await put(now, path, isGone);
     if (now.share !== undefined) await rested(measure.READ_MS);
     else {
       await rested(Math.max(LOOK_MS, (performance.now() - began) / MOST_LOAD));
@@ -124,7 +123,6 @@ const asked = computed(() => {
     what: "window",
     path: route.value.path,
     key: about.value.key,
-    turn: turn.value,
     from,
     to,
     pixels: pixels.value,
@@ -212,7 +210,12 @@ export default function RecordingView() {
         </>
       )}
       {(found || unread.length > 0) && !why && wizard}
-      {found?.layout === "rig" && !why && <Characterise path={path} />}
+      {found?.layout === "rig" && !why && (
+        <section aria-label="Friction">
+          <h2>Friction of this recording</h2>
+          <JobForm kind="characterise" start={{ recordings: [path], name: nameOf(path).replace(/\..*$/, "") }} />
+        </section>
+      )}
     </div>
   );
 }
@@ -432,11 +435,3 @@ function Wizard({ path, foreignTo: why }: { path: string; foreignTo: string }) {
     </section>
   );
 }
-
-/** Friction of a recording, alone or together with others, by the same command as in a terminal. */
-const Characterise = ({ path }: { path: string }) => (
-  <section aria-label="Friction">
-    <h2>Friction of this recording</h2>
-    <JobForm kind="characterise" start={{ recordings: [path], name: nameOf(path).replace(/\..*$/, "") }} />
-  </section>
-);

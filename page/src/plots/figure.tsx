@@ -1,12 +1,13 @@
 /** Drawing of the figures of a view: marks in panels on axes with units. Lengths are pixels, colours are tokens. */
 
-import type { ComponentChildren } from "preact";
+import { type ComponentChildren, render } from "preact";
 import { useState } from "preact/hooks";
-import type { Axis, Bars, Drawing, Mark, Markers, Panel, ShownFigure } from "../server/generated";
+import type { Axis, Bars, Drawing, Line, Mark, Markers, Panel, ShownFigure } from "../server/generated";
 import { Button } from "../workspace/fields";
 import { Table } from "../workspace/table";
-import { digits, pretty } from "./looks";
-import { saveDrawing, saveRows } from "./saving";
+import { digits, look, pretty } from "./looks";
+import { axis } from "./points";
+import { type Saved, saveDrawing, saveRows } from "./saving";
 import { asList, isNumber, type Numbers, type Scale, scaleOf } from "./scale";
 import { useWidth } from "./width";
 
@@ -151,8 +152,8 @@ function Drawn({ mark, at }: { mark: Mark; at: Place }) {
     case "bars":
       return <BarsOf mark={mark} at={at} />;
     case "rule": {
-      const [x0 = at.left, x1 = mark.x === null ? at.right : x0] = asList(mark.x).map((one) => at.px(one!));
-      const [y0 = at.top, y1 = mark.y === null ? at.bottom : y0] = asList(mark.y).map((one) => at.py(one!));
+      const [x0 = 0, x1 = x0] = mark.x === null ? [at.left, at.right] : asList(mark.x).map((one) => at.px(one!));
+      const [y0 = 0, y1 = y0] = mark.y === null ? [at.top, at.bottom] : asList(mark.y).map((one) => at.py(one!));
       const ink = colour(mark.look[0]);
       if (x0 !== x1 && y0 !== y1) {
         const isShade = /^(band|shade)/.test(String(mark.look[0]));
@@ -427,24 +428,20 @@ export function FigureView({ shown }: { shown: ShownFigure }) {
   const least = figure.panels.length > MOST_LARGE ? LEAST_OF_MANY : LEAST_WIDTH;
   const columns = Math.max(Math.min(total, Math.floor(width / least)), 1);
   const panelWidth = Math.floor((width - 16 * (columns - 1)) / columns);
-  const numbered = figure.panels.map((panel, index) => ({ panel, index }));
-  const tall = { panel: figure.tall, index: -1 };
-  const drawn = (figure.tall_first ? [tall, ...numbered] : [...numbered, tall]).flatMap(({ panel, index }) =>
+  const drawn = [...figure.panels, figure.tall].flatMap((panel, index) =>
     panel ? [{ panel, index, x: axisOf(panel.x, figure.x), y: axisOf(panel.y, figure.y) }] : [],
   );
   const panels = drawn.map(({ panel }) => panel);
   /** Panels of one group have equal ends of an axis. */
-  const groupOf = (index: number, how: string): number => {
-    if (index < 0 || how === "all") return Math.min(index, 0);
-    return how === "row" ? Math.floor(index / total) : how === "col" ? index % total : index;
-  };
+  const groupOf = (index: number, how: string): number =>
+    ({ all: 0, row: Math.floor(index / total), col: index % total })[how] ?? index;
   const together = (index: number, how: string) =>
     drawn.filter((one) => groupOf(one.index, how) === groupOf(index, how)).flatMap(({ panel }) => panel.marks);
   const rows = Math.ceil(figure.panels.length / total);
   const whole = figure.heights.reduce((sum, one) => sum + one, 0);
   const heightOf = (index: number) => {
-    const ratio = index < 0 || !whole ? 1 : (figure.heights[Math.floor(index / total)]! * rows) / whole;
-    const height = figure.row_in * INCH * ratio * (rows === 1 || index < 0 ? HERO : 1) + 40;
+    const ratio = ((figure.heights[Math.floor(index / total)] ?? 1) * rows) / (whole || rows);
+    const height = figure.row_in * INCH * ratio * (rows === 1 ? HERO : 1) + 40;
     return Math.min(Math.max(height, LEAST_HEIGHT), MOST_HEIGHT);
   };
   const placed = drawn.map((one) => {
@@ -469,20 +466,18 @@ export function FigureView({ shown }: { shown: ShownFigure }) {
           placed.map((one) => {
             const { panel, index, height } = one;
             const [first] = panel.marks;
-            const isTall = index < 0;
-            const gridColumn = isTall ? "1 / -1" : columns === total ? (index % total) + 1 : undefined;
-            const wide = isTall ? width : panelWidth;
+            const gridColumn = columns === total ? (index % total) + 1 : undefined;
             return (
               <div key={index} style={{ gridColumn }}>
                 {first?.kind === "drawing" ? (
-                  <Paper drawing={first} width={wide} height={height} />
+                  <Paper drawing={first} width={panelWidth} height={height} />
                 ) : (
                   <PanelDrawing
                     {...one}
                     {...longest}
                     ends={ends}
-                    width={wide}
-                    isBare={isStacked && !isTall && Boolean(figure.panels[index + total])}
+                    width={panelWidth}
+                    isBare={isStacked && Boolean(figure.panels[index + total])}
                     name={`${name}-${index}`}
                   />
                 )}
@@ -521,4 +516,47 @@ function NumbersTable({ name, rows }: { name: string; rows: () => string[][] }) 
       {open && <Table label={`Table of ${name}`} heads={heads} rows={others.slice(0, MOST_ROWS)} />}
     </details>
   );
+}
+
+const DASH = 1.6; // pixels of a unit of a dash
+
+/** Return the visible curves of a plot as lines. A value of another curve's time is left out; null is a gap. */
+const linesOf = ({ u, curves }: Saved): Line[] =>
+  curves.map(({ label, look: own }, k): Line => {
+    const { min = 0, max = 1 } = u.scales.x!;
+    const [index, isGap, values] = [own ?? k, !u.series[k + 1]!.spanGaps, u.data[k + 1]!];
+    const rows = Array.from(u.data[0], (x, row) => [x, values[row]] as const).filter(
+      ([x, y]) => x >= min! && x <= max! && y !== undefined && (y !== null || isGap),
+    );
+    return {
+      x: rows.map(([x]) => x),
+      y: rows.map(([, y]) => y ?? null),
+      label,
+      width: 1.1,
+      steps: false,
+      kind: "line",
+      look: [`look-${(index % 8) + 1}`, [0, look(index).dash.map((length) => length / DASH)], ""],
+    };
+  });
+
+/** Save a plot as a drawing or a picture; texts of a drawing stay texts. */
+export async function savePlot(ending: "svg" | "png", plot: Saved): Promise<void> {
+  const { u, title, unit, over } = plot;
+  const marks = linesOf(plot);
+  const axisOf = (label: string, { min, max, distr }: uPlot.Scale): Axis => ({
+    ...axis(label, distr === 3 ? "log" : "linear", min),
+    high: max ?? null,
+  });
+  const [x, y] = [axisOf(over, u.scales.x!), axisOf(`${title}, ${unit || "1"}`, u.scales.y!)];
+  const host = document.querySelector(".pneudrive")!.appendChild(document.createElement("div"));
+  host.style.width = `${u.width}px`;
+  const ends = marks.length > 1 ? Math.max(...marks.map(({ label }) => label.length)) : 0;
+  const drawing = { panel: { marks, title: "", x, y }, x, y, scales: [scaleOf(x, "x", marks), scaleOf(y, "y", marks)] };
+  render(
+    <PanelDrawing {...drawing} ends={ends} width={u.width} height={u.height + 60} longest={8} name="saved" />,
+    host,
+  );
+  await saveDrawing(title, host, ending);
+  render(null, host);
+  host.remove();
 }

@@ -22,16 +22,19 @@ export interface Curve {
   look?: number; // its look; absent: its place
 }
 
+type Arrays = Pick<Frame<unknown>, "arrays">;
+
 /** Return a column of an answer as a curve. */
 export function curveOf(arrays: Map<string, Numbers>, x: Numbers, column: string, label: string): Curve {
   return { label, x, y: arrays.get(column)!, at: arrays.get(`${column}/at`) };
 }
 
-/** Return the curves of a panel of a run, as far as the run has them. `of` is the name of another run. */
-export const curvesOf = ({ arrays }: Pick<Frame<unknown>, "arrays">, { curves }: RunPanel, of = ""): Curve[] =>
-  curves
-    .filter(({ column }) => arrays.has(column))
-    .map(({ column, label }) => curveOf(arrays, arrays.get("time_s")!, column, of ? `${label} (${of})` : label));
+/** Return the curves of a panel, as far as a run has them. Another run has a name, and a prefix of its columns. */
+export function curvesOf({ arrays }: Arrays, { curves }: RunPanel, name = "", prefix = ""): Curve[] {
+  const time = arrays.get(`${prefix}time_s`)!;
+  const own = curves.filter(({ column }) => arrays.has(prefix + column));
+  return own.map(({ column, label }) => curveOf(arrays, time, prefix + column, name ? `${label} (${name})` : label));
+}
 
 /** Return the last index at or before a time, or the first index if the time is before it. */
 export function indexAt(times: ArrayLike<number>, at: number): number {
@@ -305,7 +308,7 @@ function Legend({ curves }: { curves: Curve[] }) {
 function More({ of, saved }: { of: PlotProps; saved: () => Saved }) {
   const [open, setOpen] = useState(false);
   const { title, extreme, samples } = of;
-  const drawn = (ending: "svg" | "png") => import("./plotsvg").then(({ saveAs }) => saveAs(ending, saved()));
+  const drawn = (ending: "svg" | "png") => import("./figure").then(({ savePlot }) => savePlot(ending, saved()));
   return (
     <details class="more" onToggle={(event) => setOpen(event.currentTarget.open)}>
       <summary aria-label={`${title}: save, values as a table`}>⋯</summary>

@@ -6,7 +6,7 @@ import { opened } from "../drive/opened";
 import { FigurePanel } from "../plots/figure";
 import { digits } from "../plots/looks";
 import type { Band } from "../plots/paint";
-import { type Curve, curveOf } from "../plots/plot";
+import { type Curve, curvesOf } from "../plots/plot";
 import { pointsFigure } from "../plots/points";
 import type { Frame } from "../server/frame";
 import type { Field, Listed, RunPanel as Panel, RunHead } from "../server/generated";
@@ -105,14 +105,9 @@ export function short(path: string, all: string[]): string {
 
 const named = (path: string): string => short(path, [...others.value, opened.value?.path ?? ""]);
 
-/** Return the curves of one column from the other runs. */
-export function otherCurves(now: Frame<RunHead>, column: string, label: string): Curve[] {
-  const curves = (now.head.others ?? []).map(({ path }, index) => {
-    const time = now.arrays.get(`${index + 1}/time_s`)!;
-    return curveOf(now.arrays, time, `${index + 1}/${column}`, `${label} (${named(path)})`);
-  });
-  return curves.filter((curve) => curve.y);
-}
+/** Return the curves of a panel from the other runs. */
+export const otherCurves = (now: Frame<RunHead>, panel: Panel): Curve[] =>
+  (now.head.others ?? []).flatMap(({ path }, index) => curvesOf(now, panel, named(path), `${index + 1}/`));
 
 /** Return the band of the members for one column, if there is one. */
 export function bandOf({ arrays }: Frame<RunHead>, column: string, look: number): Band[] {

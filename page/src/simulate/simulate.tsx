@@ -15,7 +15,7 @@ import { withFile } from "../workspace/command";
 import { Button, Fold, Pick, Remarks, TextInput, toggled } from "../workspace/fields";
 import { studies } from "../workspace/files";
 import { Leading, Problems, SliderRow, useCopied } from "../workspace/parts";
-import { Values } from "../workspace/result";
+import { Notes, Values } from "../workspace/result";
 import { isOverMain } from "../workspace/tree";
 import * as beside from "./beside";
 import { braked, type Step, StepsPane, stepsOf, written } from "./steps";
@@ -131,7 +131,7 @@ export default function SimulateView() {
         <Run />
         <beside.BesideChoices />
         <Actions />
-        <Notes />
+        <Remarked />
       </section>
       <div class="shown">
         <section class="plots" aria-label="Curves" data-samples={answer.value?.head.samples}>
@@ -317,36 +317,27 @@ function Piston({ name, at, speed }: { name: string; at: Moved; speed: number | 
   );
 }
 
-function Notes() {
-  const head = answer.value?.head;
-  const notes = head?.warnings?.filter((one) => !isSevere(one)) ?? [];
-  const cut = (head?.panels ?? []).flatMap(({ title, curves: { length }, left_out = 0 }) =>
+/** Notes without danger, impacts, and curves that are not drawn. */
+function Remarked() {
+  const { warnings = [], panels = [], impacts = [], more_impacts: more = 0 } = answer.value?.head ?? {};
+  const notes = warnings.filter((one) => !isSevere(one)).map(sentence);
+  const hits = impacts.map(({ time_s, end, cylinder, speed_m_s, energy_j }) => {
+    const place = `end of chamber ${end}${cylinder ? ` of ${cylinder}` : ""}`;
+    return `${digits(time_s)} s, ${place}: ${digits(speed_m_s, 3)} m/s, ${digits(energy_j, 3)} J`;
+  });
+  const cut = panels.flatMap(({ title, curves: { length }, left_out = 0 }) =>
     left_out ? `${title}: ${length} of ${length + left_out} curves are drawn; the file of the command has all.` : [],
   );
   return (
     <>
       {notes.length > 0 && (
         <Fold class="note" open={!beside.isNarrow} title={count(notes.length, "more note")}>
-          <ul class="warnings">
-            {notes.map((one) => (
-              <li key={one}>{sentence(one)}</li>
-            ))}
-          </ul>
+          <Notes of={notes} />
         </Fold>
       )}
-      {head?.impacts && head.impacts.length > 0 && (
-        <Fold
-          class="note"
-          title={`${count(head.impacts.length + (head.more_impacts ?? 0), "impact")} on the end stops`}>
-          <ul>
-            {head.impacts.map((one, index) => (
-              <li key={index}>
-                {digits(one.time_s)} s, end of chamber {one.end}
-                {one.cylinder && ` of ${one.cylinder}`}: {digits(one.speed_m_s, 3)} m/s, {digits(one.energy_j, 3)} J
-              </li>
-            ))}
-            {Boolean(head.more_impacts) && <li>More impacts: {head.more_impacts}.</li>}
-          </ul>
+      {hits.length > 0 && (
+        <Fold class="note" title={`${count(hits.length + more, "impact")} on the end stops`}>
+          <Notes of={[...hits, ...(more ? [`More impacts: ${more}.`] : [])]} />
         </Fold>
       )}
       <Remarks of={cut} />
@@ -363,7 +354,7 @@ function Plots() {
   return now?.head.panels?.map((panel, k, all) => {
     const curves: Curve[] = [
       ...curvesOf(now, panel),
-      ...panel.curves.flatMap(({ column, label }) => beside.otherCurves(now, column, label)),
+      ...beside.otherCurves(now, panel),
       ...frozen.value.flatMap((trace) => curvesOf(trace, panel, trace.label)),
     ];
     return (
@@ -494,18 +485,17 @@ function Slider({ of }: { of: string }) {
   );
 }
 
-/** Menu that selects a CSV file of the folder as the command of a valve. */
-function FileCommand({ valve }: { valve: string }) {
+/** Menu that selects a CSV file of the folder as the command of a valve. The valve of a drive has no name. */
+function FileCommand({ valves }: { valves: string[] }) {
   const files = (studies.value?.files ?? []).map((one) => one.path).filter((path) => /\.csv$/i.test(path));
+  const options = valves.flatMap((valve) => files.map((file) => ({ valve, file, words: lineText(valve, file) })));
   if (!files.length) return null;
-  return (
-    <Pick
-      label={`Command${valve && ` of ${valve}`} from a file (time_s, command)`}
-      hint="choose"
-      options={files}
-      put={(path) => (command.value = withFile(command.value, valve, path))}
-    />
-  );
+  const put = (chosen: string) => {
+    const { valve, file } = options.find(({ words }) => words === chosen)!;
+    command.value = withFile(command.value, valve, file);
+  };
+  const words = options.map((one) => one.words);
+  return <Pick label="Command from a file (time_s, command)" hint="choose" options={words} put={put} />;
 }
 
 function Run() {
@@ -521,15 +511,7 @@ function Run() {
         {oneWay.length > 0 && `; 0 to 1 for ${oneWay.join(", ")}`}
         {isCircuit ? <textarea {...field} rows={3} /> : <input {...field} />}
       </label>
-      {isCircuit ? (
-        <Fold title="Commands from files">
-          {Object.keys(valves).map((valve) => (
-            <FileCommand key={valve} valve={valve} />
-          ))}
-        </Fold>
-      ) : (
-        <FileCommand valve="" />
-      )}
+      <FileCommand valves={isCircuit ? Object.keys(valves) : [""]} />
       <div class="twin">
         <TextInput label="Duration" of={duration} />
         <TextInput label="Start" of={initial} placeholder={isCircuit ? "NAME.position = 50 mm" : "position = 50 mm"} />
