@@ -8,7 +8,7 @@ import { pointsFigure } from "../plots/points";
 import { link, route } from "../routes";
 import type { Frame } from "../server/frame";
 import type { Campaign, CycleHead, Plan, ShownFigure } from "../server/generated";
-import { ask, attempts, frame, read, typed } from "../server/server";
+import { ask, attempts, frame, read } from "../server/server";
 import { usePosted, useWatched } from "../workspace/answers";
 import { word } from "../workspace/command";
 import { Button, Lines, Remarks } from "../workspace/fields";
@@ -135,9 +135,11 @@ function Requests({ now, path }: { now: Campaign; path: string }) {
   const isRunning = now.state !== null;
   const send = (word: string) => attempt(() => ask("/api/campaign", { path, word }));
   const resume = () =>
-    attempt(
-      async () => (await ask("/api/campaigns", { resume: path, ...paced(requestOf("campaign").pace) }), void follow()),
-    );
+    attempt(async () => {
+      const pace = Number(requestOf("campaign").pace);
+      await ask("/api/campaigns", { resume: path, ...(pace && { pace }) });
+      void follow();
+    });
   const hold = () => {
     clearTimeout(timer.current);
     timer.current = window.setTimeout(() => void send("abort"), HOLD_MS);
@@ -174,10 +176,6 @@ function Requests({ now, path }: { now: Campaign; path: string }) {
   );
 }
 
-/** Part of a request: times real time, if it is typed. */
-export const paced = (pace: unknown) =>
-  String(pace ?? "").trim() ? { pace: typed("Times real time", String(pace)) } : {};
-
 function Start({ protocol }: { protocol: string }) {
   const protocols = [...(studies.value?.protocols ?? []), ...pathsOf("protocol")];
   const chosen = requestOf("campaign").protocol;
@@ -189,9 +187,9 @@ function Start({ protocol }: { protocol: string }) {
     fields: [
       { key: "protocol", label: "Protocol", kind: "choice", choices: protocols },
       { key: "name", label: "Into campaigns/", kind: "text" },
-      { key: "pace", label: "Times real time", kind: "text", hint: "fastest" },
+      { key: "pace", label: "Times real time", kind: "number", hint: "fastest", start: null },
     ],
-    body: ({ protocol, name, pace }: Record<string, unknown>) => ({ protocol, name, ...paced(pace) }),
+    body: ({ protocol, name, pace }: Record<string, unknown>) => ({ protocol, name, pace }),
   };
   return (
     <>

@@ -8,7 +8,6 @@ import { type Group, isWide, MOST_SERIES, pointsFigure } from "../plots/points";
 import { isToml, kept, link, route } from "../routes";
 import type {
   BehindFit,
-  Compared,
   FrictionCurve as Curve,
   Finding,
   FrictionMap,
@@ -18,7 +17,7 @@ import type {
   ShownFigure,
   Slice,
 } from "../server/generated";
-import { usePosted, useRequest } from "../workspace/answers";
+import { useRequest } from "../workspace/answers";
 import { Button, Fold, type Option, Tick } from "../workspace/fields";
 import { changesOf, filesOf, folderOf, nameOf, pathsOf, studies } from "../workspace/files";
 import { JobForm, requestOf } from "../workspace/form";
@@ -26,7 +25,7 @@ import { follow } from "../workspace/jobs";
 import { Copied, Problems, ReportOf, Select } from "../workspace/parts";
 import { Answer, Figures, Findings, Shown, useView, Values } from "../workspace/result";
 import { Table } from "../workspace/table";
-import { Differences } from "./differences";
+import { Comparison } from "./differences";
 
 /** Points of one seal and pressure, with the curve of the fit; `assembly` is seal, mounting and drive. */
 interface Part<Key extends Abscissa> {
@@ -180,7 +179,7 @@ function MapView({ path, fit: opened }: { path: string; fit: string }) {
           <div class="result">
             <div class="result-figures">
               {other.value ? (
-                <Comparison path={path} fit={fit} found={found} />
+                <Compared path={path} fit={fit} found={found} />
               ) : (
                 <MapFigure path={path} fit={drawn} found={found} groups={groups} isOver={isOver} />
               )}
@@ -303,17 +302,13 @@ function MapFigure(props: ShownMap & { path: string; fit: string; isOver: boolea
 }
 
 /** Two seals of the map or two maps, by their fits where both have one. */
-function Comparison({ path, fit, found }: { path: string; fit: string; found: FrictionMap }) {
+function Compared({ path, fit, found }: { path: string; fit: string; found: FrictionMap }) {
   const beside = [folderOf(other.value), "fit.toml"].filter(Boolean).join("/");
   const fitOfOther = found.seals[other.value] ?? (filesOf("fit").some((file) => file.path === beside) && beside);
   const pair = fit && fitOfOther ? { before: fit, after: fitOfOther } : { before: path, after: other.value };
-  const [compared, problems] = usePosted<Compared>("/api/compare", pair, [found]);
   return (
     <div class="panel">
-      <Problems of={problems} />
-      {!problems.length && !compared && <p role="status">Comparing.</p>}
-      {compared && <Differences {...compared} />}
-      {compared && <Copied of="the difference" command={compared.command} python={compared.python} />}
+      <Comparison {...pair} again={found} />
     </div>
   );
 }

@@ -3,7 +3,7 @@
 import { computed, signal } from "@preact/signals";
 import { digits, instant } from "../plots/looks";
 import type { Mark } from "../plots/paint";
-import type { MeasuredRows, OpenedRecording, Stroke, Strokes } from "../server/generated";
+import type { MeasuredRows, OpenedRecording, Problem, Stroke, Strokes } from "../server/generated";
 import { ask, attempts, pause, Refused, read } from "../server/server";
 import { useAnswer } from "../workspace/answers";
 import { Button, Range, Tick } from "../workspace/fields";
@@ -22,8 +22,8 @@ interface Beside {
 }
 
 export const UNMOVED: Strokes = { strokes: [], faults: {} };
-/** Strokes and faults of the shown recording, with a note why neither is shown. */
-export const moved = signal(UNMOVED);
+/** Strokes and faults of the shown recording, with a note or with problems that say why neither is shown. */
+export const moved = signal<Strokes & { problems?: Problem[] }>(UNMOVED);
 /** Recording that is drawn over this one. */
 export const beside = signal<Beside | null>(null);
 /** Times of the two cursors. Null: nothing is measured. */
@@ -78,19 +78,17 @@ export function FaultsLine({ span, whole, onShow }: { span: Span; whole: Span; o
   return (
     <p class="row" role="group" aria-label="Faults of the recording">
       <span>Faults, marked at the foot of the plots:</span>
-      {kinds.map(([kind, { count, places }]) => {
-        const words = kind.replaceAll("_", " ");
-        return (
-          <span key={kind} data-fault={kind} data-count={count}>
-            {words} {count}{" "}
-            {places.length > 0 && (
-              <Button class="link" act={() => show(places)} aria-label={`Show the next place: ${words}`}>
-                show the next
-              </Button>
-            )}
-          </span>
-        );
-      })}
+      {kinds.map(([kind, { count, places }]) => (
+        <Button
+          key={kind}
+          class="link"
+          data-fault={kind}
+          data-count={count}
+          disabled={!places.length}
+          act={() => show(places)}>
+          {kind.replaceAll("_", " ")} {count}, show the next
+        </Button>
+      ))}
     </p>
   );
 }

@@ -3,7 +3,7 @@
 import { batch, computed, signal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
 import type { Shade } from "../plots/paint";
-import { type Curve, Plot, pixelsOfPlots } from "../plots/plot";
+import { type Curve, curveOf, Plot, pixelsOfPlots } from "../plots/plot";
 import { link, route } from "../routes";
 import type { Frame, Numbers } from "../server/frame";
 import type { WindowHead as Head, OpenedRecording as Opened, Problem, Proposal, Strokes } from "../server/generated";
@@ -22,18 +22,12 @@ const MOST_ANSWERED = 500_000; // samples of a recording that is read once more 
 const LOOK_MS = 1000; // at one that is shown
 const MOST_LOAD = 0.2; // fraction of the time for reading a file that keeps changing
 
-/** A version of the recording, with the reason why its strokes and faults could not be read. */
-interface Version extends Opened {
-  unmoved: Problem[];
-}
-
-const about = signal<Version | null>(null); // the version that is shown
+const about = signal<Opened | null>(null); // the version that is shown
 const file = signal<Opened>({}); // the file as it is now: as far as it is read, or with problems
-const moved = measure.moved;
+const { moved } = measure;
 const shown = signal<string[]>([]);
 const span = signal<[number, number]>([0, 1]);
-const pixels = signal(1000);
-const views = signal<{ head: Head; time: Numbers; channels: Map<string, Numbers> } | null>(null);
+const views = signal<Frame<Head> | null>(null);
 const wrong = signal<Problem[]>([]); // with the view that was asked for
 const proposals = signal<Record<string, Proposal>>({}); // the last one of each recording, with what was typed into it
 const [refused, attempt] = attempts(); // of a layout: said beside its button
@@ -73,19 +67,20 @@ async function open(path: string, isGone: () => boolean): Promise<void> {
 
 /** Show a version with its strokes and faults. The first one appears at once, later ones together with both. */
 async function put(found: Opened, path: string, isGone: () => boolean): Promise<void> {
-  if (!about.value) show({ ...found, unmoved: [] });
+  if (!about.value) show(found);
+  const { UNMOVED } = measure;
+  const unread = (error: unknown) => ({ ...UNMOVED, problems: problemsOf(error) });
   const isMoved = found.layout !== null || found.time;
-  const answer = isMoved ? await read<Strokes>("/api/strokes", { path }).catch(problemsOf) : measure.UNMOVED;
+  const strokes = isMoved ? await read<Strokes>("/api/strokes", { path }).catch(unread) : UNMOVED;
   if (isGone()) return;
   batch(() => {
-    const [strokes, unmoved] = Array.isArray(answer) ? [measure.UNMOVED, answer] : [answer, []];
-    show({ ...found, unmoved });
+    show(found);
     moved.value = strokes;
   });
 }
 
 /** Show a version over its whole duration. A recording that has grown keeps its view. */
-function show(version: Version): void {
+function show(version: Opened): void {
   const before = about.value;
   const [[from, to], [low, high]] = [span.value, version.span!];
   const names = (of: Opened | null) => JSON.stringify([of?.time, of?.channels]);
@@ -109,10 +104,7 @@ function look(next: [number, number]): void {
   const [low, high] = about.value!.span!;
   const width = Math.min(next[1] - next[0], high - low);
   const from = Math.min(Math.max(next[0], low), high - width);
-  batch(() => {
-    pixels.value = pixelsOfPlots(pixels.value);
-    span.value = [from, from + width];
-  });
+  span.value = [from, from + width];
 }
 
 /** Request for the server. It uses the socket, because a separate HTTP request costs some ms more. */
@@ -125,7 +117,7 @@ const asked = computed(() => {
     key: about.value.key,
     from,
     to,
-    pixels: pixels.value,
+    pixels: pixelsOfPlots(innerWidth), // the first view comes before its plots
     columns: shown.value.join("\n"),
     ...measure.besideAsked(),
   };
@@ -133,18 +125,16 @@ const asked = computed(() => {
 
 let isOwed = false; // a view that was asked for
 
-function take({ head, arrays }: Frame<Head>): void {
+function take(frame: Frame<Head>): void {
+  const { head } = frame;
   isOwed = head.key === null;
   if (head.problems) wrong.value = head.problems;
   else if (isOwed)
     wake(); // another file has its name now
   else if (head.path === asked.value?.path && head.key === asked.value.key) {
     wrong.value = [];
-    const time = arrays.get("time")!;
-    arrays.delete("time");
-    views.value = { head, time, channels: arrays };
-    document.documentElement.dataset.points = String(time.length);
-    requestAnimationFrame(() => (pixels.value = pixelsOfPlots(pixels.value))); // the first view comes before its plots
+    views.value = frame;
+    document.documentElement.dataset.points = String(frame.arrays.get("time")!.length);
   }
 }
 
@@ -171,7 +161,7 @@ export default function RecordingView() {
   return (
     <div class="recording">
       <h2>{path}</h2>
-      <Problems of={[...unread, ...wrong.value, ...(why ? [] : (found?.unmoved ?? []))]} />
+      <Problems of={[...unread, ...wrong.value, ...(why ? [] : (moved.value.problems ?? []))]} />
       {why && wizard}
       {!found && !unread.length && (
         <p role="status">
@@ -316,18 +306,16 @@ function Plots({ found }: { found: Opened }) {
   const now = views.value;
   if (!now) return null;
   const [from, to] = span.value;
-  const drawn = found.channels!.filter((one) => now.channels.has(one.column) && shown.value.includes(one.column));
+  const { head, arrays } = now;
+  const drawn = found.channels!.filter(({ column }) => arrays.has(column) && shown.value.includes(column));
   return (
-    <div class="plots" data-plots aria-busy={now.head.from !== from || now.head.to !== to}>
+    <div class="plots" data-plots aria-busy={head.from !== from || head.to !== to}>
       {drawn.map((one, k) => {
-        const curves: Curve[] = [{ label: one.label, x: now.time, y: now.channels.get(one.column)! }];
-        const there = now.channels.get(`beside/${one.column}`);
-        if (there && measure.beside.value)
-          curves.push({
-            label: `${one.label} (${measure.beside.value.path})`,
-            x: now.channels.get("beside/time")!,
-            y: there,
-          });
+        const curves: Curve[] = [curveOf(arrays, arrays.get("time")!, one.column, one.label)];
+        if (measure.beside.value && arrays.has(`beside/${one.column}`)) {
+          const label = `${one.label} (${measure.beside.value.path})`;
+          curves.push(curveOf(arrays, arrays.get("beside/time")!, `beside/${one.column}`, label));
+        }
         return (
           <Plot
             key={one.column}
@@ -337,14 +325,14 @@ function Plots({ found }: { found: Opened }) {
             size={1}
             curves={curves}
             bare={k < drawn.length - 1}
-            range={[now.head.from, now.head.to]}
+            range={[head.from, head.to]}
             onReset={from > found.span![0] || to < found.span![1] ? () => look(found.span!) : undefined}
             shades={shades.value}
             marks={marks.value}
             cursors={measure.cursors.value ?? undefined}
             onPick={measure.pick}
             gaps
-            extreme={!now.head.raw}
+            extreme={!head.raw}
             samples={() => samplesOf(one.column)}
             onZoom={(from, to) => look([from, to])}
           />

@@ -7,19 +7,12 @@ import { type Signal, signal, useComputed, useSignal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
 import { open as openDrive, valid } from "../drive/opened";
 import { changed, digits, instant } from "../plots/looks";
-import { curveOf, Plot } from "../plots/plot";
+import { curveOf, Plot, zooming } from "../plots/plot";
 import { inCatalogue, link, route } from "../routes";
 import type { Frame } from "../server/frame";
-import type {
-  Compared,
-  Field,
-  ValidationHead as Head,
-  Problem,
-  ValidatedRecord,
-  Validation,
-} from "../server/generated";
+import type { Field, ValidationHead as Head, Problem, ValidatedRecord, Validation } from "../server/generated";
 import { undoable } from "../undo";
-import { isShowable, useLive, usePosted, useRequest } from "../workspace/answers";
+import { isShowable, useLive, useRequest } from "../workspace/answers";
 import { Button, Fold, type Option } from "../workspace/fields";
 import { filesOf, folderOf, kindOf, list } from "../workspace/files";
 import { JobForm, requestOf, useHeldOut } from "../workspace/form";
@@ -27,7 +20,7 @@ import { follow, jobs } from "../workspace/jobs";
 import { InFolder, Problems, ReportOf, Select, SliderRow } from "../workspace/parts";
 import { Answer, useView, Values } from "../workspace/result";
 import { Table } from "../workspace/table";
-import { Differences } from "./differences";
+import { Comparison } from "./differences";
 
 const INPUTS = ["drive", "circuit", "fit", "recording"];
 /** Value that the slider moves, and its number; null: that of the drive. */
@@ -96,8 +89,8 @@ function Start() {
 /** A validation. Its state begins anew with each one. */
 function Result({ path, now }: { path: string; now: Validation }) {
   const record = useSignal(0);
-  const one = now.record[record.value] ?? now.record[0]!;
-  const span = useSignal(one.span);
+  const one = now.record[record.value]!;
+  const zoom = useSignal<[number, number] | null>(null); // the part of the time that is shown
   const frame = useSignal<Frame<Head> | null>(null);
   const wrong = useSignal<Problem[]>([]);
   const view = useView(path);
@@ -110,13 +103,14 @@ function Result({ path, now }: { path: string; now: Validation }) {
     if (now.editable) void openDrive(now.drive);
   }, []);
   useLive<Head>(
-    () => ({
-      ...{ what: "validation", path, record: record.value, span: span.value, pixels: 1000 },
-      ...{ changes: changes.value, drive: now.drive },
-    }),
+    () => {
+      const span = zoom.value ?? now.record[record.value]!.span;
+      const shown = { path, record: record.value, span, pixels: 1000 };
+      return { what: "validation", ...shown, changes: changes.value, drive: now.drive };
+    },
     (answer) => isShowable(answer, wrong) && (frame.value = answer),
   );
-  const show = (index: number) => ([record.value, span.value] = [index, now.record[index]!.span]);
+  const show = (index: number) => ([record.value, zoom.value] = [index, null]);
   return (
     <>
       <Problems of={wrong.value} />
@@ -128,7 +122,7 @@ function Result({ path, now }: { path: string; now: Validation }) {
         </p>
       )}
       <div class="result">
-        <Runs now={now} one={one} frame={frame} span={span} />
+        <Runs now={now} one={one} frame={frame} zoom={zoom} />
         <aside>
           <div class="panel">
             <RecordingsOf now={now} shown={record.value} show={show} />
@@ -222,9 +216,9 @@ interface ShownRun {
 const HEIGHTS = { position_m: 120, residual: 48, pressure: 60 };
 
 /** Measured and simulated values of each channel, and their differences. */
-function Runs({ now, one, frame, span }: ShownRun & { span: Signal<[number, number]> }) {
-  const [from, to] = span.value;
+function Runs({ now, one, frame, zoom }: ShownRun & { zoom: Signal<[number, number] | null> }) {
   const [low, high] = one.span;
+  const [from, to] = zoom.value ?? one.span;
   const { window_s: window, channels } = now;
   const { off_s: off } = one[channels[0]!.column];
   const plot = ({ column, label, size, unit }: Validation["channels"][number], isResidual: boolean, bare: boolean) => {
@@ -242,9 +236,7 @@ function Runs({ now, one, frame, span }: ShownRun & { span: Signal<[number, numb
         unit={unit}
         size={size}
         bare={bare}
-        range={span.value}
-        onZoom={(...ends) => (span.value = ends)}
-        onReset={from <= low && to >= high ? undefined : () => (span.value = one.span)}
+        {...zooming(zoom)}
       />
     );
   };
@@ -256,7 +248,7 @@ function Runs({ now, one, frame, span }: ShownRun & { span: Signal<[number, numb
           {off === undefined ? (
             "Drag in a plot to zoom. "
           ) : (
-            <Button class="link" act={() => (span.value = [Math.max(off - window, low), Math.min(off + window, high)])}>
+            <Button class="link" act={() => (zoom.value = [Math.max(off - window, low), Math.min(off + window, high)])}>
               Zoom to {instant(off, window / 100)} s, where the position deviates
             </Button>
           )}
@@ -351,8 +343,6 @@ function Refit({ now, folder }: { now: Validation; folder: string }) {
   const name = now.drive.replace(/^catalogue:/, "").replace(/\.toml$/, "");
   const isWithout = now.record.some((one) => !one.file);
   const chosen = useSignal(""); // file that is compared with the drive
-  const pair = chosen.value && { before: now.drive, after: chosen.value };
-  const [difference, problems] = usePosted<Compared>("/api/compare", pair || null);
   return (
     <>
       <JobForm
@@ -383,8 +373,7 @@ function Refit({ now, folder }: { now: Validation; folder: string }) {
           )}
         </JobForm>
       )}
-      <Problems of={problems} />
-      {difference && <Differences {...difference} />}
+      {chosen.value && <Comparison before={now.drive} after={chosen.value} />}
     </>
   );
 }

@@ -117,11 +117,11 @@ function aligned(curves: Curve[], size: number): uPlot.AlignedData {
 
 /**
  * Return the number of pixel columns of the page's plots. Each column receives its own lowest and highest value.
- * Without a plot, return `otherwise`.
+ * Without a plot, `otherwise` is its width.
  */
 export function pixelsOfPlots(otherwise = 1000): number {
-  const width = document.querySelector("main .u-over")?.clientWidth;
-  return width ? Math.min(Math.max(Math.round(width * devicePixelRatio), 200), 4000) : otherwise;
+  const width = document.querySelector("main .u-over")?.clientWidth || otherwise;
+  return Math.min(Math.max(Math.round(width * devicePixelRatio), 200), 4000);
 }
 
 /** Plots that show the same part of the time. */
@@ -252,12 +252,7 @@ export function Plot(props: PlotProps) {
       at,
     );
     plot.current = made;
-    let pressed = 0;
-    made.over.addEventListener("mousedown", (event) => (pressed = event.clientX));
-    made.over.addEventListener(
-      "click",
-      (event) => Math.abs(event.clientX - pressed) < 3 && latest.current.onPick?.(made.posToVal(event.offsetX, "x")),
-    );
+    made.over.addEventListener("click", (event) => latest.current.onPick?.(made.posToVal(event.offsetX, "x")));
     made.over.addEventListener("dblclick", () => latest.current.onReset?.());
     const seen = new ResizeObserver(
       () => at.clientWidth !== made.width && made.setSize({ width: at.clientWidth, height }),

@@ -120,49 +120,42 @@ export const settled = (value: number): number => (Math.abs(value) < REST ? 0 : 
 
 /** Table of the last values of the run and of the others, their differences, and the ends of the band. */
 export function Differences({ head, panels }: { head: RunHead; panels: Panel[] }) {
-  const compared = head.others ?? [];
-  if (!head.ends) return null;
+  const { ends, band, others = [] } = head;
+  if (!ends) return null;
+  type Column = [head: string, name: string, key: string, valuesOf: Record<string, number | [number, number]>];
+  const columns: Column[] = [
+    ["this run", "end", "", ends],
+    ...(band ? [["5 to 95 % of the members", "band", "", band.ends] as Column] : []),
+    ...others.map((one): Column => [named(one.path), "other", `${one.path}/`, one.ends]),
+    ...others.map(
+      (one): Column => [`largest difference to ${named(one.path)}`, "largest", `${one.path}/`, one.largest],
+    ),
+  ];
+  const cell = ({ unit, size }: Panel, column: string, [, name, key, valuesOf]: Column) => {
+    const value = valuesOf[column];
+    const texts = [value ?? []].flat().map((one) => `${digits(settled(one / size), 5)} ${unit}`);
+    return { text: texts.join(" … ") || "–", data: { [`data-${name}`]: `${key}${column}`, "data-si": value } };
+  };
   return (
     <section aria-label="At the end" class="differences ends">
-      {head.band && (
+      {band && (
         <p class="note">
-          Band: from 5 to 95 % of {head.band.members} members, which lie evenly in the spreads
-          {head.band.failed > 0 &&
-            `; ${head.band.failed} of them could not be simulated, for example ${head.band.why}${head.band.refused ? ". The command and Python reject such a member: narrow the spreads" : ""}`}
+          Band: from 5 to 95 % of {band.members} members, which lie evenly in the spreads
+          {band.failed > 0 &&
+            `; ${band.failed} of them could not be simulated, for example ${band.why}${band.refused ? ". The command and Python reject such a member: narrow the spreads" : ""}`}
           .
         </p>
       )}
       <Remarks
-        of={compared
+        of={others
           .filter((one) => !Object.keys(one.ends).length)
           .map((one) => `${one.path} has none of these quantities under the same names.`)}
       />
       <Table
         label="Differences"
-        heads={[
-          "At the end",
-          "this run",
-          ...(head.band ? ["5 to 95 % of the members"] : []),
-          ...compared.map((one) => named(one.path)),
-          ...compared.map((one) => `largest difference to ${named(one.path)}`),
-        ]}
+        heads={["At the end", ...columns.map(([words]) => words)]}
         rows={panels.flatMap((panel) =>
-          panel.curves.map(({ column, label }) => {
-            const of = (value: number | undefined) =>
-              value === undefined ? "–" : `${digits(settled(value / panel.size), 5)} ${panel.unit}`;
-            const cell = (name: string, key: string, value: number | undefined) => ({
-              text: of(value),
-              data: { [`data-${name}`]: key, "data-si": value },
-            });
-            const members = head.band?.ends[column]?.map(of).join(" … ");
-            return [
-              label,
-              cell("end", column, head.ends![column]),
-              ...(head.band ? [{ text: members, data: { "data-band": column } }] : []),
-              ...compared.map((one) => cell("other", `${one.path}/${column}`, one.ends[column])),
-              ...compared.map((one) => cell("largest", `${one.path}/${column}`, one.largest[column])),
-            ];
-          }),
+          panel.curves.map(({ column, label }) => [label, ...columns.map((one) => cell(panel, column, one))]),
         )}
       />
     </section>
