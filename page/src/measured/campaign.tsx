@@ -60,12 +60,8 @@ function CycleFigure({ now: { head, arrays } }: { now: Frame<CycleHead> }) {
   return <FigurePanel data-cycle={head.cycle} data-samples={head.samples} shown={shown} />;
 }
 
-function frictionFigure(measured: Campaign["groups"]): ShownFigure {
+function frictionFigure(groups: Campaign["groups"]): ShownFigure {
   const [name, caption] = ["Friction so far", "Quick estimates."];
-  const groups = measured.map(({ label, points }) => ({
-    label,
-    points: points.map((point) => ({ x: point.speed, y: point.friction, spread: null })),
-  }));
   const panels = [{ title: name, groups }];
   return pointsFigure({ name, caption, x: ["speed, mm/s", 1e-3], y: "friction, N", isLog: true, panels });
 }

@@ -8,8 +8,8 @@ import { type Group, isWide, MOST_SERIES, pointsFigure } from "../plots/points";
 import { isToml, kept, link, route } from "../routes";
 import type {
   BehindFit,
-  FrictionCurve as Curve,
   Finding,
+  FrictionCurve,
   FrictionMap,
   NextPoints as Next,
   FrictionPoint as Point,
@@ -32,7 +32,7 @@ interface Part<Key extends Abscissa> {
   label: string;
   assembly: string;
   points: (Point & Record<Key, number>)[];
-  curve?: Curve & Record<Key, number[]>;
+  curve?: FrictionCurve;
 }
 
 const MOST_ROWS = 300;
@@ -64,7 +64,7 @@ function groupOver<Key extends Abscissa>(key: Key, { label, assembly, points, cu
       spread: point.spread,
       run: key === "speed" ? runs.indexOf(point.recording) : 0,
     })),
-    curve: curve && { ...curve, x: curve[key], y: curve.friction },
+    curve,
   };
 }
 
@@ -145,6 +145,16 @@ function MapView({ path, fit: opened }: { path: string; fit: string }) {
   const fitted = useView(fit);
   const name = nameOf(folderOf(path)) || nameOf(path);
   const answer = fitted ?? (fit ? null : whole);
+  const remedy = ({ state }: Finding) =>
+    fit && state !== "good" ? (
+      <p>
+        <Button act={() => (behind.value = fit)}>Plan the next points</Button>
+      </p>
+    ) : null;
+  const again = async (job: { number: number; out: string }) => {
+    await follow(job.number);
+    if (route.value.path === path) chosenFit.value = job.out;
+  };
   return (
     <div class="friction">
       <h2>
@@ -185,7 +195,17 @@ function MapView({ path, fit: opened }: { path: string; fit: string }) {
               )}
             </div>
             <aside>
-              <Aside path={path} views={[fitted, whole]} plan={fit ? () => (behind.value = fit) : null} />
+              {(fitted ?? whole) && (
+                <section class="panel" aria-label="Findings">
+                  <h3>What these data cannot tell</h3>
+                  <Findings of={[...(fitted?.findings ?? []), ...(whole?.findings ?? [])]} remedy={remedy} />
+                  <ReportOf folder={folderOf(path)} />
+                </section>
+              )}
+              {fitted && <Values view={fitted} />}
+              <Fold title="Fit another law">
+                <JobForm kind="fit" given={{ map: path }} jobs={["fit", "design"]} after={again} />
+              </Fold>
             </aside>
           </div>
           <Points found={found} groups={groups} />
@@ -193,37 +213,6 @@ function MapView({ path, fit: opened }: { path: string; fit: string }) {
         </>
       )}
     </div>
-  );
-}
-
-/** Open findings, the values of the fit, the report, and another fit. `plan` shows the next points of the fit. */
-function Aside(props: { path: string; views: (SentView | null)[]; plan: (() => void) | null }) {
-  const { path, plan } = props;
-  const [fitted, whole] = props.views;
-  const remedy = ({ state }: Finding) =>
-    plan && state !== "good" ? (
-      <p>
-        <Button act={plan}>Plan the next points</Button>
-      </p>
-    ) : null;
-  const again = async (job: { number: number; out: string }) => {
-    await follow(job.number);
-    if (route.value.path === path) chosenFit.value = job.out;
-  };
-  return (
-    <>
-      {(fitted ?? whole) && (
-        <section class="panel" aria-label="Findings">
-          <h3>What these data cannot tell</h3>
-          <Findings of={[...(fitted?.findings ?? []), ...(whole?.findings ?? [])]} remedy={remedy} />
-          <ReportOf folder={folderOf(path)} />
-        </section>
-      )}
-      {fitted && <Values view={fitted} />}
-      <Fold title="Fit another law">
-        <JobForm kind="fit" given={{ map: path }} jobs={["fit", "design"]} after={again} />
-      </Fold>
-    </>
   );
 }
 

@@ -82,7 +82,7 @@ export function Recordings({ files: all }: { files: Listed[] }) {
               key={label}
               label={label}
               files={files.filter((file) => labelOf(file) === label)}
-              part={slice?.groups.filter((group) => group.assembly === label && isOf(group, map!, paths))[0]}
+              part={slice?.groups.find((group) => group.assembly === label && isOf(group, map!, paths))}
               all={slice?.groups ?? []}
               fit={(lines[map?.seals[label] ?? ""] ?? "").replace(/: [a-z ]+$/, "")}
               isOpen={isOpen}
@@ -141,7 +141,7 @@ function Spark({ part, all }: { part: Part; all: Part[] }) {
     room + (Math.max(gauge, 0) / widest) * (width - 2 * room),
     height - room - (friction / highest) * (height - 2 * room),
   ];
-  const line = part.curve?.gauge.map((gauge, k) => at(gauge, part.curve!.friction[k] ?? 0).join(" "));
+  const line = part.curve?.x.map((gauge, k) => at(gauge, part.curve!.y[k] ?? 0).join(" "));
   return (
     <svg width={width} height={height} role="img" aria-label={`Friction of ${part.assembly} over pressure`}>
       <path d={`M0 ${height - 1}H${width}`} stroke="var(--grid)" />

@@ -2,7 +2,6 @@
 
 import { batch, computed, signal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
-import type { Shade } from "../plots/paint";
 import { type Curve, curveOf, Plot, pixelsOfPlots } from "../plots/plot";
 import { link, route } from "../routes";
 import type { Frame, Numbers } from "../server/frame";
@@ -31,10 +30,6 @@ const views = signal<Frame<Head> | null>(null);
 const wrong = signal<Problem[]>([]); // with the view that was asked for
 const proposals = signal<Record<string, Proposal>>({}); // the last one of each recording, with what was typed into it
 const [refused, attempt] = attempts(); // of a layout: said beside its button
-
-const shades = computed<Shade[]>(() =>
-  moved.value.strokes.map(({ from, to, direction }) => ({ from, to, strong: direction > 0 })),
-);
 
 const marks = computed(() => measure.marksOf(moved.value.faults));
 
@@ -222,6 +217,7 @@ const foreignTo = (found: Opened | null): string =>
 function Controls({ found }: { found: Opened }) {
   const [from, to] = span.value;
   const head = views.value?.head;
+  const { strokes } = moved.value;
   const again = file.value.share; // of the file as it is now, where another one is shown
   return (
     <p class="row" role="group" aria-label="View">
@@ -238,7 +234,7 @@ function Controls({ found }: { found: Opened }) {
         {head && !head.raw && ", lowest and highest of each pixel"}
         {head && head.missing > 0 && `, ${head.missing} values are not numbers, or beyond 3e38`}
         {again !== undefined && `, the file was replaced: ${Math.round(100 * again)} % read`}
-        {shades.value.length > 0 && `, ${shades.value.length} strokes (darker: towards +x)`}
+        {strokes.length > 0 && `, ${strokes.length} strokes (darker: towards +x)`}
       </span>
     </p>
   );
@@ -327,7 +323,7 @@ function Plots({ found }: { found: Opened }) {
             bare={k < drawn.length - 1}
             range={[head.from, head.to]}
             onReset={from > found.span![0] || to < found.span![1] ? () => look(found.span!) : undefined}
-            shades={shades.value}
+            shades={moved.value.strokes}
             marks={marks.value}
             cursors={measure.cursors.value ?? undefined}
             onPick={measure.pick}

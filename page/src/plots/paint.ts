@@ -9,9 +9,9 @@ export interface Mark {
   to: number;
 }
 
-/** Shaded time span: a stroke. */
+/** Shaded time span: a stroke, stronger towards +x. */
 export interface Shade extends Mark {
-  strong: boolean;
+  direction: number;
 }
 
 /** Band of many runs, shaded behind the curves. */
@@ -208,7 +208,7 @@ export function shade(u: uPlot, parts: Shade[]): void {
   const shown = seen(u, parts);
   if (shown.length > width / 4) return;
   for (const { one, from, to } of shown) {
-    u.ctx.fillStyle = token(one.strong ? "stroke-strong" : "stroke");
+    u.ctx.fillStyle = token(one.direction > 0 ? "stroke-strong" : "stroke");
     u.ctx.fillRect(from, top, to - from, height);
   }
 }

@@ -714,11 +714,11 @@ export interface MeasuredRows {
   rows: MeasuredRow[];
 }
 
+/** Speed and friction of a cycle, without an interval. */
 export interface QuickPoint {
-  key: string;
-  speed: number;
-  friction: number;
-  flags: string[];
+  x: number;
+  y: number;
+  spread: null;
 }
 
 export interface QuickGroup {
@@ -767,20 +767,13 @@ export interface GaugePoint extends FrictionPoint {
   gauge: number;
 }
 
-/** Curve of a fit with its band and the measured range. */
+/** Friction of a fit over speed or gauge pressure, with its band and the measured range. */
 export interface FrictionCurve {
-  friction: (number | null)[];
+  x: number[];
+  y: (number | null)[];
   low: (number | null)[];
   high: (number | null)[];
   measured: [number | null, number | null];
-}
-
-export interface SpeedCurve extends FrictionCurve {
-  speed: number[];
-}
-
-export interface GaugeCurve extends FrictionCurve {
-  gauge: number[];
 }
 
 /** Points of one seal and pressure, with the curve of the fit; `assembly` is seal, mounting and drive. */
@@ -788,7 +781,7 @@ export interface FrictionGroup {
   label: string;
   assembly: string;
   points: FrictionPoint[];
-  curve?: SpeedCurve;
+  curve?: FrictionCurve;
   gauges: [number, number];
 }
 
@@ -796,7 +789,7 @@ export interface SliceGroup {
   label: string;
   assembly: string;
   points: GaugePoint[];
-  curve?: GaugeCurve;
+  curve?: FrictionCurve;
   speed: number;
 }
 

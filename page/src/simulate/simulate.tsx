@@ -6,7 +6,7 @@ import { MovingCircuit, pistonsAt, pointAt, TimeRange, timeAt } from "../drive/m
 import { opened, restructure, said, set, problems as textProblems, useDrawing, valid } from "../drive/opened";
 import { changed, count, digits, instant, isSevere, sentence, withUnit } from "../plots/looks";
 import { type Curve, curvesOf, indexAt, Plot, zooming } from "../plots/plot";
-import type { Frame } from "../server/frame";
+import type { Frame, Numbers } from "../server/frame";
 import type { Field, RunHead as Head } from "../server/generated";
 import { attempts } from "../server/server";
 import { undoable } from "../undo";
@@ -134,13 +134,8 @@ export default function SimulateView() {
         <Remarked />
       </section>
       <div class="shown">
-        <section class="plots" aria-label="Curves" data-samples={answer.value?.head.samples}>
-          {!hasPlatform.value && <Pistons />}
-          <Plots />
-          <Commands />
-        </section>
+        <Curves />
         <Below />
-        <Beside />
       </div>
     </div>
   );
@@ -242,28 +237,57 @@ function putSteps(next: (steps: Step[], line: number) => Step[]): void {
 
 const MOST_COMMANDS = 3;
 
-/** The command of each valve under the axis of time. */
-function Commands() {
-  const time = answer.value?.arrays.get("time_s");
-  if (!time) return null;
+/** Heights of the curves, so that four panes, the command and the piston fit on one screen. */
+const HEIGHTS = [92, 64, 64, 62];
+
+/** The pistons, the curves, and the command of each valve, on one axis of time. */
+function Curves() {
+  const now = answer.value;
+  const time = now?.arrays.get("time_s");
+  if (!now || !time) return <section class="plots" aria-label="Curves" />;
+  const { panels = [], samples } = now.head;
+  const events = now.head.events?.map((one) => one.time_s);
   const span = zoom.value ?? ([time[0]!, time[time.length - 1]!] as [number, number]);
-  const panes = commandLines().slice(0, MOST_COMMANDS);
   return (
-    <>
-      {panes.map(
-        ({ name, steps }, k) =>
-          steps && (
-            <StepsPane
-              key={name}
-              name={name ? `Command of ${name}` : "Command"}
-              steps={steps}
-              span={span}
-              low={valid.value?.valves?.[name] ?? -1}
-              put={(next) => putSteps((others, line) => (line === k ? next : others))}
-            />
-          ),
-      )}
-    </>
+    <section class="plots" aria-label="Curves" data-samples={samples}>
+      {!hasPlatform.value && <Pistons now={now} time={time} />}
+      {panels.map((panel, k) => {
+        const curves: Curve[] = [
+          ...curvesOf(now, panel),
+          ...beside.otherCurves(now, panel),
+          ...frozen.value.flatMap((trace) => curvesOf(trace, panel, trace.label)),
+        ];
+        return (
+          <Plot
+            key={panel.title}
+            {...panel}
+            height={HEIGHTS[k] ?? 62}
+            curves={curves}
+            bands={panel.curves.flatMap(({ column }, index) => beside.bandOf(now, column, index))}
+            events={events}
+            bare={k < panels.length - 1}
+            {...zooming(zoom)}
+            cursors={[timeAt.value]}
+            onHover={pointAt}
+          />
+        );
+      })}
+      {commandLines()
+        .slice(0, MOST_COMMANDS)
+        .map(
+          ({ name, steps }, k) =>
+            steps && (
+              <StepsPane
+                key={name}
+                name={name ? `Command of ${name}` : "Command"}
+                steps={steps}
+                span={span}
+                low={valid.value?.valves?.[name] ?? -1}
+                put={(next) => putSteps((others, line) => (line === k ? next : others))}
+              />
+            ),
+        )}
+    </section>
   );
 }
 
@@ -271,10 +295,7 @@ const MOST_PISTONS = 3;
 const MM = 1e-3;
 
 /** The pistons at the time of the cursor, with position, speed and pressures. */
-function Pistons() {
-  const now = answer.value;
-  const time = now?.arrays.get("time_s");
-  if (!now || !time) return null;
+function Pistons({ now, time }: { now: Frame<Head>; time: Numbers }) {
   const end = time[time.length - 1]!;
   const row = indexAt(time, Math.min(timeAt.value, end));
   const pistons = pistonsAt(now, row);
@@ -345,58 +366,14 @@ function Remarked() {
   );
 }
 
-/** Heights of the curves, so that four panes, the command and the piston fit on one screen. */
-const HEIGHTS = [92, 64, 64, 62];
-
-function Plots() {
-  const now = answer.value;
-  const events = now?.head.events?.map((one) => one.time_s);
-  return now?.head.panels?.map((panel, k, all) => {
-    const curves: Curve[] = [
-      ...curvesOf(now, panel),
-      ...beside.otherCurves(now, panel),
-      ...frozen.value.flatMap((trace) => curvesOf(trace, panel, trace.label)),
-    ];
-    return (
-      <Plot
-        key={panel.title}
-        {...panel}
-        height={HEIGHTS[k] ?? 62}
-        curves={curves}
-        bands={panel.curves.flatMap(({ column }, index) => beside.bandOf(now, column, index))}
-        events={events}
-        bare={k < all.length - 1}
-        {...zooming(zoom)}
-        cursors={[timeAt.value]}
-        onHover={pointAt}
-      />
-    );
-  });
-}
-
-function Beside() {
-  const now = answer.value;
-  if (!now) return null;
-  return (
-    <div class="plots">
-      {now.head.loops && <beside.Loops now={now} />}
-      {now.head.energy && (
-        <section class="energy" aria-label="Energy">
-          <h2>{now.head.energy.title}</h2>
-          <Values view={now.head.energy} />
-        </section>
-      )}
-    </div>
-  );
-}
-
 const hasPlatform = computed(() => Boolean(answer.value?.head.platforms?.length));
 
 const isAnswered = computed(() => answer.value !== null);
 
 /** Parts of the view that come after the first curves. */
 function Below() {
-  if (!isAnswered.value) return null;
+  const now = answer.value;
+  if (!now) return null;
   return (
     <div class="below">
       {!hasPlatform.value && (
@@ -409,8 +386,15 @@ function Below() {
         </Fold>
       )}
       <Fold open={!isOverMain() || !hasPlatform.value} title="Values at the end">
-        <beside.Differences head={answer.value!.head} panels={answer.value!.head.panels ?? []} />
+        <beside.Differences head={now.head} panels={now.head.panels ?? []} />
       </Fold>
+      {now.head.loops && <beside.Loops now={now} />}
+      {now.head.energy && (
+        <section class="energy" aria-label="Energy">
+          <h2>{now.head.energy.title}</h2>
+          <Values view={now.head.energy} />
+        </section>
+      )}
     </div>
   );
 }

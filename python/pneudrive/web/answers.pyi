@@ -470,10 +470,11 @@ class MeasuredRows(TypedDict):
     rows: list[MeasuredRow]
 
 class QuickPoint(TypedDict):
-    key: str
-    speed: float
-    friction: float
-    flags: list[str]
+    """Speed and friction of a cycle, without an interval."""
+
+    x: float
+    y: float
+    spread: None
 
 class QuickGroup(TypedDict):
     label: str
@@ -518,18 +519,13 @@ class GaugePoint(FrictionPoint):
     gauge: float
 
 class FrictionCurve(TypedDict):
-    """Curve of a fit with its band and the measured range."""
+    """Friction of a fit over speed or gauge pressure, with its band and the measured range."""
 
-    friction: list[float | None]
+    x: list[float]
+    y: list[float | None]
     low: list[float | None]
     high: list[float | None]
     measured: tuple[float | None, float | None]
-
-class SpeedCurve(FrictionCurve):
-    speed: list[float]
-
-class GaugeCurve(FrictionCurve):
-    gauge: list[float]
 
 class FrictionGroup(TypedDict):
     """Points of one seal and pressure, with the curve of the fit; `assembly` is seal, mounting and drive."""
@@ -537,14 +533,14 @@ class FrictionGroup(TypedDict):
     label: str
     assembly: str
     points: list[FrictionPoint]
-    curve: NotRequired[SpeedCurve]
+    curve: NotRequired[FrictionCurve]
     gauges: tuple[float, float]
 
 class SliceGroup(TypedDict):
     label: str
     assembly: str
     points: list[GaugePoint]
-    curve: NotRequired[GaugeCurve]
+    curve: NotRequired[FrictionCurve]
     speed: float
 
 class FrictionMap(TypedDict):

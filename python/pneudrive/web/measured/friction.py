@@ -136,8 +136,7 @@ def drawn_map(path: Path, fit_name: str = FIT) -> Plain:
         curves[group["assembly"]] += 1
         if fit is not None and curves[group["assembly"]] <= MOST_CURVES:
             own = [point["speed"] for point in group["points"]]
-            band = _band(fit, speeds, *group["gauges"])
-            group["curve"] = {"speed": speeds.tolist(), **band, "measured": [min(own), max(own)]}
+            group["curve"] = _curve(fit, speeds, own, speeds, *group["gauges"])
     return {
         "groups": groups,
         "fit": why,
@@ -194,8 +193,7 @@ def map_slice(workspace: Workspace, path: str, fit: str, speed: Literal["all"] |
                 over = np.linspace(reach.min(), reach.max(), SPEEDS)
                 pair = (over, other) if along == 0 else (other, over)
                 known = [point["gauge"] for point in points] or [np.inf, -np.inf]
-                band = _band(fits[name], np.full(SPEEDS, speed_m_s), *pair)
-                group["curve"] = {"gauge": over.tolist(), "measured": [min(known), max(known)], **band}
+                group["curve"] = _curve(fits[name], over, known, np.full(SPEEDS, speed_m_s), *pair)
                 file = fit_file(name) if len(names) > 1 else fit_name
                 ends = float(reach.min()), float(reach.max())
                 levels.append((join(dirname(path), file), speed_m_s, other, *ends))
@@ -204,10 +202,14 @@ def map_slice(workspace: Workspace, path: str, fit: str, speed: Literal["all"] |
     return {"chamber": "ab"[along], "groups": groups, "python": lines}
 
 
-def _band(fit: FrictionFit, *at: Array | float) -> Plain:
-    """Return the friction of a fit at speeds and gauge pressures, with its interval."""
+def _curve(fit: FrictionFit, x: Array, measured: list[float], *at: Array | float) -> Plain:
+    """Return the friction of a fit at speeds and gauge pressures, with its interval, over one of the two."""
     curve = fit.predict(*at)
-    return {"friction": curve.friction_n.tolist(), "low": curve.lower_n.tolist(), "high": curve.upper_n.tolist()}
+    return {
+        **{"x": x.tolist(), "y": curve.friction_n.tolist()},
+        **{"low": curve.lower_n.tolist(), "high": curve.upper_n.tolist()},
+        "measured": [min(measured), max(measured)],
+    }
 
 
 def _points(table: xr.Dataset, rows: Ints) -> list[Plain]:
