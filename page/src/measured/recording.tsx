@@ -6,7 +6,7 @@ import { type Curve, curveOf, Plot, pixelsOfPlots } from "../plots/plot";
 import { link, route } from "../routes";
 import type { Frame, Numbers } from "../server/frame";
 import type { WindowHead as Head, OpenedRecording as Opened, Problem, Proposal, Strokes } from "../server/generated";
-import { ask, attempts, frame, problemsOf, read, write } from "../server/server";
+import { ask, attempting, attempts, frame, problemsOf, read, write } from "../server/server";
 import { useAnswer, useLive } from "../workspace/answers";
 import { Button, Remarks, Tick, Ticks } from "../workspace/fields";
 import { folderOf, list, nameOf, studies } from "../workspace/files";
@@ -286,16 +286,11 @@ function Spectrum({ found, path }: { found: Opened; path: string }) {
   );
 }
 
-/** Return all samples of a channel in the view. */
-async function samplesOf(column: string): Promise<Map<string, Numbers>> {
+/** Read all samples of a channel in the view, and save them. */
+function saveSamples(column: string, save: (all: Map<string, Numbers>) => void): Promise<void> {
   const [from, to] = span.value;
   const given = { path: route.value.path, from: String(from), to: String(to), columns: column };
-  try {
-    return (await frame("/api/samples", given)).arrays;
-  } catch (error) {
-    wrong.value = problemsOf(error);
-    throw error;
-  }
+  return attempting(wrong)(async () => save((await frame("/api/samples", given)).arrays));
 }
 
 function Plots({ found }: { found: Opened }) {
@@ -329,7 +324,7 @@ function Plots({ found }: { found: Opened }) {
             onPick={measure.pick}
             gaps
             extreme={!head.raw}
-            samples={() => samplesOf(one.column)}
+            samples={(save) => saveSamples(one.column, save)}
             onZoom={(from, to) => look([from, to])}
           />
         );

@@ -238,17 +238,6 @@ export function upright(u: uPlot, times: number[]): void {
   });
 }
 
-/** Return the limits of the values and bands. */
-export function within({ bands, size }: { bands?: Band[]; size: number }, low: number, high: number): [number, number] {
-  let [least, most] = [low, high];
-  for (const one of bands ?? [])
-    for (let i = 0; i < one.x.length; i++) {
-      least = Math.min(least, one.low[i]! / size);
-      most = Math.max(most, one.high[i]! / size);
-    }
-  return [least, most];
-}
-
 /** Mark times by a triangle at the top and a pale line below it. */
 export function flag(u: uPlot, times: number[]): void {
   const { left, top, width, height } = u.bbox;

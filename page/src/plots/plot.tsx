@@ -1,6 +1,6 @@
 /** One plot over time: with `paint.ts` and the two that save it the only files that touch uPlot. */
 
-import type { Signal } from "@preact/signals";
+import { type Signal, useSignal } from "@preact/signals";
 import { useLayoutEffect, useMemo, useRef, useState } from "preact/hooks";
 import { Table } from "../workspace/table";
 import "../drive/language"; // before uPlot, which reads it
@@ -13,6 +13,7 @@ import { Button } from "../workspace/fields";
 import { digits, instant, isDark, look, pretty, token } from "./looks";
 import * as paint from "./paint";
 import { type Saved, saveCsv, saveSamples } from "./saving";
+import { endsOf } from "./scale";
 
 export interface Curve {
   label: string;
@@ -78,7 +79,7 @@ export interface PlotProps {
   onHover?: (time: number) => void; // of the value that is pointed at
   onPick?: (time: number) => void; // a click that is no drag
   extreme?: boolean; // values are the lowest and the highest of each pixel, in turn
-  samples?: () => Promise<Map<string, Numbers>>; // all values of the shown part, "time" first
+  samples?: (save: (all: Map<string, Numbers>) => void) => unknown; // all values of the shown part, "time" first
 }
 
 const ROWS = 11;
@@ -175,7 +176,7 @@ const abscissaOf = ({ xUnit = "s" }: PlotProps): string =>
 
 export function Plot(props: PlotProps) {
   const place = useRef<HTMLDivElement>(null);
-  const title = useRef<HTMLElement>(null);
+  const pointed = useSignal<number | undefined>(undefined); // time or frequency under the pointer
   const plot = useRef<uPlot | null>(null);
   const latest = useRef(props);
   latest.current = props;
@@ -191,8 +192,11 @@ export function Plot(props: PlotProps) {
   useLayoutEffect(() => {
     const at = place.current!;
     const rangeX: uPlot.Range.Function = (_, low, high) => latest.current.range ?? [low, high];
-    const rangeY: uPlot.Range.Function = (_, low, high) =>
-      low === null ? [low, high] : reach(...paint.within(latest.current, low, high));
+    const rangeY: uPlot.Range.Function = (_, low, high) => {
+      const { bands = [], size } = latest.current;
+      const ends = bands.flatMap((band) => [...Array.from(band.low), ...Array.from(band.high)]);
+      return low === null ? [low, high] : reach(...endsOf([low, high, ...ends.map((end) => end / size)]));
+    };
     const made = new uPlot(
       {
         width: at.clientWidth || 400,
@@ -231,8 +235,10 @@ export function Plot(props: PlotProps) {
             paint.kept((u) => paint.upright(u, latest.current.cursors ?? [])),
           ],
           setCursor: [
-            (u) => title.current && tell(u, title.current, latest.current),
-            (u) => typeof u.cursor.idx === "number" && latest.current.onHover?.(u.data[0][u.cursor.idx]!),
+            ({ cursor: { idx, left = -1 }, data: [x] }) => {
+              const time = (pointed.value = typeof idx === "number" && left >= 0 ? x[idx] : undefined);
+              if (time !== undefined) latest.current.onHover?.(time);
+            },
           ],
           drawClear: [
             paint.kept((u) => paint.shade(u, latest.current.shades ?? [])),
@@ -272,10 +278,9 @@ export function Plot(props: PlotProps) {
 
   return (
     <figure class="plot" data-plot={props.title}>
-      <figcaption ref={title}>
+      <figcaption>
         <span class="title">{props.unit ? `${props.title}, ${pretty(props.unit)}` : props.title}</span>
-        <span class="value" data-value="time" />
-        <Legend curves={props.curves} />
+        <Legend of={props} pointed={pointed} />
         {props.onReset && <Button class="link" act={props.onReset} words="Reset zoom" />}
         <More of={props} saved={() => ({ ...props, over: abscissaOf(props), u: plot.current! })} />
       </figcaption>
@@ -284,18 +289,23 @@ export function Plot(props: PlotProps) {
   );
 }
 
-/** Name and line of each curve, and its value under the pointer. A single curve is named by the title. */
-function Legend({ curves }: { curves: Curve[] }) {
+/** The time under the pointer, and name, line and value of each curve. A single curve is named by the title. */
+function Legend({ of: { curves, size }, pointed }: { of: PlotProps; pointed: Signal<number | undefined> }) {
   const isOne = curves.length === 1;
+  const time = pointed.value;
   return (
-    <ul class="legend">
-      {curves.map(({ label, look: own }, index) => (
-        <li key={label}>
-          <LineSample index={own ?? index} isHidden={isOne} /> <span class={isOne ? "hidden" : "name"}>{label}</span>{" "}
-          <span class="value" />
-        </li>
-      ))}
-    </ul>
+    <>
+      <span class="value">{time !== undefined && instant(time, stepOf(curves[0]?.x))}</span>
+      <ul class="legend">
+        {curves.map((one, index) => (
+          <li key={one.label}>
+            <LineSample index={one.look ?? index} isHidden={isOne} />{" "}
+            <span class={isOne ? "hidden" : "name"}>{one.label}</span>{" "}
+            <span class="value">{time !== undefined && digits(valueAt(one, time) / size)}</span>
+          </li>
+        ))}
+      </ul>
+    </>
   );
 }
 
@@ -314,7 +324,7 @@ function More({ of, saved }: { of: PlotProps; saved: () => Saved }) {
             <Button act={() => drawn("svg")}>SVG</Button>
             <Button act={() => saveCsv(saved())}>{extreme ? "CSV of lowest and highest" : "CSV"}</Button>
             {extreme && samples && (
-              <Button act={() => samples().then((all) => saveSamples(saved(), all))}>CSV of all samples</Button>
+              <Button act={() => samples((all) => saveSamples(saved(), all))}>CSV of all samples</Button>
             )}
           </p>
           <Values {...of} />
@@ -322,17 +332,6 @@ function More({ of, saved }: { of: PlotProps; saved: () => Saved }) {
       )}
     </details>
   );
-}
-
-/** Show the time under the pointer, and the value of each curve there, in the title line. */
-function tell(u: uPlot, title: HTMLElement, { curves, size }: PlotProps): void {
-  const row = u.cursor.idx;
-  const time = typeof row === "number" && (u.cursor.left ?? -1) >= 0 ? u.data[0][row] : undefined;
-  title.querySelectorAll(".value").forEach((place, k) => {
-    const one = curves[k - 1];
-    if (time === undefined) place.textContent = "";
-    else place.textContent = one ? digits(valueAt(one, time) / size) : `${instant(time, stepOf(curves[0]?.x))} `;
-  });
 }
 
 /** Values at some times from the first to the last one. */
