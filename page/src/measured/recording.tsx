@@ -50,8 +50,8 @@ async function open(path: string, isGone: () => boolean): Promise<void> {
     if (isGone()) return;
     file.value = Array.isArray(now) ? { problems: now } : now;
     if (Array.isArray(now)) return;
-    const isShown = now.key === about.value?.key && !wrong.value.length && !isOwed;
-    if (now.channels && !isShown) await put(now, path, isGone);
+    if (now.channels && now.key !== about.value?.key) await put(now, path, isGone);
+    else if (now.channels && (wrong.value.length || isOwed)) about.value = now; // the same view is asked for again
     if (now.share !== undefined) await rested(measure.READ_MS);
     else {
       await rested(Math.max(LOOK_MS, (performance.now() - began) / MOST_LOAD));
