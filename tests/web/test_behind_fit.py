@@ -151,7 +151,7 @@ def test_a_map_at_one_speed_is_friction_over_pressure(maps: Served, monkeypatch:
     assert found["chamber"] == "b"
     (group,) = found["groups"]
     assert {round(point["speed"], 9) for point in group["points"]} == {0.03}  # the level beside, and no other
-    assert {round(point["gauge"]) for point in group["points"]} == {0, 200000, 400000}
+    assert {round(point["x"]) for point in group["points"]} == {0, 200000, 400000}
     gauge, friction = np.array(group["curve"]["x"]), np.array(group["curve"]["y"])
     assert np.all(np.abs(friction - stribeck(np.full(len(gauge), 0.0305), gauge)) < 0.3)
     assert np.ptp(friction) == pytest.approx(3e-5 * 4e5, rel=0.05)

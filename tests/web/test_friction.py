@@ -59,7 +59,7 @@ def test_a_map_and_its_fit_are_shown_as_they_are(measured: Served) -> None:
 
     found = get(measured, "/api/map", path="results/o-rings/map.parquet")
     points = [point for group in found["groups"] for point in group["points"]]
-    assert sorted(one["friction"] for one in points) == sorted(table["friction_n"].to_numpy())
+    assert sorted(one["y"] for one in points) == sorted(table["friction_n"].to_numpy())
     assert len(found["groups"]) == 2  # two pressures in chamber b
     assert found["recordings"] == {"O-ring_1bar": NAMES[0], "O-ring_5bar": NAMES[1]}
     for group in found["groups"]:

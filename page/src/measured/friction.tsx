@@ -9,13 +9,13 @@ import { isToml, kept, link, route } from "../routes";
 import type {
   BehindFit,
   Finding,
-  FrictionCurve,
+  FrictionGroup,
   FrictionMap,
   NextPoints as Next,
-  FrictionPoint as Point,
   SentView,
   ShownFigure,
   Slice,
+  SliceGroup,
 } from "../server/generated";
 import { useRequest } from "../workspace/answers";
 import { Button, Fold, type Option, Tick } from "../workspace/fields";
@@ -27,17 +27,8 @@ import { Answer, Figures, Findings, Shown, useView, Values } from "../workspace/
 import { Table } from "../workspace/table";
 import { Comparison } from "./differences";
 
-/** Points of one seal and pressure, with the curve of the fit; `assembly` is seal, mounting and drive. */
-interface Part<Key extends Abscissa> {
-  label: string;
-  assembly: string;
-  points: (Point & Record<Key, number>)[];
-  curve?: FrictionCurve;
-}
-
 const MOST_ROWS = 300;
 const MM = 1000; // mm in a metre
-type Abscissa = "speed" | "gauge";
 const NEAR = 0.05; // speeds that differ by less, relatively, are one level
 const NARROW = 3; // ratio of speeds below which pressure is the axis
 const ALL = "all, side by side";
@@ -54,43 +45,36 @@ export function levels(speeds: number[]): number[] {
   return [...speeds].sort((a, b) => a - b).filter((speed, k, all) => k === 0 || speed > all[k - 1]! * (1 + NEAR));
 }
 
-function groupOver<Key extends Abscissa>(key: Key, { label, assembly, points, curve }: Part<Key>): Group {
-  const runs = [...new Set(points.map((point) => point.recording))];
-  return {
-    label: label.replace(`${assembly}: `, ""),
-    points: points.map((point) => ({
-      x: point[key],
-      y: point.friction,
-      spread: point.spread,
-      run: key === "speed" ? runs.indexOf(point.recording) : 0,
-    })),
-    curve,
-  };
-}
-
-/** Return the panels of a figure: one for each seal. */
-const panelsOf = <Key extends Abscissa>(key: Key, parts: Part<Key>[]) =>
-  [...new Set(parts.map((part) => part.assembly))].map((title, _, all) => ({
-    title: all.length > 1 ? title : "",
-    groups: parts.filter((part) => part.assembly === title).map((part) => groupOver(key, part)),
+/** Return the panels of a figure: one for each seal. Over speed, points of later recordings are open. */
+const panelsOf = (parts: (FrictionGroup | SliceGroup)[], isOverSpeed = false) =>
+  [...new Set(parts.map((part) => part.assembly))].map((seal, _, all) => ({
+    title: all.length > 1 ? seal : "",
+    groups: parts
+      .filter((part) => part.assembly === seal)
+      .map(
+        ({ label, points, curve }): Group => ({
+          label: label.replace(`${seal}: `, ""),
+          points: isOverSpeed ? points.map((point) => ({ ...point, run: point.recording })) : points,
+          curve,
+        }),
+      ),
   }));
 
 /** Whether speeds are drawn on a logarithmic axis: as chosen, or because they need it. */
-const isLogOf = (groups: FrictionMap["groups"]): boolean =>
-  isLog.value ?? isWide(groups.map((group) => groupOver("speed", group)));
+const isLogOf = (groups: FrictionGroup[]): boolean => isLog.value ?? isWide(groups);
 
 /** Friction over the pressure of a chamber, with a panel for each seal. */
 export function overPressure({ chamber, groups }: Slice, caption: string): ShownFigure {
-  const panels = panelsOf("gauge", groups);
+  const panels = panelsOf(groups);
   if (groups.length === panels.length) for (const panel of panels) panel.groups[0]!.label = ""; // one pressure alone
   const axes = { x: [`chamber ${chamber}, bar gauge`, 1e5] as [string, number], y: "friction, N" };
   return pointsFigure({ name: "Friction over pressure", caption, ...axes, panels, isFromZero: true });
 }
 
 /** Whether the axis is pressure: as chosen, or because pressure was varied more than speed, as a map of one seal shows. */
-function isOverPressure(groups: FrictionMap["groups"]): boolean {
+function isOverPressure(groups: FrictionGroup[]): boolean {
   if (axis.value) return axis.value === "pressure";
-  const speeds = groups.flatMap((group) => group.points.map((point) => point.speed));
+  const speeds = groups.flatMap((group) => group.points.map((point) => point.x));
   const counts = groups.map((group) => groups.filter((one) => one.assembly === group.assembly).length);
   return Math.max(...counts) > 1 && Math.max(...speeds) < NARROW * Math.min(...speeds);
 }
@@ -217,8 +201,8 @@ function MapView({ path, fit: opened }: { path: string; fit: string }) {
 }
 
 /** Choices of the axis and of a part of the points; the address keeps them. */
-function Axes({ isOver, groups }: { isOver: boolean; groups: FrictionMap["groups"] }) {
-  const speeds = levels(groups.flatMap((group) => group.points.map((point) => point.speed))).map(
+function Axes({ isOver, groups }: { isOver: boolean; groups: FrictionGroup[] }) {
+  const speeds = levels(groups.flatMap((group) => group.points.map((point) => point.x))).map(
     (speed): Option => [String(speed), `${digits(MM * speed, 3)} mm/s`],
   );
   const over = (name: string) => (
@@ -251,7 +235,7 @@ const BARS =
 /** Groups are those of the shown seals. */
 interface ShownMap {
   found: FrictionMap;
-  groups: FrictionMap["groups"];
+  groups: FrictionGroup[];
 }
 
 function MapFigure(props: ShownMap & { path: string; fit: string; isOver: boolean }) {
@@ -264,7 +248,7 @@ function MapFigure(props: ShownMap & { path: string; fit: string; isOver: boolea
   const at = shown?.groups.length === 1 ? ` at ${digits(MM * shown.groups[0]!.speed, 3)} mm/s` : "";
   const words = shown && (level.value ? "" : ` Curves hold at the mean speed of the seal${at}.`);
   const isOpen = groups.some((group) => new Set(group.points.map((point) => point.recording)).size > 1);
-  const most = Math.max(...panelsOf("speed", groups).map((panel) => panel.groups.length), 0);
+  const most = Math.max(...panelsOf(groups, true).map((panel) => panel.groups.length), 0);
   const hints = `${isOpen ? " Open: later runs." : ""}${most > MOST_SERIES ? " Grey: other pressures; choose one above." : ""}`;
   const figure = isOver
     ? shown && overPressure(shown, `${BARS}${words} ${found.fit}`)
@@ -273,7 +257,7 @@ function MapFigure(props: ShownMap & { path: string; fit: string; isOver: boolea
         caption: `${BARS}${hints} ${found.fit}`,
         x: ["speed, mm/s", 1e-3],
         y: "friction, N",
-        panels: panelsOf("speed", groups),
+        panels: panelsOf(groups, true),
         isFromZero: true,
         isLog: isLogOf(groups),
       });
@@ -315,13 +299,13 @@ function Points({ found, groups }: ShownMap) {
             cells: [
               file ? <a href={link("recording", file)}>{point.recording}</a> : point.recording,
               point.direction > 0 ? "+x" : "-x",
-              digits(MM * point.speed),
-              digits(point.friction),
+              digits(MM * point.x),
+              digits(point.y),
               digits(point.spread, 2),
               point.group,
               point.flags.replaceAll(",", ", ").replaceAll("_", " "),
             ],
-            data: { "data-si": point.friction },
+            data: { "data-si": point.y },
           };
         })}
       />

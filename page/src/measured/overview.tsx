@@ -107,8 +107,8 @@ const isOf = ({ points }: Part, { recordings }: FrictionMap, paths: string[]): b
 function Friction({ path, map, slice }: { path: string; map: FrictionMap; slice: Slice }) {
   const open = useView(path)?.findings.filter((finding) => finding.state !== "good") ?? [];
   const seals = Object.keys(map.seals).length;
-  const speeds = map.groups.flatMap((group) => group.points.map((point) => MM * point.speed));
-  const gauges = slice.groups.flatMap((group) => group.points.map((point) => point.gauge / BAR));
+  const speeds = map.groups.flatMap((group) => group.points.map((point) => MM * point.x));
+  const gauges = slice.groups.flatMap((group) => group.points.map((point) => point.x / BAR));
   const recordings = count(Object.keys(map.recordings).length, "recording");
   return (
     <>
@@ -133,8 +133,8 @@ function Friction({ path, map, slice }: { path: string; map: FrictionMap; slice:
 function Spark({ part, all }: { part: Part; all: Part[] }) {
   const points = all.flatMap((group) => group.points);
   const [widest, highest] = [
-    Math.max(...points.map((point) => point.gauge), 1),
-    Math.max(...points.map((point) => point.friction)),
+    Math.max(...points.map((point) => point.x), 1),
+    Math.max(...points.map((point) => point.y)),
   ];
   const { width, height, room } = SPARK;
   const at = (gauge: number, friction: number) => [
@@ -146,7 +146,7 @@ function Spark({ part, all }: { part: Part; all: Part[] }) {
     <svg width={width} height={height} role="img" aria-label={`Friction of ${part.assembly} over pressure`}>
       <path d={`M0 ${height - 1}H${width}`} stroke="var(--grid)" />
       {line && <path d={`M${line.join("L")}`} fill="none" stroke="var(--fig-blue)" />}
-      {part.points.map(({ gauge, friction }) => {
+      {part.points.map(({ x: gauge, y: friction }) => {
         const [x, y] = at(gauge, friction);
         return <circle cx={x} cy={y} r="2.2" fill="var(--fig-blue)" />;
       })}
@@ -166,7 +166,7 @@ function Row(props: {
   const { label, files, part, all, fit, isOpen } = props;
   const paths = files.map((file) => file.path);
   const flags = [...new Set(part?.points.flatMap((point) => point.flags.split(",").filter(Boolean)))];
-  const friction = part?.points.map((point) => point.friction) ?? [];
+  const friction = part?.points.map((point) => point.y) ?? [];
   const old = paths.filter((path) => stale.value.stale[path]);
   return (
     <li data-label={label}>
@@ -244,7 +244,7 @@ function Chosen(props: { paths: string[]; map: FrictionMap | null; slice: Slice 
       ["recording", "group", "direction", "pressure, bar gauge", "speed, mm/s", "friction, N", "U (k = 2), N", "flags"],
       ...points.map((point) => [
         ...[point.recording, point.label, point.direction > 0 ? "+x" : "-x"],
-        ...[point.gauge / BAR, MM * point.speed, point.friction, point.spread].map((value) => digits(value, 6)),
+        ...[point.x / BAR, MM * point.speed, point.y, point.spread].map((value) => digits(value, 6)),
         point.flags,
       ]),
     ]);

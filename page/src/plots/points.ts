@@ -7,7 +7,7 @@ export interface Point {
   x: number;
   y: number;
   spread: number | null;
-  run?: number; // points of later runs are open
+  run?: unknown; // points of later runs are open
 }
 
 /** Points, and the curve that belongs to them. */
@@ -69,9 +69,9 @@ function marksOf({ label, points, curve }: Group, look: Look): Mark[] {
     if (isInside.includes(false)) marks.push({ ...line, x, y, label: "", look: [look[0], ":", look[2]], width: 0.9 });
     marks.push({ ...line, x, y: y.map((value, k) => (isInside[k] ? value : null)), label, look });
   }
-  const runs = [...new Set(points.map((point) => point.run ?? 0))];
+  const runs = [...new Set(points.map((point) => point.run))];
   for (const run of runs) {
-    const own = points.filter((point) => (point.run ?? 0) === run);
+    const own = points.filter((point) => point.run === run);
     const end = (sign: number) => own.map(({ y, spread }) => (spread === null ? null : y + sign * spread));
     marks.push({
       x: own.map((point) => point.x),

@@ -754,17 +754,18 @@ export interface Plan extends Copied {
   cycles: number;
 }
 
+/** Friction y over speed x, or over gauge pressure x with the speed. */
 export interface FrictionPoint {
   recording: string;
   direction: number;
-  speed: number;
-  friction: number;
+  x: number;
+  y: number;
   spread: number | null;
   flags: string;
 }
 
 export interface GaugePoint extends FrictionPoint {
-  gauge: number;
+  speed: number;
 }
 
 /** Friction of a fit over speed or gauge pressure, with its band and the measured range. */

@@ -508,15 +508,17 @@ class Plan(Copied):
 # --- Friction and validations.
 
 class FrictionPoint(TypedDict):
+    """Friction y over speed x, or over gauge pressure x with the speed."""
+
     recording: str
     direction: int
-    speed: float
-    friction: float
+    x: float
+    y: float
     spread: float | None
     flags: str
 
 class GaugePoint(FrictionPoint):
-    gauge: float
+    speed: float
 
 class FrictionCurve(TypedDict):
     """Friction of a fit over speed or gauge pressure, with its band and the measured range."""
