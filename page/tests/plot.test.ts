@@ -53,11 +53,6 @@ describe("the lines of a curve", () => {
   it("come in from the value before the view and leave it to the one behind", () => {
     expect(drawn([-2, 1, 5, 14], [0, 4, 10, 1], [1, 2])).toEqual(["to -2 10", "line 1 6", "line 5 0", "line 14 9"]);
   });
-  it("keep first, lowest, highest and last of a column of pixels", () => {
-    const x = Array.from({ length: 90 }, (_, i) => 2 + i / 100);
-    const y = x.map((_, i) => (i === 30 ? 9 : i === 60 ? 1 : 5));
-    expect(drawn(x, y, [0, 89])).toEqual(["to 2 5", "line 2.89 1", "line 2.89 9", "line 2.89 5"]);
-  });
   it("stop at a gap, unless it is to be spanned, and pass over times of other curves", () => {
     const [x, y] = [
       [1, 2, 3, 4, 5],

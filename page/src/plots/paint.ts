@@ -95,7 +95,7 @@ export function curve(u: uPlot, series: number): void {
 
 const DOT = 1.5; // radius of a value between two gaps, pixels
 
-/** Draw straight lines between values. A column of pixels keeps only its first, lowest, highest and last value. */
+/** Draw straight lines between values. A value that is alone in its column of pixels, between two gaps, becomes a dot. */
 export function lines(u: uPlot, series: number): void {
   const { x, y, left, top, first, most, perX, perY } = placed(u, series);
   const { ctx } = u;
@@ -109,18 +109,9 @@ export function lines(u: uPlot, series: number): void {
   while (to < x.length - 1 && y[to] === undefined);
   clip(u);
   ctx.beginPath();
-  let [column, low, high, begun, endX, endY, isOne] = [Number.NaN, 0, 0, 0, 0, 0, true];
-  const leave = () => {
-    if (low < Math.min(begun, endY)) ctx.lineTo(endX, low);
-    if (high > Math.max(begun, endY)) ctx.lineTo(endX, high);
-    if (!isOne) ctx.lineTo(endX, endY);
-    [column, isOne] = [Number.NaN, true];
-  };
-  let [isDown, isAlone] = [false, false];
-  /** End a line before a gap: a value alone in its column of pixels, between two gaps, becomes a dot, as it has no line. */
+  let [isDown, isAlone, endX, endY] = [false, false, 0, 0];
   const end = () => {
-    leave();
-    if (isDown && isAlone && low === high) ctx.arc(endX, endY, DOT * devicePixelRatio, 0, 2 * Math.PI);
+    if (isDown && isAlone) ctx.arc(endX, endY, DOT * devicePixelRatio, 0, 2 * Math.PI);
     isDown = false;
   };
   for (let i = Math.max(from, 0); i <= Math.min(to, x.length - 1); i++) {
@@ -131,20 +122,10 @@ export function lines(u: uPlot, series: number): void {
       continue;
     }
     const [atX, atY] = [left + (x[i]! - first) * perX, top + (most - value) * perY];
-    if (Math.floor(atX) === column) {
-      isOne = false;
-      if (atY < low) low = atY;
-      if (atY > high) high = atY;
-    } else {
-      leave();
-      isAlone = !isDown;
-      if (isDown) ctx.lineTo(atX, atY);
-      else ctx.moveTo(atX, atY);
-      isDown = true;
-      column = Math.floor(atX);
-      low = high = begun = atY;
-    }
-    [endX, endY] = [atX, atY];
+    if (isDown) ctx.lineTo(atX, atY);
+    else ctx.moveTo(atX, atY);
+    isAlone = !isDown || (isAlone && atY === endY && Math.floor(atX) === Math.floor(endX));
+    [isDown, endX, endY] = [true, atX, atY];
   }
   end();
   ctx.strokeStyle = (own.stroke as () => string)();
