@@ -71,14 +71,9 @@ function placed(u: uPlot, series: number) {
   };
 }
 
-/** Return a hook of uPlot that draws and leaves the canvas as it was. */
-export const kept =
-  <Given extends unknown[]>(paint: (u: uPlot, ...given: Given) => void) =>
-  (u: uPlot, ...given: Given): void => {
-    u.ctx.save();
-    paint(u, ...given);
-    u.ctx.restore();
-  };
+/** Hooks of uPlot before and after what is drawn here. */
+export const save = (u: uPlot): void => u.ctx.save();
+export const restore = (u: uPlot): void => u.ctx.restore();
 
 /** Draw only within the area of the curves. */
 function clip({ ctx, bbox }: uPlot): void {

@@ -84,11 +84,15 @@ export interface PlotProps {
 
 const ROWS = 11;
 
-function scaled(values: ArrayLike<number>, size: number): ArrayLike<number> {
-  if (size === 1) return values;
+/** Return values in a unit, with null instead of NaN, because uPlot draws a line across NaN. */
+function inUnit(values: ArrayLike<number>, size: number): ArrayLike<number | null> {
   const out = new Float64Array(values.length);
-  for (let i = 0; i < values.length; i++) out[i] = (values[i] as number) / size;
-  return out;
+  let hasGap = false;
+  for (let i = 0; i < values.length; i++) {
+    out[i] = values[i]! / size;
+    hasGap ||= Number.isNaN(out[i]);
+  }
+  return hasGap ? Array.from(out, (one) => (Number.isNaN(one) ? null : one)) : out;
 }
 
 /** Return numbers of an axis as the page writes all others, independent of the browser's language. */
@@ -101,16 +105,9 @@ function space(_: uPlot, _axis: number, low: number, high: number): number {
   return Math.max(70, 20 + 7 * Math.max(Math.abs(low), Math.abs(high)).toFixed(Math.min(decimals, 12)).length);
 }
 
-/** Return the values with null instead of NaN, because uPlot draws a line across NaN. */
-function withGaps(values: ArrayLike<number>): ArrayLike<number | null> {
-  for (let i = 0; i < values.length; i++)
-    if (Number.isNaN(values[i])) return Array.from(values, (one) => (Number.isNaN(one) ? null : one));
-  return values;
-}
-
 function aligned(curves: Curve[], size: number): uPlot.AlignedData {
   const same = curves.every((one) => one.x === curves[0]?.x);
-  const tables = curves.map((one) => [one.x, withGaps(scaled(one.y, size))] as unknown as uPlot.AlignedData);
+  const tables = curves.map((one) => [one.x, inUnit(one.y, size)] as unknown as uPlot.AlignedData);
   if (!curves.length) return [[]] as unknown as uPlot.AlignedData;
   if (same) return [curves[0]!.x, ...tables.map((one) => one[1])] as unknown as uPlot.AlignedData;
   return uPlot.join(tables);
@@ -228,11 +225,13 @@ export function Plot(props: PlotProps) {
           }),
         ],
         hooks: {
-          drawSeries: [paint.kept(paint.curve)],
+          drawSeries: [paint.save, paint.curve, paint.restore],
           draw: [
-            paint.kept((u) => paint.mark(u, latest.current.marks ?? [])),
-            paint.kept((u) => paint.flag(u, latest.current.events ?? [])),
-            paint.kept((u) => paint.upright(u, latest.current.cursors ?? [])),
+            paint.save,
+            (u) => paint.mark(u, latest.current.marks ?? []),
+            (u) => paint.upright(u, latest.current.cursors ?? []),
+            (u) => paint.flag(u, latest.current.events ?? []),
+            paint.restore,
           ],
           setCursor: [
             ({ cursor: { idx, left = -1 }, data: [x] }) => {
@@ -241,8 +240,10 @@ export function Plot(props: PlotProps) {
             },
           ],
           drawClear: [
-            paint.kept((u) => paint.shade(u, latest.current.shades ?? [])),
-            paint.kept((u) => paint.fill(u, latest.current.bands ?? [], latest.current.size)),
+            paint.save,
+            (u) => paint.shade(u, latest.current.shades ?? []),
+            (u) => paint.fill(u, latest.current.bands ?? [], latest.current.size),
+            paint.restore,
           ],
           setSelect: [
             (u) => {
