@@ -173,7 +173,9 @@ function MapView({ path, fit: opened }: { path: string; fit: string }) {
           <div class="result">
             <div class="result-figures">
               {other.value ? (
-                <Compared path={path} fit={fit} found={found} />
+                <div class="panel">
+                  <Comparison {...pairOf(path, fit, found)} again={found} />
+                </div>
               ) : (
                 <MapFigure path={path} fit={drawn} found={found} groups={groups} isOver={isOver} />
               )}
@@ -274,16 +276,11 @@ function MapFigure(props: ShownMap & { path: string; fit: string; isOver: boolea
   );
 }
 
-/** Two seals of the map or two maps, by their fits where both have one. */
-function Compared({ path, fit, found }: { path: string; fit: string; found: FrictionMap }) {
+/** Return the files to compare: two seals of the map or two maps, by their fits where both have one. */
+function pairOf(path: string, fit: string, { seals }: FrictionMap): { before: string; after: string } {
   const beside = [folderOf(other.value), "fit.toml"].filter(Boolean).join("/");
-  const fitOfOther = found.seals[other.value] ?? (filesOf("fit").some((file) => file.path === beside) && beside);
-  const pair = fit && fitOfOther ? { before: fit, after: fitOfOther } : { before: path, after: other.value };
-  return (
-    <div class="panel">
-      <Comparison {...pair} again={found} />
-    </div>
-  );
+  const fitOfOther = seals[other.value] ?? (filesOf("fit").some((file) => file.path === beside) && beside);
+  return fit && fitOfOther ? { before: fit, after: fitOfOther } : { before: path, after: other.value };
 }
 
 function Points({ found, groups }: ShownMap) {

@@ -179,16 +179,13 @@ function RecordingsOf(props: { now: Validation; shown: number; show: (index: num
 
 function Why({ now }: { now: Validation }) {
   const { culprit = [], clean, left } = now.diagnosis;
+  const words = clean
+    ? "The balances close: the residuals are sensor noise and less than 1 % of the terms."
+    : "The balances do not close, but none of the known causes explains the residuals.";
   return (
     <section aria-label="Why the model is off">
       <h2>{clean && !culprit.length ? "The model at the measured states" : "Why the model is off"}</h2>
-      {!culprit.length && (
-        <p>
-          {clean
-            ? "The balances close: the residuals are sensor noise and less than 1 % of the terms."
-            : "The balances do not close, but none of the known causes explains the residuals."}
-        </p>
-      )}
+      {!culprit.length && <p>{words}</p>}
       {culprit.map((cause) => (
         <div key={cause.what} class="cause" data-cause={cause.what}>
           <p>{cause.text}</p>

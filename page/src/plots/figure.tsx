@@ -211,6 +211,15 @@ const Words = (props: { x: number; y: number; side?: "end" | "middle"; ink?: "ca
   </text>
 );
 
+/** A drawing that is saved with its figure. */
+const Sheet = (props: { width: number; height: number; label: string; children: ComponentChildren }) => (
+  <svg class="panel-drawing" width={props.width} height={props.height} role="img" aria-label={props.label}>
+    <g font-size="12" font-family="system-ui, sans-serif">
+      {props.children}
+    </g>
+  </svg>
+);
+
 interface PanelProps {
   panel: Panel;
   x: Axis;
@@ -255,14 +264,7 @@ export function PanelDrawing(props: PanelProps) {
   const every = Math.ceil((xTicks.length * widest) / Math.max(right - left, 1));
   const clip = `clip-${name}`.replace(/[^\w-]/g, "-");
   return (
-    <svg
-      class="panel-drawing"
-      width={width}
-      height={height}
-      role="img"
-      aria-label={[...head, x.label].join(", ")}
-      font-size="12"
-      font-family="system-ui, sans-serif">
+    <Sheet width={width} height={height} label={[...head, x.label].join(", ")}>
       {head.length > 0 && (
         <text x={panel.title ? 0 : Math.max(left - CHARACTER * longest - 6, 0)} y={14} fill="var(--soft)">
           <tspan font-weight="650" fill="var(--ink)">
@@ -302,7 +304,7 @@ export function PanelDrawing(props: PanelProps) {
             {one.label}
           </text>
         ))}
-    </svg>
+    </Sheet>
   );
 }
 
@@ -317,13 +319,7 @@ function Paper({ drawing, width, height }: { drawing: Drawing; width: number; he
   const [kx, ky] = drawing.equal ? [Math.min(fx, fy), Math.min(fx, fy)] : [fx, fy];
   const point = ([x, y]: Numbers): string => `${((x! - x0) * kx).toFixed(1)} ${((y1 - y!) * ky).toFixed(1)}`;
   return (
-    <svg
-      class="panel-drawing"
-      width={(x1 - x0) * kx}
-      height={(y1 - y0) * ky}
-      role="img"
-      aria-label="Drawing"
-      font-family="system-ui, sans-serif">
+    <Sheet width={(x1 - x0) * kx} height={(y1 - y0) * ky} label="Drawing">
       {drawing.strokes.map((stroke) => {
         const [across = "", up = ""] = stroke.align.split(" ");
         const [px, py] = point(stroke.points[0]!).split(" ");
@@ -352,34 +348,36 @@ function Paper({ drawing, width, height }: { drawing: Drawing; width: number; he
           />
         );
       })}
-    </svg>
+    </Sheet>
   );
 }
+
+/** Values with which a mark is its own sample, in a box of 28 x 12 pixels. */
+const SAMPLES: { [Kind in Labelled["kind"]]: Partial<Extract<Labelled, { kind: Kind }>> } = {
+  line: { x: [0, 28], y: [6, 6] },
+  markers: { x: [14], y: [6, 6, 6], low: null, high: null, names: [] },
+  rule: { x: null, y: 6 },
+  band: { x: [0, 28], low: [12, 12], high: [0, 0] },
+  bars: { at: [6], values: [28], thickness: 12, across: true },
+};
+const SAMPLE: Place = { px: (value) => value, py: (value) => value, left: 0, right: 28, top: 0, bottom: 12 };
 
 /** Labels above the panels, each with its line or marker. */
 function Labels({ marks }: { marks: Labelled[] }) {
   if (!marks.length) return null;
-  const at: Place = { px: (value) => value, py: (value) => value, left: 0, right: 28, top: 0, bottom: 12 };
-  const sample = (mark: Labelled): ComponentChildren => {
-    if (mark.kind === "line") return <Drawn mark={{ ...mark, x: [0, 28], y: [6, 6] }} at={at} />;
-    const alone = { x: [14], y: [6, 6, 6], low: null, high: null, names: [] };
-    if (mark.kind === "markers")
-      return <Points mark={{ ...mark, ...alone, ...(mark.joined && { x: [2, 14, 26] }) }} at={at} />;
-    if (mark.kind === "rule")
-      return <path d="M0 6H28" stroke={colour(mark.look[0])} stroke-dasharray={dashOf(mark.look[1])} />;
-    const fill = mark.look ? colour(mark.look[0]) : "var(--fig-band)";
-    return <rect width="28" height="12" fill={fill} opacity={mark.kind === "band" && mark.look ? 0.3 : 1} />;
-  };
   return (
     <ul class="figure-labels">
-      {marks.map((mark) => (
-        <li key={mark.label}>
-          <svg width="28" height="12" aria-hidden="true">
-            {sample(mark)}
-          </svg>{" "}
-          {mark.label}
-        </li>
-      ))}
+      {marks.map((mark) => {
+        const joined = "joined" in mark && mark.joined && { x: [2, 14, 26] };
+        return (
+          <li key={mark.label}>
+            <svg width="28" height="12" aria-hidden="true">
+              <Drawn mark={{ ...mark, ...SAMPLES[mark.kind], ...joined } as Mark} at={SAMPLE} />
+            </svg>{" "}
+            {mark.label}
+          </li>
+        );
+      })}
     </ul>
   );
 }

@@ -14,6 +14,7 @@ import { digits, instant, isDark, look, pretty, token } from "./looks";
 import * as paint from "./paint";
 import { type Saved, saveCsv, saveSamples } from "./saving";
 import { endsOf } from "./scale";
+import { useWidth } from "./width";
 
 export interface Curve {
   label: string;
@@ -172,7 +173,7 @@ const abscissaOf = ({ xUnit = "s" }: PlotProps): string =>
   xUnit === "samples" ? "sample" : `${xUnit === "Hz" ? "frequency" : "time"}, ${xUnit}`;
 
 export function Plot(props: PlotProps) {
-  const place = useRef<HTMLDivElement>(null);
+  const [place, width] = useWidth<HTMLDivElement>();
   const pointed = useSignal<number | undefined>(undefined); // time or frequency under the pointer
   const plot = useRef<uPlot | null>(null);
   const latest = useRef(props);
@@ -261,17 +262,15 @@ export function Plot(props: PlotProps) {
     plot.current = made;
     made.over.addEventListener("click", (event) => latest.current.onPick?.(made.posToVal(event.offsetX, "x")));
     made.over.addEventListener("dblclick", () => latest.current.onReset?.());
-    const seen = new ResizeObserver(
-      () => at.clientWidth !== made.width && made.setSize({ width: at.clientWidth, height }),
-    );
-    seen.observe(at);
     return () => {
-      seen.disconnect();
       made.destroy();
       plot.current = null;
     };
   }, [shape]);
 
+  useLayoutEffect(() => {
+    if (width && width !== plot.current?.width) plot.current?.setSize({ width, height });
+  }, [width]);
   useLayoutEffect(() => {
     plot.current?.setData(data);
   }, [data, props.shades, props.bands, props.marks, props.range?.join()]);
