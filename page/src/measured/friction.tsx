@@ -342,15 +342,14 @@ function Behind({ path, of }: { path: string; of: Signal<string> }) {
 /** Points that a new campaign measures best, and the form that writes them as a protocol. */
 function NextPoints({ path }: { path: string }) {
   const { points } = requestOf("design");
-  const given = { path, ...(points ? { points: String(points) } : {}) };
-  const proposed = useSignal(""); // what was asked for
-  const asked = JSON.stringify(given);
-  const [found, problems] = useRequest<Next>("/api/next", proposed.value === asked ? given : null);
+  const given: Record<string, string> = { path, ...(points ? { points: String(points) } : {}) };
+  const proposed = useSignal<typeof given | null>(null); // what was asked for
+  const [found, problems] = useRequest<Next>("/api/next", proposed.value);
   return (
     <>
       <h2>Next points to measure</h2>
       <JobForm kind="design" given={{ fit: path }}>
-        <Button act={() => (proposed.value = asked)}>Propose on the simulated rig</Button>
+        <Button act={() => (proposed.value = given)}>Propose on the simulated rig</Button>
         <a href={link("campaign")}>Plan a campaign</a>
       </JobForm>
       <Problems of={problems} />

@@ -35,7 +35,6 @@ export default function ValidationView() {
   const { path: object } = route.value;
   const path = INPUTS.includes(kindOf(object)) ? "" : object;
   const [found, problems] = useRequest<Validation>("/api/validation", path ? { path } : null);
-  useEffect(() => void follow(), []);
   if (!path) return <Start />;
   return (
     <div class="validation">

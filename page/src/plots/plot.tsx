@@ -130,37 +130,31 @@ export const zooming = (shown: Signal<[number, number] | null>): Pick<PlotProps,
 });
 
 /** The line of a look, for a legend. */
-export function LineSample({ index, isHidden = false }: { index: number; isHidden?: boolean }) {
+export function LineSample({ index }: { index: number }) {
   const { color, dash } = look(index);
   return (
-    <svg class={isHidden ? "hidden" : ""} width="32" height="8" aria-hidden="true">
+    <svg width="32" height="8" aria-hidden="true">
       <path d="M0 4H32" stroke={color} stroke-width="2" stroke-dasharray={dash.join(" ")} />
     </svg>
   );
 }
 
+const BARE = { size: 0, values: () => [] }; // an axis of time that a plot below has
 const AXIS = 34; // height of the axis of time with its label
 const HEIGHT = 200; // of the area of the curves
 const EDGE = 8; // above and below it
 const LOW_SPACE = 16; // between numbers of a low plot
 
-/** Axes of a plot, in the colours of the paper. */
-const axes = (x: Partial<uPlot.Axis>, y: Partial<uPlot.Axis> = {}): uPlot.Axis[] => {
-  const font = "12px system-ui";
-  const axis = {
-    values: written,
-    stroke: token("axis"),
-    grid: { stroke: token("grid"), width: 1 },
-    ticks: { show: false },
-    font,
-    labelFont: font,
-    labelSize: 16,
-  };
-  return [
-    { ...axis, space, ...x },
-    { ...axis, size: 62, ...y },
-  ];
-};
+/** Look of both axes of a plot, in the colours of the paper. */
+const axisLook = (font = "12px system-ui"): uPlot.Axis => ({
+  values: written,
+  stroke: token("axis"),
+  grid: { stroke: token("grid"), width: 1 },
+  ticks: { show: false },
+  font,
+  labelFont: font,
+  labelSize: 16,
+});
 
 const FLAT = 1e-9; // of a unit: a curve that varies less is drawn as a straight line
 
@@ -206,10 +200,10 @@ export function Plot(props: PlotProps) {
           y: isLog ? { distr: 3 } : { range: rangeY },
         },
         legend: { show: false },
-        axes: axes(
-          props.bare ? { size: 0, values: () => [] } : { size: AXIS - 16, label: abscissaOf(props) },
-          props.height ? { space: LOW_SPACE } : {},
-        ),
+        axes: [
+          { ...axisLook(), space, ...(props.bare ? BARE : { size: AXIS - 16, label: abscissaOf(props) }) },
+          { ...axisLook(), size: 62, ...(props.height && { space: LOW_SPACE }) },
+        ],
         series: [
           {},
           ...props.curves.map((one, index) => {
@@ -299,7 +293,7 @@ function Legend({ of: { curves, size }, pointed }: { of: PlotProps; pointed: Sig
       <ul class="legend">
         {curves.map((one, index) => (
           <li key={one.label}>
-            <LineSample index={one.look ?? index} isHidden={isOne} />{" "}
+            {!isOne && <LineSample index={one.look ?? index} />}
             <span class={isOne ? "hidden" : "name"}>{one.label}</span>{" "}
             <span class="value">{time !== undefined && digits(valueAt(one, time) / size)}</span>
           </li>

@@ -46,13 +46,10 @@ const fields = computed(() => new Map((valid.value?.values ?? []).map((one) => [
 const placeOf = ({ key, unit = "" }: Field): string => `${key} ${unit}`;
 
 /** Numbers of the sliders that were moved, by the keys of their values. */
-const numbers = computed(() =>
-  Object.fromEntries(
-    [...fields.value.values()].flatMap((one) =>
-      placeOf(one) in moved.value ? [[one.key, moved.value[placeOf(one)]!]] : [],
-    ),
-  ),
-);
+const numbers = computed(() => {
+  const own = [...fields.value.values()].filter((one) => placeOf(one) in moved.value);
+  return Object.fromEntries(own.map((one) => [one.key, moved.value[placeOf(one)]!]));
+});
 
 const changes = computed(() => changed(fields.value.values(), numbers.value));
 
@@ -115,7 +112,7 @@ export default function SimulateView() {
     <div class="simulate">
       <div class="top">
         <Problems of={wrong.value} />
-        {wrong.value.length > 0 && isAnswered.value && (
+        {wrong.value.length > 0 && answer.value && (
           <p class="banner">Curves and numbers below belong to the last run.</p>
         )}
         {hasPlatform.value ? <Drawn /> : <Answers />}
@@ -367,8 +364,6 @@ function Remarked() {
 }
 
 const hasPlatform = computed(() => Boolean(answer.value?.head.platforms?.length));
-
-const isAnswered = computed(() => answer.value !== null);
 
 /** Parts of the view that come after the first curves. */
 function Below() {
