@@ -47,7 +47,8 @@ export function pistonsAt({ head, arrays }: Frame<RunHead>, row: number): Motion
     const pressures = values.map((value) => `${digits(value && value / BAR, 3)} bar`) as [string, string];
     const said = `${name}: position ${digits(1000 * position)} mm, chamber a ${pressures[0]}, chamber b ${pressures[1]}, absolute`;
     const tints = values.map((value = 0) => (0.7 * value) / most) as [number, number];
-    pistons[name] = { share: position / stroke_m, position, pressures, tints, said };
+    const speed = momentOf(column.replace("position_m", "velocity_m_s"));
+    pistons[name] = { share: position / stroke_m, position, speed, pressures, tints, said };
   }
   return pistons;
 }

@@ -28,7 +28,7 @@ const shown = signal<string[]>([]);
 const span = signal<[number, number]>([0, 1]);
 const views = signal<Frame<Head> | null>(null);
 const wrong = signal<Problem[]>([]); // with the view that was asked for
-const proposals = signal<Record<string, Proposal>>({}); // the last one of each recording, with what was typed into it
+const proposals = signal<Record<string, Proposal | undefined>>({}); // the last one of each recording, with what was typed into it
 const [refused, attempt] = attempts(); // of a layout: said beside its button
 
 const marks = computed(() => measure.marksOf(moved.value.faults));
@@ -205,14 +205,11 @@ export default function RecordingView() {
   );
 }
 
-const FOREIGN = "the layout does not fit this file: ";
+const FOREIGN = /^the layout does not fit this file: (.*?)(; |$)/;
 
 /** Return why the layout of the folder belongs to other files; empty if it fits. */
 const foreignTo = (found: Opened | null): string =>
-  found?.notes
-    ?.find((one) => one.startsWith(FOREIGN))
-    ?.slice(FOREIGN.length)
-    .split("; ")[0] ?? "";
+  found?.notes?.flatMap((one) => FOREIGN.exec(one)?.[1] ?? [])[0] ?? "";
 
 function Controls({ found }: { found: Opened }) {
   const [from, to] = span.value;
@@ -254,6 +251,7 @@ function Spectrum({ found, path }: { found: Opened; path: string }) {
     QUIET_MS,
   );
   const drawn = spectra?.arrays;
+  const channels = found.channels!.filter(({ column }) => drawn?.has(`hz/${column}`));
   return (
     <section aria-label="Spectrum">
       <p class="row">
@@ -268,18 +266,16 @@ function Spectrum({ found, path }: { found: Opened; path: string }) {
       <Problems of={problems} />
       {drawn && (
         <div class="plots">
-          {found
-            .channels!.filter(({ column }) => drawn.has(`hz/${column}`))
-            .map(({ column, label, unit }) => (
-              <Plot
-                key={column}
-                title={`Spectrum of ${label}`}
-                unit={`${unit || "1"}/√Hz`}
-                xUnit="Hz"
-                size={1}
-                curves={[{ label, x: drawn.get(`hz/${column}`)!, y: drawn.get(`density/${column}`)! }]}
-              />
-            ))}
+          {channels.map(({ column, label, unit }) => (
+            <Plot
+              key={column}
+              title={`Spectrum of ${label}`}
+              unit={`${unit || "1"}/√Hz`}
+              xUnit="Hz"
+              size={1}
+              curves={[{ label, x: drawn.get(`hz/${column}`)!, y: drawn.get(`density/${column}`)! }]}
+            />
+          ))}
         </div>
       )}
     </section>
@@ -347,7 +343,7 @@ function Wizard({ path, foreignTo: why }: { path: string; foreignTo: string }) {
   if (layout === "own names") return <p class="note">Its columns have the names of pneudrive: it needs no layout.</p>;
   if (layout && !isOther)
     return <p class="note">The layout of the folder names its columns: a recording of a {layout.replace("-", " ")}.</p>;
-  const put = (one: Proposal) => (proposals.value = { ...proposals.value, [path]: one });
+  const put = (one?: Proposal) => (proposals.value = { ...proposals.value, [path]: one });
   const propose = () => attempt(async () => put(await read<Proposal>("/api/propose", { path })));
   const accept = () =>
     attempt(async () => {
@@ -355,8 +351,7 @@ function Wizard({ path, foreignTo: why }: { path: string; foreignTo: string }) {
       const own = isOther
         ? await ask<{ path: string }>("/api/own-layout", { path, text })
         : await write(place, text, "");
-      const { [path]: _, ...others } = proposals.value;
-      proposals.value = others;
+      put();
       await list();
       if ("path" in own) location.hash = link("recording", own.path);
       else wake(); // the file has a layout now

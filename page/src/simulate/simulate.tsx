@@ -20,10 +20,6 @@ import { isOverMain } from "../workspace/tree";
 import * as beside from "./beside";
 import { braked, type Step, StepsPane, stepsOf, written } from "./steps";
 
-interface Trace extends Pick<Frame<Head>, "arrays"> {
-  label: string; // what was simulated, in words
-}
-
 const command = undoable(signal("0 s: 1, 1 s: -1"));
 const duration = undoable(signal("2 s"));
 const initial = undoable(signal(""));
@@ -31,7 +27,8 @@ const initial = undoable(signal(""));
 export const pinned = undoable(signal<string[]>([]));
 export const pin = (key: string): void => void (pinned.value = toggled(pinned.value, key));
 const moved = undoable(signal<Record<string, number>>({})); // by `placeOf` a value
-const frozen = signal<Trace[]>([]);
+/** Frozen curves, with what was simulated in words. */
+const frozen = signal<(Pick<Frame<Head>, "arrays"> & { label: string })[]>([]);
 const answer = signal<Frame<Head> | null>(null);
 const [wrong, attempt] = attempts();
 /** Shown time span; null: the whole run. */
@@ -244,6 +241,7 @@ function Curves() {
   if (!now || !time) return <section class="plots" aria-label="Curves" />;
   const { panels = [], samples } = now.head;
   const events = now.head.events?.map((one) => one.time_s);
+  const panes = commandLines().slice(0, MOST_COMMANDS);
   const span = zoom.value ?? ([time[0]!, time[time.length - 1]!] as [number, number]);
   return (
     <section class="plots" aria-label="Curves" data-samples={samples}>
@@ -269,21 +267,19 @@ function Curves() {
           />
         );
       })}
-      {commandLines()
-        .slice(0, MOST_COMMANDS)
-        .map(
-          ({ name, steps }, k) =>
-            steps && (
-              <StepsPane
-                key={name}
-                name={name ? `Command of ${name}` : "Command"}
-                steps={steps}
-                span={span}
-                low={valid.value?.valves?.[name] ?? -1}
-                put={(next) => putSteps((others, line) => (line === k ? next : others))}
-              />
-            ),
-        )}
+      {panes.map(
+        ({ name, steps }, k) =>
+          steps && (
+            <StepsPane
+              key={name}
+              name={name ? `Command of ${name}` : "Command"}
+              steps={steps}
+              span={span}
+              low={valid.value?.valves?.[name] ?? -1}
+              put={(next) => putSteps((others, line) => (line === k ? next : others))}
+            />
+          ),
+      )}
     </section>
   );
 }
@@ -303,18 +299,16 @@ function Pistons({ now, time }: { now: Frame<Head>; time: Numbers }) {
     <div class="pistons">
       <TimeRange label={`At ${words}`} name="Time of the pistons" end={end} at={time[row]!} words={words} />
       <div>
-        {shown.map(({ name, position }) => {
-          const column = position.replace("position_m", "velocity_m_s");
-          const speed = (now.arrays.get(`${column}/at`) ?? now.arrays.get(column))?.[row];
-          return <Piston key={name} name={shown.length > 1 ? name : ""} at={pistons[name]!} speed={speed} />;
-        })}
+        {shown.map(({ name }) => (
+          <Piston key={name} name={shown.length > 1 ? name : ""} at={pistons[name]!} />
+        ))}
       </div>
     </div>
   );
 }
 
-function Piston({ name, at, speed }: { name: string; at: Moved; speed: number | undefined }) {
-  const { share, position, pressures, tints, said } = at;
+function Piston({ name, at }: { name: string; at: Moved }) {
+  const { share, position, speed, pressures, tints, said } = at;
   const x = 4 + 380 * Math.min(Math.max(share, 0), 1);
   return (
     <div class="piston" data-piston-at={position}>
