@@ -1,5 +1,6 @@
 import { describe, expect, it } from "vitest";
-import { alike, marksOf, nextPlace, type Stroke, shiftOf, told } from "../src/measured/measure";
+import { alike, marksOf, nextPlace, shiftOf, told } from "../src/measured/measure";
+import type { Stroke } from "../src/server/generated";
 import { newest } from "../src/server/server";
 
 const stroke = (from: number, direction: number): Stroke => ({ from, to: from + 1, direction, speed: 0.1 * direction });

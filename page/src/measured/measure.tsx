@@ -11,8 +11,6 @@ import { pathsOf } from "../workspace/files";
 import { NumberField, Problems, Select } from "../workspace/parts";
 import { Table } from "../workspace/table";
 
-export type { Stroke };
-
 type Span = [number, number];
 
 interface Beside {

@@ -318,7 +318,6 @@ function Plots({ found }: { found: Opened }) {
             marks={marks.value}
             cursors={measure.cursors.value ?? undefined}
             onPick={measure.pick}
-            gaps
             extreme={!head.raw}
             samples={(save) => saveSamples(one.column, save)}
             onZoom={(from, to) => look([from, to])}

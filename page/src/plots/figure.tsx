@@ -522,9 +522,9 @@ const DASH = 1.6; // pixels of a unit of a dash
 const linesOf = ({ u, curves }: Saved): Line[] =>
   curves.map(({ label, look: own }, k): Line => {
     const { min = 0, max = 1 } = u.scales.x!;
-    const [index, isGap, values] = [own ?? k, !u.series[k + 1]!.spanGaps, u.data[k + 1]!];
+    const [index, values] = [own ?? k, u.data[k + 1]!];
     const rows = Array.from(u.data[0], (x, row) => [x, values[row]] as const).filter(
-      ([x, y]) => x >= min! && x <= max! && y !== undefined && (y !== null || isGap),
+      ([x, y]) => x >= min! && x <= max! && y !== undefined,
     );
     return {
       x: rows.map(([x]) => x),

@@ -111,11 +111,8 @@ export function lines(u: uPlot, series: number): void {
   };
   for (let i = Math.max(from, 0); i <= Math.min(to, x.length - 1); i++) {
     const value = y[i];
-    if (value === undefined || (value === null && own.spanGaps)) continue;
-    if (value === null) {
-      end();
-      continue;
-    }
+    if (value === null) end();
+    if (value === undefined || value === null) continue; // a time of another curve, or a gap
     const [atX, atY] = [left + (x[i]! - first) * perX, top + (most - value) * perY];
     if (isDown) ctx.lineTo(atX, atY);
     else ctx.moveTo(atX, atY);

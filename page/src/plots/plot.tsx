@@ -73,7 +73,6 @@ export interface PlotProps {
   range?: [number, number];
   shades?: paint.Shade[];
   bands?: paint.Band[];
-  gaps?: boolean; // values that are no number are gaps, also beside another curve
   marks?: paint.Mark[];
   events?: number[]; // times with a mark above the curves
   cursors?: number[]; // times of upright lines, the first one solid, the second one dashed
@@ -213,7 +212,6 @@ export function Plot(props: PlotProps) {
               stroke: color,
               dash,
               width: 1.5,
-              spanGaps: !props.gaps && props.curves.length > 1,
               points: { show: false },
               paths: paint.path,
             };

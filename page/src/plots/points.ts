@@ -53,10 +53,10 @@ export function isWide(groups: Group[]): boolean {
 }
 
 /** Return evenly spread indices of the groups that have a look of their own. */
-const shownOf = (count: number): number[] =>
-  Array.from({ length: Math.min(count, MOST_SERIES) }, (_, k) =>
-    Math.round((k * (count - 1)) / Math.max(Math.min(count, MOST_SERIES) - 1, 1)),
-  );
+function shownOf(count: number): number[] {
+  const most = Math.min(count, MOST_SERIES);
+  return Array.from({ length: most }, (_, k) => Math.round((k * (count - 1)) / Math.max(most - 1, 1)));
+}
 
 /** Return the marks of a group: its band, its curve, dotted beyond the measured range, and its points by run. */
 function marksOf({ label, points, curve }: Group, look: Look): Mark[] {
