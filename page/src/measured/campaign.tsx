@@ -128,7 +128,6 @@ function Watched({ now, path }: { now: Campaign; path: string }) {
 
 function Requests({ now, path }: { now: Campaign; path: string }) {
   const timer = useRef(0);
-  const isRunning = now.state !== null;
   const send = (word: string) => attempt(() => ask("/api/campaign", { path, word }));
   const resume = () =>
     attempt(async () => {
@@ -141,7 +140,7 @@ function Requests({ now, path }: { now: Campaign; path: string }) {
     timer.current = window.setTimeout(() => void send("abort"), HOLD_MS);
   };
   const release = () => clearTimeout(timer.current);
-  if (!isRunning)
+  if (now.state === null)
     return now.synthetic && now.done < (now.planned ?? 0) ? (
       <p>
         <Button act={() => resume()}>Resume on the simulated rig</Button>

@@ -132,10 +132,8 @@ function Friction({ path, map, slice }: { path: string; map: FrictionMap; slice:
 /** Friction over pressure of a seal on the axes of all seals, small. */
 function Spark({ part, all }: { part: Part; all: Part[] }) {
   const points = all.flatMap((group) => group.points);
-  const [widest, highest] = [
-    Math.max(...points.map((point) => point.x), 1),
-    Math.max(...points.map((point) => point.y)),
-  ];
+  const widest = Math.max(...points.map((point) => point.x), 1);
+  const highest = Math.max(...points.map((point) => point.y));
   const { width, height, room } = SPARK;
   const at = (gauge: number, friction: number) => [
     room + (Math.max(gauge, 0) / widest) * (width - 2 * room),

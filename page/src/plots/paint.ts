@@ -1,6 +1,6 @@
 /** Drawing of curves, bands, shades and marks on a plot. */
 import "../drive/language"; // before uPlot, which reads it
-import uPlot from "uplot";
+import type uPlot from "uplot";
 import { look, token } from "./looks";
 
 /** Marked place below the curves: a fault of a recording. */
@@ -48,13 +48,6 @@ export function isInDash(column: number, dash: number[]): boolean {
   return !dash.length || dash.findIndex((one) => (at -= one) < 0) % 2 === 0;
 }
 
-/**
- * Paths of uPlot, only for logarithmic axes. Paths kept after each drawing would cost some ms of garbage collection
- * while a slider moves.
- */
-export const path: uPlot.Series.PathBuilder = (u, series, from, to) =>
-  u.scales.x!.distr === 3 ? uPlot.paths.linear!()(u, series, from, to) : null;
-
 /** Return the values of a curve and its scale in pixels of linear axes. */
 function placed(u: uPlot, series: number) {
   const { min: first, max: last } = u.scales.x!;
@@ -82,8 +75,11 @@ function clip({ ctx, bbox }: uPlot): void {
   ctx.clip();
 }
 
+/**
+ * Draw a curve on linear axes. Paths of uPlot, which are kept after each drawing, would cost some ms of garbage
+ * collection while a slider moves.
+ */
 export function curve(u: uPlot, series: number): void {
-  if (u.scales.x!.distr === 3) return;
   if (isDense(u, series)) columns(u, series);
   else lines(u, series);
 }

@@ -213,12 +213,12 @@ export function Plot(props: PlotProps) {
               dash,
               width: 1.5,
               points: { show: false },
-              paths: paint.path,
+              ...(!isLog && { paths: () => null }), // `paint.curve` draws it
             };
           }),
         ],
         hooks: {
-          drawSeries: [paint.save, paint.curve, paint.restore],
+          drawSeries: isLog ? [] : [paint.save, paint.curve, paint.restore],
           draw: [
             paint.save,
             (u) => paint.mark(u, latest.current.marks ?? []),

@@ -9,7 +9,7 @@ import type { Band } from "../plots/paint";
 import { type Curve, curvesOf } from "../plots/plot";
 import { pointsFigure } from "../plots/points";
 import type { Frame } from "../server/frame";
-import type { Field, Listed, RunPanel as Panel, RunHead } from "../server/generated";
+import type { Field, RunPanel as Panel, RunHead } from "../server/generated";
 import { undoable } from "../undo";
 import { Button, Fold, Pick, Remarks, Tick } from "../workspace/fields";
 import { cataloguePaths, filesOf } from "../workspace/files";
@@ -49,11 +49,9 @@ export function forget(): void {
   timeAt.value = 0;
 }
 
-const isComparable = ({ kind, path }: Listed): boolean => kind !== "recording" || /\.(parquet|csv|nc)$/.test(path);
-
 const choices = computed(() => {
   const files = filesOf("drive", "circuit", "recording")
-    .filter(isComparable)
+    .filter(({ kind, path }) => kind !== "recording" || /\.(parquet|csv|nc)$/.test(path))
     .map(({ path }) => path);
   return [...files, ...cataloguePaths()].filter((path) => path !== opened.value?.path && !others.value.includes(path));
 });

@@ -53,7 +53,6 @@ const changes = computed(() => changed(fields.value.values(), numbers.value));
 export function request(pixels = 1000): Record<string, unknown> | null {
   const now = opened.value;
   if (!now || !valid.value?.kind) return null;
-  const lines = command.value.split("\n");
   const isCircuit = valid.value.kind === "circuit";
   return {
     path: now.path,
@@ -62,7 +61,7 @@ export function request(pixels = 1000): Record<string, unknown> | null {
     duration: duration.value,
     initial: initial.value,
     pixels,
-    command: isCircuit ? lines : command.value,
+    command: isCircuit ? command.value.split("\n") : command.value,
     ...beside.besides(fields.value, pinned.value, numbers.value),
     ...(isCircuit && { motion: true }),
   };
@@ -178,13 +177,12 @@ function Answers() {
 
 /** Remedies of hard impacts: a brake in the command, and cushions in the text of the description. */
 function Remedies({ impacts }: { impacts: NonNullable<Head["impacts"]> }) {
-  const lines = commandLines();
   const times = impacts.map((impact) => impact.time_s);
   const brake = () => putSteps((steps) => braked(steps, times));
   const bare = answer.value?.head.cylinders?.map((cylinder) => cylinder.name) ?? [];
   return (
     <>
-      {lines.some(({ steps }) => steps) && <Button act={brake}>Brake the command</Button>}
+      {commandLines().some(({ steps }) => steps) && <Button act={brake}>Brake the command</Button>}
       {bare.length > 0 && <Button act={() => addCushions(bare)}>Add a cushion</Button>}
     </>
   );
