@@ -205,11 +205,8 @@ def map_slice(workspace: Workspace, path: str, fit: str, speed: Literal["all"] |
 def _curve(fit: FrictionFit, x: Array, measured: list[float], *at: Array | float) -> Plain:
     """Return the friction of a fit at speeds and gauge pressures, with its interval, over one of the two."""
     curve = fit.predict(*at)
-    return {
-        **{"x": x.tolist(), "y": curve.friction_n.tolist()},
-        **{"low": curve.lower_n.tolist(), "high": curve.upper_n.tolist()},
-        "measured": [min(measured), max(measured)],
-    }
+    columns = {"x": x, "y": curve.friction_n, "low": curve.lower_n, "high": curve.upper_n}
+    return {name: values.tolist() for name, values in columns.items()} | {"measured": [min(measured), max(measured)]}
 
 
 def _points(table: xr.Dataset, rows: Ints) -> list[Plain]:
