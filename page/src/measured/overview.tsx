@@ -166,6 +166,29 @@ function Row(props: {
   const flags = [...new Set(part?.points.flatMap((point) => point.flags.split(",").filter(Boolean)))];
   const friction = part?.points.map((point) => point.y) ?? [];
   const old = paths.filter((path) => stale.value.stale[path]);
+  const names = (
+    <>
+      <ul class="chips">
+        {paths.slice(0, MOST).map((path) => (
+          <li key={path}>
+            <Choose paths={[path]} label="" name={`Choose ${path}`} />
+            <ObjectLink path={path} view="recording" name={nameOf(path)} />
+            {stale.value.stale[path] && (
+              <b class="missed" data-stale={path}>
+                out of date
+              </b>
+            )}
+            <details class="chip-menu">
+              <summary aria-label={`More of ${path}`}>⋯</summary>
+              <Button class="link" aria-label={`Made from: ${path}`} act={() => trace(path)} words="made from" />{" "}
+              <Rename path={path} />
+            </details>
+          </li>
+        ))}
+      </ul>
+      {paths.length > MOST && <p class="note">{paths.length - MOST} more: search for them in the tree.</p>}
+    </>
+  );
   return (
     <li data-label={label}>
       <Choose
@@ -195,28 +218,14 @@ function Row(props: {
         )}
         {old.length > 0 && <b class="missed"> out of date</b>}
       </span>
-      <details open={isOpen}>
-        <summary aria-label={`Recordings of ${label}`}>recordings</summary>
-        <ul class="chips">
-          {paths.slice(0, MOST).map((path) => (
-            <li key={path}>
-              <Choose paths={[path]} label="" name={`Choose ${path}`} />
-              <ObjectLink path={path} view="recording" name={nameOf(path)} />
-              {stale.value.stale[path] && (
-                <b class="missed" data-stale={path}>
-                  out of date
-                </b>
-              )}
-              <details class="chip-menu">
-                <summary aria-label={`More of ${path}`}>⋯</summary>
-                <Button class="link" aria-label={`Made from: ${path}`} act={() => trace(path)} words="made from" />{" "}
-                <Rename path={path} />
-              </details>
-            </li>
-          ))}
-        </ul>
-        {paths.length > MOST && <p class="note">{paths.length - MOST} more: search for them in the tree.</p>}
-      </details>
+      {isOpen ? (
+        names
+      ) : (
+        <details>
+          <summary aria-label={`Recordings of ${label}`}>recordings</summary>
+          {names}
+        </details>
+      )}
     </li>
   );
 }

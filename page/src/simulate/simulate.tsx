@@ -107,7 +107,7 @@ export default function SimulateView() {
   return (
     <div class="simulate">
       <div class="top">
-        <Problems of={wrong.value} />
+        {wrong.value.length > 0 && <Problems of={wrong.value} />}
         {wrong.value.length > 0 && answer.value && (
           <p class="banner">Curves and numbers below belong to the last run.</p>
         )}
