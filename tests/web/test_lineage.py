@@ -305,7 +305,7 @@ def test_a_campaign_is_watched_killed_and_resumed(served: Served) -> None:
 def test_a_campaign_that_was_begun_anew_in_its_folder_shows_its_own_points(served: Served) -> None:
     def speeds() -> list[float]:
         groups = get(served, "/api/campaign", path=NAME)["groups"]
-        return sorted(round(one["speed"], 4) for group in groups for one in group["points"])
+        return sorted(round(one["x"], 4) for group in groups for one in group["points"])
 
     (served.folder / "speeds.toml").write_text(PROTOCOL)
     run_campaign(served.folder / "speeds.toml", "default", served.folder / NAME)

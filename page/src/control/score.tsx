@@ -3,8 +3,8 @@
 import { signal, useSignal } from "@preact/signals";
 import { useEffect, useRef } from "preact/hooks";
 import { FigureView } from "../plots/figure";
-import { look, pretty } from "../plots/looks";
-import { curveOf, Plot, zooming } from "../plots/plot";
+import { pretty } from "../plots/looks";
+import { curveOf, LineSample, Plot, zooming } from "../plots/plot";
 import { stripFigure } from "../plots/points";
 import { kept, link } from "../routes";
 import type { Frame } from "../server/frame";
@@ -167,7 +167,7 @@ function Matrix({ found, reference }: { found: MeasuredCard; reference: string }
         heads={[now.title, ...found.references.map(headOf)]}
         rows={found.laws.map((law, index) => [
           <>
-            <Mark index={index} /> {law}
+            <LineSample index={index} /> {law}
           </>,
           ...found.references.map(({ name }) =>
             cellOf(found.cells.find((cell) => cell.law === law && cell.reference === name)),
@@ -191,16 +191,6 @@ function cellOf(cell: Card["cells"][number] | undefined): Cell {
   );
   const data = { "data-cell": `${cell.law}/${cell.reference}`, "data-si": cell.value, class: cell.best ? "best" : "" };
   return { text, data };
-}
-
-/** Line style of a controller. */
-function Mark({ index }: { index: number }) {
-  const { color, dash } = look(index);
-  return (
-    <svg viewBox="0 0 34 8" width="34" height="8" aria-hidden="true">
-      <line x1="0" y1="4" x2="34" y2="4" stroke={color} stroke-width="2.2" stroke-dasharray={dash.join(" ")} />
-    </svg>
-  );
 }
 
 function Along({ found, reference, now }: { found: MeasuredCard; reference: string; now: Frame<Tracks> | null }) {

@@ -36,6 +36,7 @@ export interface Moved {
   tints: [number, number];
   said: string;
   position: number;
+  speed: number | undefined;
 }
 
 /**

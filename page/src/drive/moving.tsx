@@ -26,31 +26,39 @@ export function pointAt(time: number): void {
   if (!isPlaying.value) timeAt.value = time;
 }
 
-function largestOf(values: Numbers): number {
-  let found = values[0]!;
-  for (const one of values) if (one > found) found = one;
+function largestOf(values: ArrayLike<number>): number {
+  let found = values[0] ?? 1;
+  for (let i = 1; i < values.length; i++) if (values[i]! > found) found = values[i]!;
   return found;
+}
+
+/** Return the pistons at a row of the run. Plots leave out the ninth curve, which the drawing may have. */
+export function pistonsAt({ head, arrays }: Frame<RunHead>, row: number): Motion["pistons"] {
+  const own = arrays.get("motion/time_s");
+  const at = own ? indexAt(own, arrays.get("time_s")![row]!) : 0;
+  const columnOf = (name: string): ArrayLike<number> => arrays.get(name) ?? arrays.get(`motion/${name}`) ?? [];
+  const momentOf = (name: string) => (arrays.get(`${name}/at`) ?? arrays.get(name))?.[row] ?? columnOf(name)[at];
+  const pistons: Motion["pistons"] = {};
+  for (const { name, stroke_m, position: column, pressures: columns } of head.cylinders ?? []) {
+    const position = momentOf(column);
+    if (position === undefined) continue;
+    const values = columns.map(momentOf) as [number?, number?];
+    const most = Math.max(...columns.map((each) => largestOf(columnOf(each))));
+    const pressures = values.map((value) => `${digits(value && value / BAR, 3)} bar`) as [string, string];
+    const said = `${name}: position ${digits(1000 * position)} mm, chamber a ${pressures[0]}, chamber b ${pressures[1]}, absolute`;
+    const tints = values.map((value = 0) => (0.7 * value) / most) as [number, number];
+    const speed = momentOf(column.replace("position_m", "velocity_m_s"));
+    pistons[name] = { share: position / stroke_m, position, speed, pressures, tints, said };
+  }
+  return pistons;
 }
 
 /** Return the state of the drawing at a row of the run. */
 export function motionAt(now: Frame<RunHead>, drawing: Drawing, row: number): Motion {
   const { arrays } = now;
-  const time = arrays.get("time_s")!;
   const own = arrays.get("motion/time_s");
-  const at = own ? indexAt(own, time[row]!) : 0;
-  const columnOf = (name: string) => arrays.get(name) ?? arrays.get(`motion/${name}`)!; // plots leave out the ninth curve
-  const momentOf = (name: string) => (arrays.get(`${name}/at`) ?? arrays.get(name))?.[row] ?? columnOf(name)[at]!;
+  const at = own ? indexAt(own, arrays.get("time_s")![row]!) : 0;
   const first = (names: string[]): Numbers | undefined => names.map((one) => arrays.get(`motion/${one}`)).find(Boolean);
-  const pistons: Motion["pistons"] = {};
-  for (const one of now.head.cylinders ?? []) {
-    const position = momentOf(one.position);
-    const values = one.pressures.map(momentOf) as [number, number];
-    const most = Math.max(...one.pressures.map((name) => largestOf(columnOf(name))));
-    const pressures = values.map((value) => `${digits(value / BAR, 3)} bar`) as [string, string];
-    const said = `${one.name}: position ${digits(1000 * position)} mm, chamber a ${pressures[0]}, chamber b ${pressures[1]}, absolute`;
-    const tints = values.map((value) => (0.7 * value) / most) as [number, number];
-    pistons[one.name] = { share: position / one.stroke_m, position, pressures, tints, said };
-  }
   const isDrive = arrays.has("motion/command");
   const shifts: Motion["shifts"] = {};
   for (const name of Object.keys(drawing.ports)) {
@@ -77,7 +85,7 @@ export function motionAt(now: Frame<RunHead>, drawing: Drawing, row: number): Mo
     const said = [endsOf(pins), absolute, moving].filter(Boolean).join(", ");
     return { share: pressure && pressure[at]! / most, said };
   });
-  return { pistons, shifts, lines };
+  return { pistons: pistonsAt(now, row), shifts, lines };
 }
 
 export const endsOf = (pins: [string, string][]): string => pins.map((pin) => pin.join(".")).join(" – ");

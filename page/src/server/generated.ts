@@ -463,13 +463,6 @@ export interface OtherRun {
   largest: Record<string, number>;
 }
 
-export interface EnergyOfRun {
-  accounts_j: Record<string, number>;
-  open_share: number;
-  lost_j: Record<string, number>;
-  air_litres_anr: Record<string, number>;
-}
-
 export interface MemberBand {
   members: number;
   failed: number;
@@ -494,7 +487,7 @@ export interface RunHead {
   ends?: Record<string, number>;
   others?: OtherRun[];
   loops?: string[];
-  energy?: EnergyOfRun;
+  energy?: SentView;
   band?: MemberBand;
   platforms?: SentPlatform[];
   cylinders?: MovingCylinder[];
@@ -721,11 +714,11 @@ export interface MeasuredRows {
   rows: MeasuredRow[];
 }
 
+/** Speed and friction of a cycle, without an interval. */
 export interface QuickPoint {
-  key: string;
-  speed: number;
-  friction: number;
-  flags: string[];
+  x: number;
+  y: number;
+  spread: null;
 }
 
 export interface QuickGroup {
@@ -761,33 +754,27 @@ export interface Plan extends Copied {
   cycles: number;
 }
 
+/** Friction y over speed x, or over gauge pressure x with the speed. */
 export interface FrictionPoint {
   recording: string;
   direction: number;
-  speed: number;
-  friction: number;
+  x: number;
+  y: number;
   spread: number | null;
   flags: string;
 }
 
 export interface GaugePoint extends FrictionPoint {
-  gauge: number;
+  speed: number;
 }
 
-/** Curve of a fit with its band and the measured range. */
+/** Friction of a fit over speed or gauge pressure, with its band and the measured range. */
 export interface FrictionCurve {
-  friction: (number | null)[];
+  x: number[];
+  y: (number | null)[];
   low: (number | null)[];
   high: (number | null)[];
   measured: [number | null, number | null];
-}
-
-export interface SpeedCurve extends FrictionCurve {
-  speed: number[];
-}
-
-export interface GaugeCurve extends FrictionCurve {
-  gauge: number[];
 }
 
 /** Points of one seal and pressure, with the curve of the fit; `assembly` is seal, mounting and drive. */
@@ -795,7 +782,7 @@ export interface FrictionGroup {
   label: string;
   assembly: string;
   points: FrictionPoint[];
-  curve?: SpeedCurve;
+  curve?: FrictionCurve;
   gauges: [number, number];
 }
 
@@ -803,7 +790,7 @@ export interface SliceGroup {
   label: string;
   assembly: string;
   points: GaugePoint[];
-  curve?: GaugeCurve;
+  curve?: FrictionCurve;
   speed: number;
 }
 

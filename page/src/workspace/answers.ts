@@ -1,14 +1,14 @@
 /** Answers that still belong to the present question: one that comes too late is dropped. */
 import { effect, type Signal, useSignal } from "@preact/signals";
-import { useEffect } from "preact/hooks";
+import { useEffect, useMemo, useRef } from "preact/hooks";
 import type { Frame } from "../server/frame";
 import type { Problem } from "../server/generated";
-import { ask, liveSocket, problemsOf, read } from "../server/server";
+import { ask, liveSocket, newest, problemsOf, read } from "../server/server";
 
 /**
  * Return the answer about a subject, and the problems of a refusal. Another subject has no answer until its own comes;
- * an empty one is not asked about. `again` are values whose change asks again, over the answer that is there; `quietMs` is
- * the time without a change before a question.
+ * an empty one is not asked about. `again` are values whose change asks again, over the answer that is there; one question
+ * is on its way at a time, and only the newest waits. `quietMs` is the time without a change before a question.
  */
 export function useAnswer<T>(
   subject: string,
@@ -17,22 +17,44 @@ export function useAnswer<T>(
   quietMs = 0,
 ): [T | null, Problem[]] {
   const state = useSignal({ of: "", answer: null as T | null, problems: [] as Problem[] });
+  const present = useRef({ subject, question });
+  present.current = { subject, question };
+  const askNewest = useMemo(() => {
+    const isPresent = () => present.current.subject === subject;
+    return newest(async () => {
+      if (!isPresent()) return;
+      const [answer, problems] = await present.current.question().then(
+        (answer) => [answer, []] as [T, Problem[]],
+        (error) => [null, problemsOf(error)] as const,
+      );
+      if (isPresent()) state.value = { of: subject, answer, problems };
+    });
+  }, [subject]);
   useEffect(() => {
     if (!subject) return;
-    let isGone = false;
-    const begin = () =>
-      void question().then(
-        (answer) => isGone || (state.value = { of: subject, answer, problems: [] }),
-        (error) => {
-          const problems = problemsOf(error);
-          if (!isGone) state.value = { of: subject, answer: null, problems };
-        },
-      );
-    const timer = quietMs ? setTimeout(begin, quietMs) : begin();
-    return () => (clearTimeout(timer ?? undefined), void (isGone = true));
+    const timer = quietMs ? setTimeout(askNewest, quietMs) : void askNewest();
+    return () => clearTimeout(timer ?? undefined);
   }, [subject, ...again]);
+  useEffect(() => () => void (present.current.subject = ""), []);
   const { of, answer, problems } = state.value;
   return of === subject ? [answer, problems] : [null, []];
+}
+
+/**
+ * Return the answer about a subject that changes by itself, asked again `restMs` after each answer; see `useAnswer`. A
+ * refusal does not replace the last answer.
+ */
+export function useWatched<T>(subject: string, question: () => Promise<T>, restMs: number): [T | null, Problem[]] {
+  const round = useSignal(0);
+  const last = useRef({ of: "", answer: null as T | null });
+  const [answer, problems] = useAnswer(subject, question, [round.value]);
+  if (answer || last.current.of !== subject) last.current = { of: subject, answer };
+  useEffect(() => {
+    if (!answer && !problems.length) return;
+    const timer = setTimeout(() => (round.value += 1), restMs);
+    return () => clearTimeout(timer);
+  }, [answer, problems]);
+  return [last.current.answer, problems];
 }
 
 /** Return the answer to a request of an address, or null without a request; see `useAnswer`. */

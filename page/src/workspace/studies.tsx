@@ -5,15 +5,14 @@ import { useEffect } from "preact/hooks";
 import { isUnsaved } from "../drive/opened";
 import { count, pretty } from "../plots/looks";
 import { inCatalogue, link } from "../routes";
-import type { Compared, Listed } from "../server/generated";
+import type { Listed } from "../server/generated";
 import { ask, attempting, connection } from "../server/server";
 import { viewOf } from "../views";
-import { usePosted } from "./answers";
 import { Starts } from "./choose";
 import { Button, Fold, Tick, toggled } from "./fields";
 import { folderOf, GROUPS, type Kinds, list, listed, refused, studies } from "./files";
 import { Chain, stale, trace, useHeadlines } from "./lineage";
-import { Copied, day, Problems } from "./parts";
+import { day, Problems } from "./parts";
 import { ObjectLink } from "./tree";
 
 const MOST = 200; // rows of a group on the page; the search of the tree finds the others
@@ -65,20 +64,15 @@ const tick = (path: string): void => void (pair.value = toggled(pair.value, path
 /** Comparison of the two selected files in their current state. */
 function Compare() {
   const [before, after] = pair.value;
-  const [compared, problems] = usePosted<Compared>("/api/compare", before && after ? { before, after } : null, [
-    studies.value,
-  ]);
   useEffect(() => {
     if (after) void import("../measured/differences").then((loaded) => (differences.value = loaded));
   }, [after]);
   if (!before) return null;
-  const Differences = differences.value?.Differences;
+  const Comparison = differences.value?.Comparison;
   return (
     <section class="panel" aria-label="Compare two">
       <h2>{after ? `${before} and ${after}` : `Compare ${before} with another of its kind: tick its box`}</h2>
-      <Problems of={problems} />
-      {compared && Differences && <Differences {...compared} />}
-      {compared && <Copied {...compared} />}
+      {after && Comparison && <Comparison before={before} after={after} again={studies.value} />}
     </section>
   );
 }

@@ -108,7 +108,7 @@ class ExtrasRequest(RunRequest):
 
             command, initial = self.command_of(described, workspace), self.initial or None
             balance = energy_balance(described, command, self.duration, initial=initial, cancel=limit)
-            head["energy"] = {**vars(balance), "air_litres_anr": balance.air_litres_anr}
+            head["energy"] = balance.view().data()
         if self.spreads:
             limit.allow(MOST_SECONDS)
             band, of = self._band(workspace, described, shown, limit)
