@@ -10,7 +10,6 @@ import { Choose, ENTRIES } from "./workspace/choose";
 import { changesOf, isOld, kindOf, list, nameOf, studies, takeDrops, watchFolder } from "./workspace/files";
 import { Tray } from "./workspace/jobs";
 import { ConnectionLine } from "./workspace/parts";
-import { arrangeTables } from "./workspace/tables";
 import { isOverMain, isShown, PathName, Tree } from "./workspace/tree";
 import "./tokens.css";
 import "./style.css";
@@ -239,7 +238,6 @@ function Page() {
 }
 
 async function start(): Promise<void> {
-  arrangeTables();
   if (await unlock()) {
     void list().then(watchFolder); // the view that is asked for does not wait for the folder
     takeDrops();

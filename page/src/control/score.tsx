@@ -143,7 +143,11 @@ function Unfinished({ path, state }: { path: string; state: string | undefined }
 function Matrix({ found, reference }: { found: MeasuredCard; reference: string }) {
   const now = found.measures.find((one) => one.name === found.measure)!;
   const headOf = ({ name, text }: Card["references"][number]) => ({
-    text: <Button class="link" aria-pressed={reference === name} act={() => (along.value = name)} words={name} />,
+    text: (
+      <Button class="link" aria-pressed={reference === name} act={() => (along.value = name)}>
+        {name}
+      </Button>
+    ),
     data: { title: text },
   });
   const middle = found.spread

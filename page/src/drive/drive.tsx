@@ -10,6 +10,7 @@ import { pin, pinned, request, Sliders } from "../simulate/simulate";
 import { isShowable, useLive } from "../workspace/answers";
 import { Breakable, Button, Fold, Options, Remarks, Tick } from "../workspace/fields";
 import { Problems, TextField } from "../workspace/parts";
+import { Table } from "../workspace/table";
 import { type Motion, notesOf, whole, ZoomedCircuit } from "./circuit";
 import { endsOf, MovingCircuit } from "./moving";
 import { drawing, opened, problems, set, setNumber, takePart, useDrawing, valid } from "./opened";
@@ -257,48 +258,24 @@ const originOf = ({ kind, origin, copies }: Field): string =>
 
 /** Rows of values: their names, or their keys under the names of their tables. */
 function FieldTable({ fields, names }: { fields: Field[]; names?: Map<string, string> }) {
-  return (
-    <table class="fields">
-      <thead>
-        <tr>
-          {["Key", "Value", "Unit", "Slider"].map((head) => (
-            <th scope="col" key={head} title={head === "Slider" ? "Slider in Simulate" : undefined}>
-              {head}
-            </th>
-          ))}
-        </tr>
-      </thead>
-      <tbody>
-        {fields.map((field, k) => [
-          !names && split(field.key)[0] !== (k ? split(fields[k - 1]!.key)[0] : "") && (
-            <tr class="table" key={`table ${split(field.key)[0]}`}>
-              <th colSpan={4} scope="rowgroup">
-                {split(field.key)[0]}
-              </th>
-            </tr>
-          ),
-          <tr key={field.key}>
-            <th scope="row" title={field.key}>
-              {names?.get(field.key) ?? <Breakable words={split(field.key)[1]} />}{" "}
-              <span class={`kind ${field.kind}`}>{originOf(field)}</span>
-            </th>
-            <td>
-              <TextField aria-label={field.key} value={bare(field)} put={(value) => put(field, value)} />
-            </td>
-            <td>{field.units && field.units.length > 1 && <Units field={field} />}</td>
-            <td>
-              {field.low !== undefined && (
-                <Tick
-                  label=""
-                  name={`Slider for ${field.key} in Simulate`}
-                  value={pinned.value.includes(field.key)}
-                  put={() => pin(field.key)}
-                />
-              )}
-            </td>
-          </tr>,
-        ])}
-      </tbody>
-    </table>
-  );
+  const rows = fields.map((field) => [
+    <span title={field.key}>
+      {names?.get(field.key) ?? <Breakable words={split(field.key)[1]} />}{" "}
+      <span class={`kind ${field.kind}`}>{originOf(field)}</span>
+    </span>,
+    <TextField key={field.key} aria-label={field.key} value={bare(field)} put={(value) => put(field, value)} />,
+    field.units && field.units.length > 1 && <Units field={field} />,
+    field.low !== undefined && (
+      <Tick
+        label=""
+        name={`Slider for ${field.key} in Simulate`}
+        value={pinned.value.includes(field.key)}
+        put={() => pin(field.key)}
+      />
+    ),
+  ]);
+  const tables = fields.map(({ key }) => (names ? "" : split(key)[0]));
+  const headed = rows.flatMap((row, k) => (tables[k] === (tables[k - 1] ?? "") ? [row] : [[tables[k]], row]));
+  const heads = ["Key", "Value", "Unit", { text: "Slider", data: { title: "Slider in Simulate" } }];
+  return <Table class="fields" frame="wide" label="Values of the description" heads={heads} rows={headed} />;
 }
