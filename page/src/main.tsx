@@ -1,11 +1,12 @@
 import { computed, effect, signal, untracked, useSignal } from "@preact/signals";
-import { type ComponentChildren, type ComponentType, render } from "preact";
+import { type ComponentChildren, render } from "preact";
 import { useEffect, useErrorBoundary, useRef, useState } from "preact/hooks";
 import { open, opened } from "./drive/opened";
+import { lazy } from "./lazy";
 import { follow, link, route } from "./routes";
 import { connection, unlock } from "./server/server";
 import { followActions, forgetSteps } from "./undo";
-import { VIEWS, type View, verbsOf } from "./views";
+import { VIEWS, verbsOf } from "./views";
 import { Choose, ENTRIES } from "./workspace/choose";
 import { changesOf, isOld, kindOf, list, nameOf, studies, takeDrops, watchFolder } from "./workspace/files";
 import { Tray } from "./workspace/jobs";
@@ -25,16 +26,8 @@ const tabs = signal<{ path: string; view: string }[]>(JSON.parse(sessionStorage.
 tabs.subscribe((open) => sessionStorage.setItem(KEY, JSON.stringify(open)));
 
 const shown = computed(() => VIEWS.find((one) => one.name === route.value.view) ?? VIEWS[0]!);
-/** Views that are loaded. */
-const loaded = signal<Record<string, ComponentType>>({});
-
-async function load(one: View): Promise<void> {
-  if (one.name in loaded.peek()) return;
-  const { default: component } = await one.load();
-  loaded.value = { ...loaded.peek(), [one.name]: component };
-}
-effect(() => void load(shown.value));
-void load(VIEWS.find((one) => one.name === "simulate")!); // the first click opens it
+void import("./simulate/simulate"); // the first click opens it
+const Palette = lazy(() => import("./workspace/palette"));
 
 /** Keep a tab for the object of the address. */
 function keepTab({ view, path }: { view: string; path: string }): void {
@@ -152,21 +145,16 @@ function Share() {
   );
 }
 
-const palette = signal<typeof import("./workspace/palette") | null>(null);
 const isFinding = signal(false);
 const isMac = /Mac|iP/.test(navigator.platform);
-
-async function find(): Promise<void> {
-  palette.value ??= await import("./workspace/palette");
-  isFinding.value = true;
-}
+const find = () => (isFinding.value = true);
 
 /** Open the dialog on Ctrl K, Cmd K on a Mac. */
 function findOnKey(event: KeyboardEvent): void {
   if (event.key.toLowerCase() !== "k" || !(isMac ? event.metaKey : event.ctrlKey) || event.shiftKey || event.altKey)
     return;
   event.preventDefault();
-  void find();
+  find();
 }
 
 /** Forget the steps of another object. A description that got another name is the same one. */
@@ -184,8 +172,7 @@ function forgetOthers(): void {
 function Page() {
   const { view, path } = route.value;
   useFocus(route.value);
-  const Palette = palette.value?.Palette;
-  const Shown = loaded.value[shown.value.name];
+  const { View } = shown.value;
   const isEntry = !path && view in ENTRIES;
   return (
     <>
@@ -205,13 +192,13 @@ function Page() {
           <a href={link("studies")}>pneudrive</a>
         </h1>
         <span class="folder">{studies.value?.folder}</span>
-        <Button class="find" aria-keyshortcuts="Control+K Meta+K" act={() => find()}>
+        <Button class="find" aria-keyshortcuts="Control+K Meta+K" act={find}>
           Find <kbd>{isMac ? "⌘ K" : "Ctrl K"}</kbd>
         </Button>
         <Tray />
         <Share />
       </header>
-      {Palette && isFinding.value && <Palette close={() => (isFinding.value = false)} />}
+      {isFinding.value && <Palette close={() => (isFinding.value = false)} />}
       <ConnectionLine />
       {isOld.value && (
         <div class="banner" role="status">
@@ -224,7 +211,7 @@ function Page() {
           <Tabs />
           <main id="main" tabIndex={-1} data-view={view}>
             {connection.value !== "locked" && (
-              <Guarded at={link(view, path)}>{isEntry ? <Choose view={view} /> : Shown && <Shown />}</Guarded>
+              <Guarded at={link(view, path)}>{isEntry ? <Choose view={view} /> : <View />}</Guarded>
             )}
           </main>
           <footer>
@@ -237,8 +224,8 @@ function Page() {
   );
 }
 
-async function start(): Promise<void> {
-  if (await unlock()) {
+function start(): void {
+  if (unlock()) {
     void list().then(watchFolder); // the view that is asked for does not wait for the folder
     takeDrops();
     addEventListener("hashchange", follow);
@@ -258,4 +245,4 @@ async function start(): Promise<void> {
   render(<Page />, document.getElementById("page")!);
 }
 
-void start();
+start();

@@ -14,10 +14,11 @@ import { ask, attempts, read, write } from "../server/server";
 import { undoable } from "../undo";
 import { isShowable, useLive } from "../workspace/answers";
 import { Button, Fold, type Option, Remarks } from "../workspace/fields";
-import { cataloguePaths, filesOf, freeName, list, pathsOf } from "../workspace/files";
+import { cataloguePaths, freeName, list, pathsOf } from "../workspace/files";
 import { JobForm, requestOf } from "../workspace/form";
 import { follow } from "../workspace/jobs";
-import { Copied, InFolder, NumberField, Problems, Select, SliderRow, TextField, Unsaved } from "../workspace/parts";
+import { Files } from "../workspace/listed";
+import { Copied, NumberField, Problems, Select, SliderRow, TextField, Unsaved } from "../workspace/parts";
 import { Answer, Values } from "../workspace/result";
 import { isOverMain } from "../workspace/tree";
 import { GoalField, goalOf, MEASURE, MM, ScoreCard, Told } from "./score";
@@ -158,7 +159,7 @@ function Start({ path }: { path: string }) {
       <div class="after">
         <Details />
         <Compare />
-        <InFolder files={filesOf("comparison")} title="Comparisons" view="control" />
+        <Files title="Comparisons in the folder" kinds={["comparison"]} />
       </div>
     </div>
   );

@@ -1,6 +1,6 @@
 /** Score card of a benchmark: controllers and reference tracks, all runs, overlaid tracks, measured and true values. */
 
-import { signal, useSignal } from "@preact/signals";
+import { signal } from "@preact/signals";
 import { useEffect, useRef } from "preact/hooks";
 import { FigureView } from "../plots/figure";
 import { look, pretty } from "../plots/looks";
@@ -39,9 +39,6 @@ export const GoalField = () => (
   </label>
 );
 
-type MeasuredCard = Card & { measure: string }; // that its cells and runs are of
-
-const LOOK_MS = 1000; // between two looks at a comparison that runs
 const measure = undoable(signal(MEASURE));
 const along = undoable(signal(""));
 const zoom = signal<[number, number] | null>(null); // the part of the time that is shown
@@ -51,18 +48,15 @@ const STILL_MS = 10_000; // without a run of another process: it has ended, or i
 
 export function ScoreCard({ path }: { path: string }) {
   const job = jobs.value.find((one) => one.out === path);
-  const round = useSignal(0);
   const [found, problems] = useAnswer(
     path,
-    async () => ({
-      ...(await read<Card>("/api/comparison", { path, measure: measure.value })),
-      measure: measure.value,
-    }),
-    [measure.value, job?.state, round.value],
+    () => read<Card>("/api/comparison", { path, measure: measure.value }),
+    [measure.value, job?.state],
+    0,
+    (last) => job?.state === "running" || last?.finished === false, // whatever process does its runs, they come in
   );
   const view = useView(found?.finished ? path : "");
   const reference = (found?.references.find(({ name }) => name === along.value) ?? found?.references[0])?.name ?? "";
-  const isUnfinished = found?.finished === false; // whatever process does its runs, they come in
   useEffect(() => {
     [notResumed.value, grownAt.value] = [[], 0];
     void follow();
@@ -71,10 +65,7 @@ export function ScoreCard({ path }: { path: string }) {
   useEffect(() => {
     if (found && found.done > runs.current && runs.current) grownAt.value = Date.now();
     runs.current = found?.done ?? 0;
-    if (job?.state !== "running" && !isUnfinished) return;
-    const timer = setTimeout(() => (round.value += 1), LOOK_MS); // the next look waits for the answer
-    return () => clearTimeout(timer);
-  }, [found, job?.state]);
+  }, [found]);
   /* During a benchmark, the tracks of a controller appear after its first run along the reference. */
   const ready = new Set(found?.each.filter((run) => run.reference === reference).map((run) => run.law)).size;
   const [tracks] = useAnswer(
@@ -140,7 +131,7 @@ function Unfinished({ path, state }: { path: string; state: string | undefined }
   );
 }
 
-function Matrix({ found, reference }: { found: MeasuredCard; reference: string }) {
+function Matrix({ found, reference }: { found: Card; reference: string }) {
   const now = found.measures.find((one) => one.name === found.measure)!;
   const headOf = ({ name, text }: Card["references"][number]) => ({
     text: (
@@ -207,7 +198,7 @@ function Mark({ index }: { index: number }) {
   );
 }
 
-function Along({ found, reference, now }: { found: MeasuredCard; reference: string; now: Frame<Tracks> | null }) {
+function Along({ found, reference, now }: { found: Card; reference: string; now: Frame<Tracks> | null }) {
   const text = found.references.find((one) => one.name === reference)?.text;
   const measured = found.measures.find((one) => one.name === found.measure)!;
   const runs = found.each.filter((run) => run.reference === reference && run.value !== null);

@@ -11,9 +11,9 @@ import { isShowable, useLive } from "../workspace/answers";
 import { Breakable, Button, Fold, Options, Remarks, Tick } from "../workspace/fields";
 import { Problems, TextField } from "../workspace/parts";
 import { Table } from "../workspace/table";
-import { type Motion, notesOf, whole, ZoomedCircuit } from "./circuit";
+import { type Drawing, type Motion, notesOf, whole, ZoomedCircuit } from "./circuit";
 import { endsOf, MovingCircuit } from "./moving";
-import { drawing, opened, problems, set, setNumber, takePart, useDrawing, valid } from "./opened";
+import { opened, problems, set, setNumber, takePart, useDrawing, valid } from "./opened";
 import { chosen, keys, portChoice, Structure } from "./structure";
 import { useOpenText } from "./text";
 
@@ -29,7 +29,7 @@ const line = signal(-1); // that the pointer is on
 const HOW_LINES = "Lines: the stronger the colour, the higher the pressure. Point at a line for its pressure and flow.";
 
 /** The drawing, at rest or in a run. The run follows each change of the text. */
-function Running() {
+function Running({ shapes }: { shapes: Drawing }) {
   const answer = useSignal<Frame<Head> | null>(null);
   const wrong = useSignal<Problem[]>([]);
   useLive<Head>(
@@ -43,8 +43,6 @@ function Running() {
     },
     [isRun.value],
   );
-  const shapes = drawing.value;
-  if (!shapes) return null;
   const now = isRun.value ? answer.value : null;
   const props = {
     drawing: shapes,
@@ -102,7 +100,7 @@ export default function DriveView() {
             Drawing the circuit.
           </p>
         )}
-        <Running key={now.path} />
+        {shapes && <Running key={now.path} shapes={shapes} />}
         {shapes && <p class="note">{notesOf(shapes)}</p>}
         <Remarks of={valid.value?.notes ?? []} />
       </section>

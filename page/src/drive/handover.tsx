@@ -7,9 +7,10 @@ import type { Fmu } from "../server/generated";
 import { attempts, bytes } from "../server/server";
 import { useRequest } from "../workspace/answers";
 import { Button, Fold, Lines } from "../workspace/fields";
-import { filesOf, nameOf, studies } from "../workspace/files";
+import { nameOf, studies } from "../workspace/files";
 import { JobForm } from "../workspace/form";
-import { InFolder, Problems } from "../workspace/parts";
+import { Files } from "../workspace/listed";
+import { Problems } from "../workspace/parts";
 import { Notes, Values } from "../workspace/result";
 import { isOverMain } from "../workspace/tree";
 
@@ -46,7 +47,7 @@ function Start({ path }: { path: string }) {
         another system, export the drive there.
       </p>
       <JobForm kind="export" start={{ ...(path && { drive: path }), name: "drive" }} />
-      <InFolder files={filesOf("fmu")} title="FMUs" view="handover" />
+      <Files title="FMUs in the folder" kinds={["fmu"]} />
     </>
   );
 }

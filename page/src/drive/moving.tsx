@@ -2,6 +2,7 @@
 import { signal } from "@preact/signals";
 import type { ComponentChildren } from "preact";
 import { useEffect } from "preact/hooks";
+import { lazy } from "../lazy";
 import { digits, instant } from "../plots/looks";
 import { indexAt } from "../plots/plot";
 import type { Frame, Numbers } from "../server/frame";
@@ -19,8 +20,7 @@ const SHORTEST_MS = 1500;
 export const timeAt = signal(0);
 export const isPlaying = signal(false);
 
-/** Drawing of platforms, loaded with the first run that has one. */
-const platformView = signal<typeof import("./platform").PlatformAt | null>(null);
+const PlatformAt = lazy(() => import("./platform"));
 
 export function pointAt(time: number): void {
   if (!isPlaying.value) timeAt.value = time;
@@ -142,11 +142,6 @@ export function MovingCircuit(props: {
   const time = now.arrays.get("time_s")!;
   const row = indexAt(time, Math.min(timeAt.value, time[time.length - 1]!));
   const platforms = now.head.platforms ?? [];
-  useEffect(() => {
-    if (platforms.length && !platformView.value)
-      void import("./platform").then((module) => (platformView.value = module.PlatformAt));
-  }, [platforms.length]);
-  const View = platformView.value;
   const motion = motionAt(now, drawing, row);
   const cylinders = now.head.cylinders ?? [];
   const places = cylinders.map((one) => `, ${one.name} at ${digits(1000 * motion.pistons[one.name]!.position)} mm`);
@@ -154,12 +149,11 @@ export function MovingCircuit(props: {
   if (platforms.length)
     return (
       <figure class="motion" data-row={row}>
-        {View &&
-          platforms.map((one, k) => (
-            <View key={one.name} now={now} platform={one} remedy={remedy} sample={sample}>
-              {k === 0 && <TimeSlider now={now} words={` of ${digits(time[time.length - 1])} s`} />}
-            </View>
-          ))}
+        {platforms.map((one, k) => (
+          <PlatformAt key={one.name} now={now} platform={one} remedy={remedy} sample={sample}>
+            {k === 0 && <TimeSlider now={now} words={` of ${digits(time[time.length - 1])} s`} />}
+          </PlatformAt>
+        ))}
         <Fold class="panel" title="Circuit">
           {children(motion)}
         </Fold>

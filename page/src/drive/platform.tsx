@@ -333,7 +333,7 @@ function Pose({ now, platform, sample }: { now: Frame<RunHead>; platform: SentPl
 }
 
 /** The view of a platform with what turns it. `children` moves the time. */
-export function PlatformAt(props: {
+export default function PlatformAt(props: {
   now: Frame<RunHead>;
   platform: SentPlatform;
   sample: number;

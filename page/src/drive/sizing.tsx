@@ -1,7 +1,7 @@
 /** View of sizing: text and check of the task, the search as a job, and its answer with the candidates against their limits. */
 
-import { computed, signal, useSignal } from "@preact/signals";
-import { useEffect, useLayoutEffect, useRef } from "preact/hooks";
+import { computed, signal } from "@preact/signals";
+import { useEffect, useLayoutEffect } from "preact/hooks";
 import { FigureView } from "../plots/figure";
 import { count, digits } from "../plots/looks";
 import { isToml, link, route } from "../routes";
@@ -10,10 +10,11 @@ import { ask, attempts, read } from "../server/server";
 import { undoable } from "../undo";
 import { useAnswer } from "../workspace/answers";
 import { Button, Fold, toggled } from "../workspace/fields";
-import { changesOf, filesOf } from "../workspace/files";
+import { changesOf } from "../workspace/files";
 import { JobForm } from "../workspace/form";
 import { Cancel, follow, JobList, jobs, reached } from "../workspace/jobs";
-import { InFolder, Problems, ReportOf, Select, useCopied } from "../workspace/parts";
+import { Files } from "../workspace/listed";
+import { Problems, ReportOf, Select, useCopied } from "../workspace/parts";
 import { Answer, Notes } from "../workspace/result";
 import { Table } from "../workspace/table";
 import { open, opened, problems, set, valid } from "./opened";
@@ -27,7 +28,6 @@ const orderBy = undoable(signal("Rank"));
 const path = computed(() => (route.value.view === "sizing" ? route.value.path : ""));
 const isFile = computed(() => isToml(path.value));
 
-const LOOK_MS = 500;
 /** Request that continues the search of a folder as it was begun. */
 const again = (folder: string, { task, draws, asked }: Sizing) => {
   return { kind: "size", task, draws, ...asked, name: "sizing", resume: folder };
@@ -39,14 +39,14 @@ const resume = (folder: string, now: Sizing): Promise<void> =>
 export default function SizingView() {
   const folder = isFile.value ? "" : path.value;
   const state = jobs.value.find((one) => one.out === folder)?.state;
-  const round = useSignal(0);
-  const [answer, problems] = useAnswer(folder, () => read<Sizing | { waits: true }>("/api/sizing", { path: folder }), [
-    state,
-    round.value,
-  ]);
-  const now = answer && !("waits" in answer) ? answer : null;
-  const searched = useRef(""); // folder of a search that runs anywhere, also while an answer is refused
-  if (now) searched.current = now.searched ? folder : "";
+  const [answer, problems] = useAnswer(
+    folder,
+    () => read<Sizing & { waits?: true }>("/api/sizing", { path: folder }),
+    [state],
+    0,
+    (last) => state === "running" || last?.searched === true, // by any process
+  );
+  const now = answer?.waits ? null : answer;
   useLayoutEffect(() => {
     [wrong.value, pinned.value] = [[], []];
     void follow();
@@ -54,11 +54,6 @@ export default function SizingView() {
   useEffect(() => {
     if (!folder) void open(path.value, true);
   }, [path.value, changesOf(path.value)]);
-  useEffect(() => {
-    if (!folder || (state !== "running" && searched.current !== folder)) return;
-    const timer = setTimeout(() => (round.value += 1), LOOK_MS); // the next look waits for the answer
-    return () => clearTimeout(timer);
-  }, [answer, problems, state]);
   if (!path.value || isFile.value) return <TaskView />;
   return (
     <div class="sizing">
@@ -119,7 +114,7 @@ function TaskView() {
           after={({ out }) => void (location.hash = link("sizing", out))}>
           {!isSaved && <span class="note">Save the task first.</span>}
         </JobForm>
-        <InFolder files={filesOf("sizing")} title="Sizings" view="sizing" />
+        <Files title="Sizings in the folder" kinds={["sizing"]} />
       </section>
     </>
   );

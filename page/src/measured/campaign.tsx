@@ -10,10 +10,11 @@ import type { Campaign, CycleHead, Plan, Problem, ShownFigure } from "../server/
 import { ask, attempts, frame, pause, Refused, read, typed } from "../server/server";
 import { word } from "../workspace/command";
 import { Button, Lines, Remarks } from "../workspace/fields";
-import { filesOf, kindOf, list, nameOf, pathsOf, studies } from "../workspace/files";
+import { kindOf, list, nameOf, pathsOf, studies } from "../workspace/files";
 import { JobForm, requestOf } from "../workspace/form";
 import { follow, JobList, jobs } from "../workspace/jobs";
-import { Copied, InFolder, Problems, ReportOf } from "../workspace/parts";
+import { Files } from "../workspace/listed";
+import { Copied, Problems, ReportOf } from "../workspace/parts";
 import { Answer, Findings, useView } from "../workspace/result";
 
 const found = signal<Campaign | null>(null);
@@ -273,7 +274,7 @@ function Start({ protocol }: { protocol: string }) {
           <Copied command={plan.value.command} python={plan.value.python} />
         </section>
       )}
-      <InFolder files={filesOf("campaign")} title="Campaigns" view="campaign" />
+      <Files title="Campaigns in the folder" kinds={["campaign"]} />
     </>
   );
 }

@@ -14,7 +14,7 @@ function isAlike(some: string, others: string): boolean {
 }
 
 /** Sentence, figure and table of the differences between two files. */
-export function Differences({ sentence, figure, values, lines, names: [before, after] }: Compared) {
+export default function Differences({ sentence, figure, values, lines, names: [before, after] }: Compared) {
   if (!values.length && !figure) return <p role="status">{sentence}</p>;
   return (
     <section aria-label="Differences">

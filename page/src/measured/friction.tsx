@@ -24,7 +24,7 @@ import { follow } from "../workspace/jobs";
 import { Copied, Problems, ReportOf, Select } from "../workspace/parts";
 import { Answer, Findings, Shown, useView, Values } from "../workspace/result";
 import { Table } from "../workspace/table";
-import { Differences } from "./differences";
+import Differences from "./differences";
 import { Behind, showBehind } from "./fit";
 
 /** Points of one seal and pressure, with the curve of the fit; `assembly` is seal, mounting and drive. */

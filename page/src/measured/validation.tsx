@@ -16,13 +16,14 @@ import { ask, attempts, problemsOf, read } from "../server/server";
 import { undoable } from "../undo";
 import { isShowable, useLive } from "../workspace/answers";
 import { Button, Fold, type Option } from "../workspace/fields";
-import { filesOf, folderOf, kindOf, list } from "../workspace/files";
+import { folderOf, kindOf, list } from "../workspace/files";
 import { JobForm, requestOf, useHeldOut } from "../workspace/form";
 import { follow, jobs } from "../workspace/jobs";
-import { InFolder, Problems, ReportOf, Select, SliderRow } from "../workspace/parts";
+import { Files } from "../workspace/listed";
+import { Problems, ReportOf, Select, SliderRow } from "../workspace/parts";
 import { Answer, useView, Values } from "../workspace/result";
 import { Table } from "../workspace/table";
-import { Differences } from "./differences";
+import Differences from "./differences";
 
 const found = signal<Validation | null>(null);
 const [wrong, attempt] = attempts();
@@ -122,7 +123,7 @@ function Start() {
         </p>
       )}
       <JobForm kind="validate" start={{ name: "validation", ...begin }} after={after} />
-      <InFolder files={filesOf("validation")} title="Validations" view="validation" />
+      <Files title="Validations in the folder" kinds={["validation"]} />
     </>
   );
 }

@@ -348,10 +348,9 @@ export interface Checked {
   follows?: Follows[];
 }
 
-export interface CheckedFile {
+export interface TextFile {
   text: string;
   sha256: string | null;
-  checked?: Checked;
 }
 
 export interface CircuitDrawing {
@@ -572,6 +571,7 @@ export interface CardRun {
 }
 
 export interface Card extends Copied {
+  measure: string;
   spread: string;
   total: number;
   finished: boolean;

@@ -9,42 +9,28 @@ export type Connection = "open" | "full" | "lost" | "locked" | "starting";
 export const connection = signal<Connection>("starting");
 
 const KEY = "pneudrive-token";
-const CHANNEL = "pneudrive";
 let token = "";
 
-/** Find the token: in the address, in this tab, or in another tab of this page. */
-export async function unlock(): Promise<boolean> {
+/** Find the token: in the address, or where a tab of this page has kept it. Tabs of a restarted server continue with its token. */
+export function unlock(): boolean {
   const found = /^#token=([\w-]+)$/.exec(location.hash);
   if (found?.[1]) {
-    sessionStorage.setItem(KEY, found[1]);
+    localStorage.setItem(KEY, found[1]);
     history.replaceState(null, "", "/#/");
   }
-  token = sessionStorage.getItem(KEY) ?? (await askTabs());
-  const channel = new BroadcastChannel(CHANNEL);
-  channel.onmessage = (event: MessageEvent<"ask" | { token: string }>) => {
-    if (event.data !== "ask") goOn(event.data.token);
-    else if (token && isAnswering()) channel.postMessage({ token });
-  };
-  if (found && token) channel.postMessage({ token }); // a tab of a restarted server continues
-  if (token) keep(token);
-  else connection.value = "locked";
+  token = localStorage.getItem(KEY) ?? "";
+  if (!token) connection.value = "locked";
+  addEventListener("storage", ({ key, newValue }) => {
+    if (key !== KEY || !newValue) return;
+    const isFirst = !token;
+    token = newValue;
+    if (isFirst) location.reload();
+    else if (connection.value === "locked") {
+      connection.value = "starting";
+      void look();
+    }
+  });
   return token !== "";
-}
-
-function keep(given: string): void {
-  token = given;
-  sessionStorage.setItem(KEY, given);
-}
-
-/** Use the token of a restarted server, or the first token. */
-function goOn(given: string): void {
-  const isFirst = !token;
-  keep(given);
-  if (isFirst) location.reload();
-  else if (connection.value === "locked") {
-    connection.value = "starting";
-    void look();
-  }
 }
 
 /** Send any request. The answer, or its absence, sets the state of the connection. */
@@ -74,19 +60,6 @@ connection.subscribe(async (now) => {
   }
   isRetrying = false;
 });
-
-function askTabs(): Promise<string> {
-  return new Promise((resolve) => {
-    const channel = new BroadcastChannel(CHANNEL);
-    const end = (answer: string) => {
-      channel.close();
-      resolve(answer);
-    };
-    channel.onmessage = (event: MessageEvent<{ token?: string }>) => event.data?.token && end(event.data.token);
-    channel.postMessage("ask");
-    setTimeout(() => end(""), 300);
-  });
-}
 
 /** Return a function with at most one call in flight. During a call, the newest request waits. */
 export function newest(what: () => Promise<void>): () => Promise<void> {

@@ -5,31 +5,37 @@ import type { Frame } from "../server/frame";
 import type { Problem } from "../server/generated";
 import { ask, liveSocket, problemsOf, read } from "../server/server";
 
+const LOOK_MS = 1000; // between two looks at something that grows; the next look waits for the answer
+
 /**
  * Return the answer about a subject, and the problems of a refusal. Another subject has no answer until its own comes;
- * an empty one is not asked about. `again` are values whose change asks again, over the answer that is there; `quietMs` is
- * the time without a change before a question.
+ * an empty one is not asked about. `again` are values whose change asks again, over the answer that is there, and after
+ * `quietMs` without another change. While the last answer `isGrowing`, the question is asked again and again.
  */
 export function useAnswer<T>(
   subject: string,
   question: () => Promise<T>,
   again: unknown[] = [],
   quietMs = 0,
+  isGrowing?: (last: T | null) => boolean,
 ): [T | null, Problem[]] {
   const state = useSignal({ of: "", answer: null as T | null, problems: [] as Problem[] });
   useEffect(() => {
     if (!subject) return;
-    let isGone = false;
-    const begin = () =>
-      void question().then(
-        (answer) => isGone || (state.value = { of: subject, answer, problems: [] }),
-        (error) => {
-          const problems = problemsOf(error);
-          if (!isGone) state.value = { of: subject, answer: null, problems };
-        },
+    let [isGone, timer, last] = [false, 0, null as T | null];
+    const begin = async () => {
+      const next = await question().then(
+        (answer) => ({ of: subject, answer, problems: [] as Problem[] }),
+        (error) => ({ of: subject, answer: null, problems: problemsOf(error) }),
       );
-    const timer = quietMs ? setTimeout(begin, quietMs) : begin();
-    return () => (clearTimeout(timer ?? undefined), void (isGone = true));
+      if (isGone) return;
+      state.value = next;
+      last = next.answer ?? last;
+      if (isGrowing?.(last)) timer = window.setTimeout(begin, LOOK_MS);
+    };
+    if (quietMs && state.peek().of === subject) timer = window.setTimeout(begin, quietMs);
+    else void begin();
+    return () => (clearTimeout(timer), void (isGone = true));
   }, [subject, ...again]);
   const { of, answer, problems } = state.value;
   return of === subject ? [answer, problems] : [null, []];

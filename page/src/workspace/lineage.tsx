@@ -1,8 +1,7 @@
 /** Lineage of a file: its inputs by the hashes that the file carries, and the files made from it. */
 
-import { effect, signal } from "@preact/signals";
+import { signal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
-import { route } from "../routes";
 import type { Lineage, Made, Stale } from "../server/generated";
 import { ask, attempts, problemsOf, read } from "../server/server";
 import { useRequest } from "./answers";
@@ -22,40 +21,35 @@ const STATES: Record<Made["state"], string> = {
   unread: "not checked: too long, or no longer readable",
 };
 
-/** Contents of the files, in a line each. */
-const headlines = signal<Record<string, string>>({});
-let told: unknown = null; // the list whose lines are read
+const QUIET_MS = 1000; // after the list: what is opened at once does not wait for the content of files
 
-/** Read the lines of the present list, while a view shows them. */
-export function useHeadlines(): Record<string, string> {
-  const now = studies.value;
-  useEffect(() => {
-    if (!now || now === told) return;
-    const timer = setTimeout(() => {
-      if (now === told) return; // another list of the view asked
-      told = now;
-      void attempt(async () => void (headlines.value = await read<Record<string, string>>("/api/headlines")));
-    }, QUIET_MS);
-    return () => clearTimeout(timer);
-  }, [now]);
-  return headlines.value;
+/** Return what the server says of the files, and the hook that reads it after each list, while a view shows it. */
+function aboutFiles<T>(address: string, none: T) {
+  const found = signal(none);
+  let of: unknown = null; // the list that it was read for
+  const use = (): T => {
+    const now = studies.value;
+    useEffect(() => {
+      const look = () => {
+        if (now === of) return; // another part of the view has asked
+        of = now;
+        void read<T>(address).then((next) => (found.value = next), problemsOf);
+      };
+      const timer = now && now !== of ? setTimeout(look, QUIET_MS) : 0;
+      return () => clearTimeout(timer);
+    }, [now]);
+    return found.value;
+  };
+  return [found, use] as const;
 }
 
-export const stale = signal<Stale>({ stale: {}, unchecked: 0 });
+/** Contents of the files, in a line each. */
+export const [, useHeadlines] = aboutFiles<Record<string, string>>("/api/headlines", {});
+/** Results that are older than their inputs. */
+export const [stale, useStale] = aboutFiles<Stale>("/api/stale", { stale: {}, unchecked: 0 });
+
 const traced = signal("");
 const [wrong, attempt] = attempts();
-
-const QUIET_MS = 1000; // after the list: what is opened at once does not wait for the hashes
-let waiting = 0;
-
-/** Check, while the list is shown, which results are older than their inputs. */
-effect(() => {
-  if (!studies.value) return;
-  clearTimeout(waiting);
-  waiting = setTimeout(() => void (route.peek().view === "studies" && checkAll()), QUIET_MS);
-});
-
-const checkAll = (): Promise<unknown> => read<Stale>("/api/stale").then((found) => (stale.value = found), problemsOf);
 
 /** Show the lineage of a file. */
 export const trace = (path: string): void => void (traced.value = path);

@@ -102,7 +102,7 @@ export function matching<T extends { title: string; note?: string }>(entries: T[
   return places.sort((a, b) => a.rank - b.rank).map(({ entry }) => entry);
 }
 
-export function Palette({ close }: { close: () => void }) {
+export default function Palette({ close }: { close: () => void }) {
   const dialog = useRef<HTMLDialogElement>(null);
   const [text, setText] = useState("");
   const [at, setAt] = useState(0);

@@ -3,8 +3,7 @@ import type { ComponentChildren, InputHTMLAttributes } from "preact";
 import { useEffect, useState } from "preact/hooks";
 import { isUnsaved } from "../drive/opened";
 import { digits, pretty } from "../plots/looks";
-import { link } from "../routes";
-import type { Field, Listed, Problem, SentValue } from "../server/generated";
+import type { Field, Problem, SentValue } from "../server/generated";
 import { ask, type attempting, connection, read } from "../server/server";
 import { useAnswer } from "./answers";
 import { type Bound, Breakable, Button, bound, Lines, type Option, Options, Range } from "./fields";
@@ -225,24 +224,6 @@ export function day(seconds: number): string {
 /** Note in a view that reads the file of a description while the page has unsaved changes of this file. */
 export function Unsaved({ path }: { path: string }) {
   return isUnsaved(path) ? <p class="note">Changes of {path} that are not saved do not count here.</p> : null;
-}
-
-/** Files of the folder that a view shows, below a title. */
-export function InFolder({ files, title, view }: { files: Listed[]; title: string; view: string }) {
-  if (!files.length) return null;
-  return (
-    <>
-      <h2>{title} in the folder</h2>
-      <ul class="files listed">
-        {files.map((one) => (
-          <li key={one.path}>
-            <a href={link(view, one.path)}>{one.path}</a>
-            <span class="note">{day(one.changed)}</span>
-          </li>
-        ))}
-      </ul>
-    </>
-  );
 }
 
 /** Links that open or save the report of a folder, or its sheet. Nothing is shown without a folder. */

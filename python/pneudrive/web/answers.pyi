@@ -126,10 +126,9 @@ class Checked(TypedDict):
     sliders: NotRequired[list[str]]
     follows: NotRequired[list[Follows]]
 
-class CheckedFile(TypedDict):
+class TextFile(TypedDict):
     text: str
     sha256: str | None
-    checked: NotRequired[Checked]
 
 class CircuitDrawing(TypedDict):
     shapes: list[Shape]
@@ -334,6 +333,7 @@ class CardRun(TypedDict):
     value: float | None
 
 class Card(Copied):
+    measure: str
     spread: str
     total: int
     finished: bool

@@ -275,14 +275,13 @@ def _written_as(document: tomlkit.TOMLDocument, key: str) -> list[str]:
     return str(Short(tables, Problems()).located(key)).split(".")
 
 
-def shown_file(workspace: Workspace, path: str, checked: str = "") -> Plain:
-    """Return the text of a file and its version, and on request its check as a description.
+def shown_file(workspace: Workspace, path: str) -> Plain:
+    """Return the text of a file and its version.
 
     For a drive of the catalogue, return a text that uses this drive, and None as the version.
     """
     text, version = (f'drive = "{path}"\n', None) if is_in_catalogue(path) else workspace.read(path)
-    about = {"checked": checked_text(workspace, path, text)} if checked else {}
-    return {"text": text, "sha256": version, **about}
+    return {"text": text, "sha256": version}
 
 
 def written_file(workspace: Workspace, path: str, text: str, if_match: str) -> Plain:
