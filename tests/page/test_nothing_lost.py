@@ -111,9 +111,9 @@ def test_a_text_that_is_saved_while_another_one_is_opened(server: Server, open_t
         page.click("button:text-is('Save')")
     go(page, "drive", "other.toml")
     page.wait_for_selector(f"{EDITOR} >> text=20 N")
-    page.unroute("**/api/file?path=axis.toml")
     with page.expect_response("**/api/file?path=axis.toml"):
         held[0].continue_()
+    page.unroute("**/api/file?path=axis.toml")
     page.wait_for_timeout(200)
     expect(page.locator("section[aria-label=Text] h2").first).to_have_text("other.toml", use_inner_text=True)
     go(page, "drive", "axis.toml")

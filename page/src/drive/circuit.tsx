@@ -56,7 +56,6 @@ export function pistonAt({ barrel, piston }: PistonShapes, share: number): numbe
 }
 
 const PT = 1 / 7.2; // modules of 0.1 inch
-const LETTER = 0.56; // width of a letter, relative to the size of the text
 const ANCHOR: Record<string, "start" | "middle" | "end"> = { left: "start", center: "middle", right: "end" };
 
 const pointsOf = ({ points }: Shape): string => points.map(([x, y]) => `${x},${-y}`).join(" ");
@@ -65,18 +64,12 @@ function drawn(shape: Shape): JSX.Element {
   const [x, y] = [shape.points[0]![0], -shape.points[0]![1]];
   const points = pointsOf(shape);
   switch (shape.word) {
-    case "line":
-    case "thick":
-    case "dashed":
-      return <polyline points={points} class={`stroke ${shape.word}`} />;
     case "triangle":
     case "head":
       return <polygon points={points} class={`stroke ${shape.word}`} />;
     case "dot":
       return <circle cx={x} cy={y} r={shape.size} class="head" />;
-    case "arc":
-      return <path d={arc(x, y, shape.size, shape.angles)} class="stroke" />;
-    default: {
+    case "text": {
       const [align, top] = shape.align.split(" ");
       return (
         <text
@@ -90,16 +83,9 @@ function drawn(shape: Shape): JSX.Element {
         </text>
       );
     }
+    default:
+      return <polyline points={points} class={`stroke ${shape.word}`} />;
   }
-}
-
-function arc(x: number, y: number, r: number, [low, high]: [number, number]): string {
-  const at = (angle: number) => {
-    const radians = (angle * Math.PI) / 180;
-    return `${x + r * Math.cos(radians)} ${y - r * Math.sin(radians)}`;
-  };
-  const middle = 0.5 * (low + high);
-  return `M ${at(low)} A ${r} ${r} 0 0 0 ${at(middle)} A ${r} ${r} 0 0 0 ${at(high)}`;
 }
 
 /** The chambers of a cylinder: a higher pressure has a stronger tint, and its value is written in the chamber. */
@@ -126,40 +112,16 @@ function Chambers({ at, moved, name }: { at: PistonShapes; moved: Moved; name: s
 
 type Box = [left: number, top: number, width: number, height: number];
 
-/** Whether a shape is the title or a note, which the page shows outside the drawing. */
-const isWords = (one: Shape): boolean => one.word === "text" && !one.component;
 const EDGE = 1.5; // modules around everything
 
 export const BOX = 4; // modules by which a valve moves to its next box
 
-/** Return the view of the whole drawing, with room for the valves that move. */
-export function whole({ shapes }: Drawing, moves: Record<string, number> = {}): Box {
-  let [left, top, right, bottom] = [Infinity, Infinity, -Infinity, -Infinity];
-  for (const one of shapes) {
-    if (isWords(one)) continue;
-    const wide = one.word === "text" ? one.text.length * one.size * PT * LETTER : 0;
-    const [before, after] = one.align.startsWith("left")
-      ? [0, wide]
-      : one.align.startsWith("right")
-        ? [wide, 0]
-        : [wide / 2, wide / 2];
-    const room = one.component in moves ? BOX : 0;
-    const r = ["arc", "dot"].includes(one.word) ? one.size : 0.5;
-    for (const [x, y] of one.points) {
-      [left, right] = [Math.min(left, x - before - r - room), Math.max(right, x + after + r + room)];
-      [top, bottom] = [Math.min(top, -y - r), Math.max(bottom, -y + r)];
-    }
-  }
-  return right > left ? [left - EDGE, top - EDGE, right - left + 2 * EDGE, bottom - top + 2 * EDGE] : [0, 0, 1, 1];
+/** Return the view of the whole drawing, with room at its sides for valves that move. */
+export function whole({ box: [left, low, right, high] }: Drawing, motion?: Motion): Box {
+  const side = EDGE + (motion && Object.keys(motion.shifts).length ? BOX : 0);
+  return [left - side, -high - EDGE, right - left + 2 * side, high - low + 2 * EDGE];
 }
 
-/** Return the notes of a drawing. */
-export const notesOf = ({ shapes }: Drawing): string =>
-  shapes
-    .filter((one) => isWords(one) && one.align === "left top")
-    .slice(1)
-    .map((one) => one.text)
-    .join(" ");
 const CLOSER = 1.25; // by a step of zoom
 const WIDEST = 3; // times the drawing
 const PAN = 0.15; // of the view, by a key
@@ -168,7 +130,7 @@ const PAN = 0.15; // of the view, by a key
 export function ZoomedCircuit(props: CircuitProps) {
   const [box, setBox] = useState<Box | null>(null);
   const from = useRef<{ x: number; y: number; box: Box } | null>(null);
-  const now = box ?? whole(props.drawing, props.motion?.shifts);
+  const now = box ?? whole(props.drawing, props.motion);
   const zoom = (by: number, [px, py] = [0.5, 0.5]) => {
     const width = Math.min(now[2] / by, WIDEST * whole(props.drawing)[2]);
     const share = width / now[2];
@@ -222,12 +184,12 @@ const tinted = (share: number) => `color-mix(in oklab, var(--accent) ${Math.roun
 export function Circuit(props: CircuitProps) {
   const { drawing, motion } = props;
   const names = [...new Set(drawing.shapes.map((one) => one.component))].filter(Boolean);
-  const [, , wide, high] = whole(drawing, motion?.shifts);
+  const all = whole(drawing, motion);
   return (
     <svg
       class="circuit"
-      viewBox={(props.box ?? whole(drawing, motion?.shifts)).join(" ")}
-      style={{ aspectRatio: `${wide} / ${high}` }}
+      viewBox={(props.box ?? all).join(" ")}
+      style={{ aspectRatio: `${all[2]} / ${all[3]}` }}
       role="group"
       aria-label="Circuit, symbols after ISO 1219">
       {drawing.nets.map((pins, net) => {
@@ -248,7 +210,7 @@ export function Circuit(props: CircuitProps) {
           </g>
         );
       })}
-      {drawing.shapes.filter((one) => !one.component && one.net < 0 && !isWords(one)).map(drawn)}
+      {drawing.shapes.filter((one) => !one.component && one.net < 0).map(drawn)}
       {names.map((name) => {
         const [at, moved, shift] = [drawing.pistons[name], motion?.pistons[name], motion?.shifts[name]];
         const own = drawing.shapes.flatMap((one, number) =>

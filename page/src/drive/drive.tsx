@@ -11,7 +11,7 @@ import { isShowable, useLive } from "../workspace/answers";
 import { Breakable, Button, Fold, Options, Remarks, Tick } from "../workspace/fields";
 import { Problems, TextField } from "../workspace/parts";
 import { Table } from "../workspace/table";
-import { type Drawing, type Motion, notesOf, whole, ZoomedCircuit } from "./circuit";
+import { type Drawing, type Motion, whole, ZoomedCircuit } from "./circuit";
 import { endsOf, MovingCircuit } from "./moving";
 import { opened, problems, set, setNumber, takePart, useDrawing, valid } from "./opened";
 import { chosen, keys, portChoice, Structure } from "./structure";
@@ -101,7 +101,7 @@ export default function DriveView() {
           </p>
         )}
         {shapes && <Running key={now.path} shapes={shapes} />}
-        {shapes && <p class="note">{notesOf(shapes)}</p>}
+        <p class="note">{shapes?.words.slice(1).join(" ")}</p>
         <Remarks of={valid.value?.notes ?? []} />
       </section>
       <div>

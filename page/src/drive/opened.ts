@@ -1,6 +1,6 @@
 /** The open description: its text, and the last answer of the server about this text. */
 import { effect, signal, untracked } from "@preact/signals";
-import { useEffect } from "preact/hooks";
+import { useEffect, useRef } from "preact/hooks";
 import { link, route } from "../routes";
 import type { Checked, TextFile as Found, Problem } from "../server/generated";
 import { answering, ask, isAnswering, newest, problemsOf, Refused, read, typed, write } from "../server/server";
@@ -131,13 +131,15 @@ effect(() => {
   if (isAnswering()) untracked(() => void check()); // what was typed while the server did not answer
 });
 
-const QUIET_MS = 100; // without a change of the text, before it is drawn
+const QUIET_MS = 100; // without a change of the text, before it is drawn again
 
 /** The drawing of the last valid text, for as long as it is shown: nobody else waits for the server to make it. */
 export function useDrawing(): Drawing | null {
   const { kind, path = "", text } = valid.value ?? {};
   const question = () => ask<Drawing>("/api/drawing", { path, text });
-  const [drawing, wrong] = useAnswer(kind ? path : "", question, [valid.value], QUIET_MS);
+  const isDrawn = useRef(false);
+  const [drawing, wrong] = useAnswer(kind ? path : "", question, [valid.value], isDrawn.current ? QUIET_MS : 0);
+  isDrawn.current = drawing !== null;
   useEffect(() => void (wrong.length && (problems.value = wrong)), [wrong]);
   return drawing;
 }

@@ -358,6 +358,8 @@ export interface CircuitDrawing {
   pistons: Record<string, PistonShapes>;
   nets: [string, string][][];
   ports: Record<string, Record<string, [number, number]>>;
+  box: [number, number, number, number];
+  words: string[];
 }
 
 export interface Kind {

@@ -33,7 +33,7 @@ export function useAnswer<T>(
       last = next.answer ?? last;
       if (isGrowing?.(last)) timer = window.setTimeout(begin, LOOK_MS);
     };
-    if (quietMs && state.peek().of === subject) timer = window.setTimeout(begin, quietMs);
+    if (quietMs) timer = window.setTimeout(begin, quietMs);
     else void begin();
     return () => (clearTimeout(timer), void (isGone = true));
   }, [subject, ...again]);

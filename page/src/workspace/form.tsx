@@ -14,8 +14,8 @@ import { NumberField, Problems, Select, Unsaved, useCopied } from "./parts";
 
 type Values = Record<string, unknown>;
 /** An input of a form. A view leaves out the parts that it does not use. */
-type Field = Pick<CommandInput, "key" | "label" | "kind"> &
-  Partial<Omit<CommandInput, "choices">> & { choices?: Option[] };
+export type Input = Pick<CommandInput, "key" | "label" | "kind"> &
+  Partial<Omit<CommandInput, "choices">> & { choices?: Option[]; least?: number };
 
 const forms = signal<Record<string, Form>>({});
 /** Typed values by command. They are kept while another view is shown. */
@@ -59,7 +59,7 @@ export function useHeldOut(drive: string): { made: string[]; offered: string[] }
 /** Command that a view describes itself: its button, its fields, its door, and the body of a request. */
 interface OwnForm {
   title: string;
-  fields: Field[];
+  fields: Input[];
   door: string;
   body: (values: Values) => Values;
 }
@@ -136,7 +136,7 @@ export function JobForm(props: FormProps) {
 }
 
 /** Return the numbers of typed texts. A text that is not a number stays: the server rejects it with the reason. */
-const numbersOf = (fields: Field[], values: Values): Values =>
+const numbersOf = (fields: Input[], values: Values): Values =>
   Object.fromEntries(
     fields.flatMap(({ key, kind }) => {
       const text = values[key];
@@ -149,22 +149,23 @@ const numbersOf = (fields: Field[], values: Values): Values =>
 const usedNames = (): (string | undefined)[] =>
   (studies.value?.files ?? []).map(({ path }) => path.match(/^results\/([^/]+)/)?.[1]?.replace(/\.(toml|fmu)$/, ""));
 
-function FormField(props: { field: Field; value: unknown; put: (value: unknown) => void; made: string[] }) {
-  const { field, value, put: change, made } = props;
+interface InputProps {
+  field: Input;
+  value: unknown;
+  put: (value: unknown) => void;
+  made?: string[]; // recordings that made the values of the drive
+}
+
+/** An input by its kind. */
+export function FormField({ field, value, put: change, made = [] }: InputProps) {
   const { label, kind, suffix, hint = "", choices = [] } = field;
   const files = KINDS[kind];
-  if (kind === "recordings")
-    return (
-      <Recordings
-        label={label}
-        paths={choices.map((one) => pairOf(one)[0])}
-        chosen={(value as string[] | undefined) ?? []}
-        put={change}
-        made={made}
-      />
-    );
-  if (kind === "several")
-    return <Ticks legend={label} options={choices} chosen={(value as string[] | undefined) ?? []} put={change} />;
+  const list = (value as string[] | undefined) ?? [];
+  if (kind === "recordings") {
+    const paths = choices.map((one) => pairOf(one)[0]);
+    return <Recordings label={label} paths={paths} chosen={list} put={change} made={made} />;
+  }
+  if (kind === "several") return <Ticks legend={label} options={choices} chosen={list} put={change} />;
   if (kind === "flag") return <Tick class="tick" label={label} value={value === true} put={change} />;
   if (files || kind === "choice") {
     const catalogue = kind === "drive" || kind === "model" ? cataloguePaths() : [];
@@ -174,7 +175,7 @@ function FormField(props: { field: Field; value: unknown; put: (value: unknown) 
   if (kind === "number" && field.start !== null)
     return (
       <label class="choice">
-        {label} <NumberField low={1} high={field.most} whole value={value as number} put={change} />
+        {label} <NumberField low={field.least ?? 1} high={field.most} whole value={value as number} put={change} />
       </label>
     );
   return (
@@ -186,41 +187,48 @@ function FormField(props: { field: Field; value: unknown; put: (value: unknown) 
   );
 }
 
-function Recordings(props: {
+interface RecordingsProps {
   label: string;
   paths: string[];
   chosen: string[];
   put: (value: string[]) => void;
-  made: string[]; // those that made the values of the drive
-}) {
-  const { label, paths, chosen, put: change, made } = props;
+  made: string[];
+}
+
+/** Recordings to tick, of those that have the channels. */
+function Recordings({ label, paths, chosen, put: change, made }: RecordingsProps) {
   const offered = new Set([...paths, ...chosen]);
-  const files = filesOf("recording").filter(({ path }) => offered.has(path));
-  const others = filesOf("recording").length - files.length;
+  const all = filesOf("recording").map(({ path }) => path);
+  const files = all.filter((path) => offered.has(path));
+  const others = all.length - files.length;
   return (
     <fieldset>
       <legend>{label}</legend>
       {!files.length && <p>There is no such recording in the folder.</p>}
-      {files.length > 1 && <Button act={() => change(files.map(({ path }) => path))}>All {files.length}</Button>}
+      {files.length > 1 && <Button act={() => change(files)}>All {files.length}</Button>}
       {others > 0 && <p class="note">Not offered: {others} recordings without these channels or without a layout.</p>}
       {files.length > MOST_LISTED && (
         <p class="note">
           The first {MOST_LISTED} of {files.length}; the command takes any.
         </p>
       )}
-      {files.slice(0, MOST_LISTED).map(({ path }) => (
-        <Tick
-          key={path}
-          class="tick"
-          label={
-            <>
-              {path} {made.length > 0 && <b class="badge">{made.includes(path) ? "made the fit" : "held out"}</b>}
-            </>
-          }
-          value={chosen.includes(path)}
-          put={() => change(toggled(chosen, path))}
-        />
-      ))}
+      {files.slice(0, MOST_LISTED).map((path) => {
+        const badge = made.length > 0 && <b class="badge">{made.includes(path) ? "made the fit" : "held out"}</b>;
+        const put = () => change(toggled(chosen, path));
+        return (
+          <Tick
+            key={path}
+            class="tick"
+            label={
+              <>
+                {path} {badge}
+              </>
+            }
+            value={chosen.includes(path)}
+            put={put}
+          />
+        );
+      })}
     </fieldset>
   );
 }

@@ -7,7 +7,7 @@ from typing import Literal
 
 from typing_extensions import NotRequired, TypedDict
 
-from pneudrive.report.circuit.svg import PistonShapes, Shape
+from pneudrive.report.circuit.svg import Box, PistonShapes, Shape
 from pneudrive.results import ValuePair
 from pneudrive.views import SentValue, SentView, ShownFigure
 from pneudrive.web.signatures import CommandInput
@@ -135,6 +135,8 @@ class CircuitDrawing(TypedDict):
     pistons: dict[str, PistonShapes]
     nets: list[list[tuple[str, str]]]
     ports: dict[str, dict[str, tuple[float, float]]]
+    box: Box
+    words: list[str]
 
 class Kind(TypedDict):
     kind: str
