@@ -5,14 +5,14 @@ import { useEffect, useLayoutEffect } from "preact/hooks";
 import { FigureView } from "../plots/figure";
 import { count, digits } from "../plots/looks";
 import { isToml, link, route } from "../routes";
-import type { Candidate, Field, Finding, Limit, Sizing } from "../server/generated";
+import type { Candidate, Field, Finding, Job, Limit, Sizing } from "../server/generated";
 import { ask, attempts, read } from "../server/server";
 import { undoable } from "../undo";
 import { useAnswer } from "../workspace/answers";
 import { Button, Fold, toggled } from "../workspace/fields";
 import { changesOf } from "../workspace/files";
 import { JobForm } from "../workspace/form";
-import { Cancel, follow, JobList, jobs, reached } from "../workspace/jobs";
+import { follow, JobList, jobs, Progress } from "../workspace/jobs";
 import { Files } from "../workspace/listed";
 import { Problems, ReportOf, Select, useCopied } from "../workspace/parts";
 import { Answer, Notes } from "../workspace/result";
@@ -201,30 +201,18 @@ function Result({ now, folder }: { now: Sizing; folder: string }) {
 const withoutFigures = (title: string): string => title.replace(/: [\d.]+ s of .*?(; limited by|$)/, "$1");
 
 /** Progress of a search, and its continuation. */
-function Search(props: { now: Sizing; folder: string; running: (typeof jobs.value)[number] | undefined }) {
-  const { now, folder, running } = props;
-  const { done = 0, total = 1 } = running?.progress ?? {};
-  if (running)
-    return (
-      <p class="row">
-        <progress aria-label="Progress of the search" value={done} max={Math.max(total, 1)} />
-        {reached(running)}
-        <Cancel job={running}>Cancel the search</Cancel>
-      </p>
-    );
+function Search({ now, folder, running }: { now: Sizing; folder: string; running: Job | undefined }) {
+  if (running) return <Progress job={running} name="the search" />;
   if (now.searched) return <p class="note">A process that this server did not start searches in this folder.</p>;
   if (now.done) return null;
-  if (!now.task)
-    return (
-      <p>
-        The search was stopped early. It continues once the folder has its task again: {folder}/sizing.json has the
-        values.
-      </p>
-    );
   return (
     <p class="row">
-      The search was stopped early.
-      <Button act={() => resume(folder, now)}>Resume</Button>
+      The search was stopped early.{" "}
+      {now.task ? (
+        <Button act={() => resume(folder, now)}>Resume</Button>
+      ) : (
+        `It continues once the folder has its task again: ${folder}/sizing.json has the values.`
+      )}
     </p>
   );
 }
@@ -335,22 +323,21 @@ function Ranges({ now }: { now: Sizing }) {
   );
 }
 
-const WIDTH = 100;
-
 /** The range of a value as a bar, with the value, its mark and its limit. */
 function Range({ of, most, isCommon }: { of: Limit; most: number; isCommon: boolean }) {
   const { value, limit, unit, margin, interval } = of;
-  const at = (one: number | null) => (WIDTH * Math.min(Math.max(one ?? most, 0), most)) / most;
+  const at = (one: number | null) => `${(PERCENT * Math.min(Math.max(one ?? most, 0), most)) / most}%`;
   const [low, high] = interval ?? [value, value];
   const isMissed = limit !== null && (margin === null || margin < 0);
+  const places = {
+    "--low": at(low),
+    "--high": at(high),
+    "--mark": at(value),
+    "--limit": limit === null ? "-9in" : at(limit),
+  };
   return (
     <span class={isMissed ? "range missed" : "range"}>
-      <svg viewBox={`0 0 ${WIDTH} 16`} preserveAspectRatio="none" aria-hidden="true">
-        <path class="rail" d={`M0 8H${WIDTH}`} />
-        <rect x={at(low)} y={4} width={Math.max(at(high) - at(low), 1)} height={8} />
-        <path class="mark" d={`M${at(value)} 1V15`} />
-        {limit !== null && <path class="limit" d={`M${at(limit)} 0V16`} />}
-      </svg>
+      <i style={places} />
       <b>{value === null ? "does not end" : `${digits(value)} ${unit}`}</b>
       {limit !== null && !isCommon && <small>limit {digits(limit)}</small>}
       {isMissed && <small>above its limit</small>}
@@ -398,11 +385,9 @@ function Choices({ now: { candidates: every, view } }: { now: Sizing }) {
                   words={isPinned ? "unpin" : "pin"}
                 />
               </>,
-              ...COLUMNS.map(([, column, shown]) => (
-                <span data-column={column} data-si={shown(one)}>
-                  {digits(shown(one))}
-                </span>
-              )),
+              ...COLUMNS.map(([, column, shown]) => {
+                return { text: digits(shown(one)), data: { "data-column": column, "data-si": shown(one) } };
+              }),
               <span class={one.misses ? "missed" : ""}>{one.binding}</span>,
               one.setting,
             ],

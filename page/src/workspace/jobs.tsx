@@ -1,7 +1,6 @@
 /** Jobs of the server: their state, their output, and a cancel button. */
 
 import { signal } from "@preact/signals";
-import type { ComponentChildren } from "preact";
 import { duration } from "../plots/looks";
 import { link } from "../routes";
 import type { Job, Jobs } from "../server/generated";
@@ -67,15 +66,6 @@ export function reached({ number, progress }: Pick<Job, "number" | "progress">):
   return `${task}: ${done} of ${total}${left}`;
 }
 
-/** Cancel a job, which may finish its current run first. */
-export function Cancel({ job, children }: { job: Job; children: ComponentChildren }) {
-  return (
-    <Button disabled={job.ends} act={() => ask("/api/cancel", { number: job.number }).then(() => follow())}>
-      {job.ends ? "Ends after the current run ……" : children}
-    </Button>
-  );
-}
-
 const isOpen = signal(false);
 
 /** Tray of the header: number of running jobs, and each job with its output. */
@@ -125,14 +115,16 @@ export function JobList({ of, kinds, output }: { of?: string; kinds?: string[]; 
   );
 }
 
-function Progress({ job }: { job: Job }) {
-  const { out, progress } = job;
+/** How far a job is, and its cancellation: it may finish its current run first. */
+export function Progress({ job, name = job.out }: { job: Job; name?: string }) {
+  const { number, progress, ends } = job;
   const most = Math.max(progress?.total ?? 0, progress?.done ?? 0, 1);
+  const cancel = () => ask("/api/cancel", { number }).then(() => follow());
   return (
     <p class="row">
-      {out} runs{progress && `, ${reached(job)}`}
-      {progress && <progress aria-label={`Progress of ${out}`} value={progress.done} max={most} />}
-      <Cancel job={job}>Cancel {out}</Cancel>
+      {name} runs{progress && `, ${reached(job)}`}
+      {progress && <progress aria-label={`Progress of ${name}`} value={progress.done} max={most} />}
+      <Button disabled={ends} act={cancel} words={ends ? "Ends after the current run ……" : `Cancel ${name}`} />
     </p>
   );
 }
