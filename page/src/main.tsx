@@ -9,7 +9,7 @@ import { followActions, forgetSteps } from "./undo";
 import { VIEWS, verbsOf } from "./views";
 import { Choose, ENTRIES } from "./workspace/choose";
 import { changesOf, isOld, kindOf, list, nameOf, studies, takeDrops, watchFolder } from "./workspace/files";
-import { Tray } from "./workspace/jobs";
+import { follow as followJobs, Tray } from "./workspace/jobs";
 import { ConnectionLine } from "./workspace/parts";
 import { isOverMain, isShown, PathName, Tree } from "./workspace/tree";
 import "./tokens.css";
@@ -238,6 +238,7 @@ function start(): void {
       const { view, path } = route.value;
       void changes.value; // a file that another program wrote is read again
       if (path && OF_A_DESCRIPTION.includes(view)) untracked(() => void open(path));
+      untracked(() => void followJobs());
       document.title = [path, shown.value.title, "pneudrive"].filter(Boolean).join(" · ");
       untracked(() => keepTab(route.value));
     });

@@ -6,54 +6,30 @@ export interface View {
   title: string; // as a verb of an object
   View: ReturnType<typeof lazy>;
   opens: string[]; // kinds of objects of which it is the first view
-  takes?: string[]; // other kinds of which it is a view
+  takes: string[]; // other kinds of which it is a view
 }
 
 const DESCRIBED = ["drive", "circuit"];
 const TABLES = ["other", "formula", "tank", "regulator"];
 const RESULTS = ["fit", "friction map", "validation", "comparison", "sizing", "campaign"];
 
+const view = (name: string, title: string, load: Parameters<typeof lazy>[0], opens: string[], takes: string[] = []) => {
+  return { name, title, View: lazy(load), opens, takes };
+};
+
 export const VIEWS: View[] = [
-  { name: "studies", title: "Overview", View: lazy(() => import("./workspace/studies")), opens: [] },
-  { name: "drive", title: "Drive", View: lazy(() => import("./drive/drive")), opens: TABLES, takes: DESCRIBED },
-  { name: "simulate", title: "Simulate", View: lazy(() => import("./simulate/simulate")), opens: DESCRIBED },
-  { name: "recording", title: "Recording", View: lazy(() => import("./measured/recording")), opens: ["recording"] },
-  {
-    name: "friction",
-    title: "Friction",
-    View: lazy(() => import("./measured/friction")),
-    opens: ["friction map", "fit"],
-  },
-  {
-    name: "control",
-    title: "Control",
-    View: lazy(() => import("./control/control")),
-    opens: ["comparison"],
-    takes: DESCRIBED,
-  },
-  {
-    name: "validation",
-    title: "Validate",
-    View: lazy(() => import("./measured/validation")),
-    opens: ["validation"],
-    takes: [...DESCRIBED, "recording"],
-  },
-  { name: "sizing", title: "Sizing", View: lazy(() => import("./drive/sizing")), opens: ["task", "sizing"] },
-  {
-    name: "campaign",
-    title: "Campaign",
-    View: lazy(() => import("./measured/campaign")),
-    opens: ["campaign", "protocol"],
-  },
-  {
-    name: "datasheet",
-    title: "Data sheet",
-    View: lazy(() => import("./drive/datasheet")),
-    opens: [],
-    takes: DESCRIBED,
-  },
-  { name: "handover", title: "Export", View: lazy(() => import("./drive/handover")), opens: ["fmu"], takes: DESCRIBED },
-  { name: "result", title: "Values", View: lazy(() => import("./workspace/result")), opens: [], takes: RESULTS },
+  view("studies", "Overview", () => import("./workspace/studies"), []),
+  view("drive", "Drive", () => import("./drive/drive"), TABLES, DESCRIBED),
+  view("simulate", "Simulate", () => import("./simulate/simulate"), DESCRIBED),
+  view("recording", "Recording", () => import("./measured/recording"), ["recording"]),
+  view("friction", "Friction", () => import("./measured/friction"), ["friction map", "fit"]),
+  view("control", "Control", () => import("./control/control"), ["comparison"], DESCRIBED),
+  view("validation", "Validate", () => import("./measured/validation"), ["validation"], [...DESCRIBED, "recording"]),
+  view("sizing", "Sizing", () => import("./drive/sizing"), ["task", "sizing"]),
+  view("campaign", "Campaign", () => import("./measured/campaign"), ["campaign", "protocol"]),
+  view("datasheet", "Data sheet", () => import("./drive/datasheet"), [], DESCRIBED),
+  view("handover", "Export", () => import("./drive/handover"), ["fmu"], DESCRIBED),
+  view("result", "Values", () => import("./workspace/result"), [], RESULTS),
 ];
 
 /** Return the name of the first view of a kind: undefined for a kind without one. */
@@ -61,4 +37,4 @@ export const viewOf = (kind: string): string | undefined => VIEWS.find((one) => 
 
 /** Return the views of an object: the present one, the first one of its kind, and those that take the kind too. */
 export const verbsOf = (view: string, kind: string): View[] =>
-  VIEWS.filter((one) => one.name === view || one.name === viewOf(kind) || one.takes?.includes(kind));
+  VIEWS.filter((one) => one.name === view || one.name === viewOf(kind) || one.takes.includes(kind));

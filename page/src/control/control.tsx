@@ -10,13 +10,11 @@ import { type StripRow, stripFigure } from "../plots/points";
 import { inCatalogue, isToml, link, route } from "../routes";
 import type { Frame } from "../server/frame";
 import type { Choices, Gain, ControlHead as Head } from "../server/generated";
-import { ask, attempts, read, write } from "../server/server";
+import { ask, attempts, isShowable, read, useLive, write } from "../server/server";
 import { undoable } from "../undo";
-import { isShowable, useLive } from "../workspace/answers";
 import { Button, Fold, type Option, Remarks } from "../workspace/fields";
 import { cataloguePaths, freeName, list, pathsOf } from "../workspace/files";
-import { FormField, type Input, JobForm, requestOf } from "../workspace/form";
-import { follow } from "../workspace/jobs";
+import { FormField, type Input, JobForm, requestOf } from "../workspace/jobs";
 import { Files } from "../workspace/listed";
 import { Copied, Problems, Select, SliderRow, TextField, Unsaved } from "../workspace/parts";
 import { Answer, Values } from "../workspace/result";
@@ -71,7 +69,6 @@ function Start({ path }: { path: string }) {
     const first = path || (opened.value && all.includes(opened.value.path) ? opened.value.path : all[0]);
     if (first && (path ? path !== drive.value : !all.includes(drive.value))) void choose(first);
   }, [all.join(), path]);
-  useEffect(() => void follow(), []);
   useLive<Head>(
     () => {
       const asked = request();

@@ -3,20 +3,18 @@
 import { signal } from "@preact/signals";
 import { useEffect, useRef } from "preact/hooks";
 import { FigureView } from "../plots/figure";
-import { look, pretty } from "../plots/looks";
-import { curveOf, Plot, zooming } from "../plots/plot";
+import { pretty } from "../plots/looks";
+import { curveOf, Plot, swatch, zooming } from "../plots/plot";
 import { stripFigure } from "../plots/points";
 import { kept, link } from "../routes";
 import type { Frame } from "../server/frame";
 import type { Card, SentView, Tracks } from "../server/generated";
-import { ask, attempts, frame, read } from "../server/server";
+import { ask, attempts, frame, read, useAnswer } from "../server/server";
 import { undoable } from "../undo";
-import { useAnswer } from "../workspace/answers";
-import { Button, Fold } from "../workspace/fields";
+import { Button, type Cell, Fold, Table } from "../workspace/fields";
 import { follow, JobList, jobs } from "../workspace/jobs";
 import { Copied, NumberField, Problems, ReportOf, Select } from "../workspace/parts";
 import { Answer, Findings, Notes, useView, Values } from "../workspace/result";
-import { type Cell, Table } from "../workspace/table";
 
 export const MM = 1e-3;
 /** Measure that the goal limits. */
@@ -57,10 +55,7 @@ export function ScoreCard({ path }: { path: string }) {
   );
   const view = useView(found?.finished ? path : "");
   const reference = (found?.references.find(({ name }) => name === along.value) ?? found?.references[0])?.name ?? "";
-  useEffect(() => {
-    [notResumed.value, grownAt.value] = [[], 0];
-    void follow();
-  }, [path]);
+  useEffect(() => void ([notResumed.value, grownAt.value] = [[], 0]), [path]);
   const runs = useRef(0);
   useEffect(() => {
     if (found && found.done > runs.current && runs.current) grownAt.value = Date.now();
@@ -162,7 +157,7 @@ function Matrix({ found, reference }: { found: Card; reference: string }) {
         heads={[now.title, ...found.references.map(headOf)]}
         rows={found.laws.map((law, index) => [
           <>
-            <Mark index={index} /> {law}
+            <span class="swatch" style={{ background: swatch(index) }} /> {law}
           </>,
           ...found.references.map(({ name }) =>
             cellOf(found.cells.find((cell) => cell.law === law && cell.reference === name)),
@@ -186,16 +181,6 @@ function cellOf(cell: Card["cells"][number] | undefined): Cell {
   );
   const data = { "data-cell": `${cell.law}/${cell.reference}`, "data-si": cell.value, class: cell.best ? "best" : "" };
   return { text, data };
-}
-
-/** Line style of a controller. */
-function Mark({ index }: { index: number }) {
-  const { color, dash } = look(index);
-  return (
-    <svg viewBox="0 0 34 8" width="34" height="8" aria-hidden="true">
-      <line x1="0" y1="4" x2="34" y2="4" stroke={color} stroke-width="2.2" stroke-dasharray={dash.join(" ")} />
-    </svg>
-  );
 }
 
 function Along({ found, reference, now }: { found: Card; reference: string; now: Frame<Tracks> | null }) {

@@ -3,9 +3,19 @@ import { effect, signal, untracked } from "@preact/signals";
 import { useEffect, useRef } from "preact/hooks";
 import { link, route } from "../routes";
 import type { Checked, TextFile as Found, Problem } from "../server/generated";
-import { answering, ask, isAnswering, newest, problemsOf, Refused, read, typed, write } from "../server/server";
+import {
+  answering,
+  ask,
+  isAnswering,
+  newest,
+  problemsOf,
+  Refused,
+  read,
+  typed,
+  useAnswer,
+  write,
+} from "../server/server";
 import { remember, type Source } from "../undo";
-import { useAnswer } from "../workspace/answers";
 import type { Drawing } from "./circuit";
 
 export interface Opened {

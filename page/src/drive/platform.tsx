@@ -9,9 +9,8 @@ import { useWidth } from "../plots/width";
 import { kept } from "../routes";
 import type { Frame, Numbers } from "../server/frame";
 import type { Finding, RunHead, SentLeg, SentPlatform } from "../server/generated";
-import { Button } from "../workspace/fields";
+import { Button, Table } from "../workspace/fields";
 import { Answer } from "../workspace/result";
-import { Table } from "../workspace/table";
 
 type Point = [x: number, y: number, z: number];
 type Flat = [x: number, y: number];

@@ -6,17 +6,14 @@ import { FigureView } from "../plots/figure";
 import { count, digits } from "../plots/looks";
 import { isToml, link, route } from "../routes";
 import type { Candidate, Field, Finding, Job, Limit, Sizing } from "../server/generated";
-import { ask, attempts, read } from "../server/server";
+import { ask, attempts, read, useAnswer } from "../server/server";
 import { undoable } from "../undo";
-import { useAnswer } from "../workspace/answers";
-import { Button, Fold, toggled } from "../workspace/fields";
+import { Button, Fold, Table, toggled } from "../workspace/fields";
 import { changesOf } from "../workspace/files";
-import { JobForm } from "../workspace/form";
-import { follow, JobList, jobs, Progress } from "../workspace/jobs";
+import { follow, JobForm, JobList, jobs, Progress } from "../workspace/jobs";
 import { Files } from "../workspace/listed";
 import { Problems, ReportOf, Select, useCopied } from "../workspace/parts";
 import { Answer, Notes } from "../workspace/result";
-import { Table } from "../workspace/table";
 import { open, opened, problems, set, valid } from "./opened";
 import { useOpenText } from "./text";
 
@@ -47,10 +44,7 @@ export default function SizingView() {
     (last) => state === "running" || last?.searched === true, // by any process
   );
   const now = answer?.waits ? null : answer;
-  useLayoutEffect(() => {
-    [wrong.value, pinned.value] = [[], []];
-    void follow();
-  }, [path.value]);
+  useLayoutEffect(() => void ([wrong.value, pinned.value] = [[], []]), [path.value]);
   useEffect(() => {
     if (!folder) void open(path.value, true);
   }, [path.value, changesOf(path.value)]);

@@ -11,8 +11,7 @@ import { ask, attempts, frame, pause, Refused, read, typed } from "../server/ser
 import { word } from "../workspace/command";
 import { Button, Lines, Remarks } from "../workspace/fields";
 import { kindOf, list, nameOf, pathsOf, studies } from "../workspace/files";
-import { JobForm, requestOf } from "../workspace/form";
-import { follow, JobList, jobs } from "../workspace/jobs";
+import { follow, JobForm, JobList, jobs, requestOf } from "../workspace/jobs";
 import { Files } from "../workspace/listed";
 import { Copied, Problems, ReportOf } from "../workspace/parts";
 import { Answer, Findings, useView } from "../workspace/result";

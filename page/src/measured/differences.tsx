@@ -3,8 +3,7 @@
 import { FigureView } from "../plots/figure";
 import { digits, pretty } from "../plots/looks";
 import type { Compared } from "../server/generated";
-import { Fold, Lines } from "../workspace/fields";
-import { Table } from "../workspace/table";
+import { Fold, Lines, Table } from "../workspace/fields";
 
 /** Return whether two intervals such as "0.5 … 3.3" overlap. */
 function isAlike(some: string, others: string): boolean {

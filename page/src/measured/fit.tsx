@@ -4,7 +4,7 @@ import { link } from "../routes";
 import type { BehindFit, NextPoints as Next } from "../server/generated";
 import { attempts, read } from "../server/server";
 import { Button } from "../workspace/fields";
-import { JobForm, requestOf } from "../workspace/form";
+import { JobForm, requestOf } from "../workspace/jobs";
 import { Copied, Problems } from "../workspace/parts";
 import { Figures, Values } from "../workspace/result";
 

@@ -16,14 +16,12 @@ import type {
   ShownFigure,
   Slice,
 } from "../server/generated";
-import { usePosted, useRequest } from "../workspace/answers";
-import { Button, Fold, type Option, Tick } from "../workspace/fields";
+import { usePosted, useRequest } from "../server/server";
+import { Button, Fold, type Option, Table, Tick } from "../workspace/fields";
 import { changesOf, filesOf, folderOf, nameOf, pathsOf, studies } from "../workspace/files";
-import { JobForm } from "../workspace/form";
-import { follow } from "../workspace/jobs";
+import { follow, JobForm } from "../workspace/jobs";
 import { Copied, Problems, ReportOf, Select } from "../workspace/parts";
 import { Answer, Findings, Shown, useView, Values } from "../workspace/result";
-import { Table } from "../workspace/table";
 import Differences from "./differences";
 import { Behind, showBehind } from "./fit";
 

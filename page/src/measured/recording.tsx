@@ -8,14 +8,12 @@ import { type Curve, Plot, pixelsOfPlots } from "../plots/plot";
 import { link, route } from "../routes";
 import type { Frame, Numbers } from "../server/frame";
 import type { WindowHead as Head, OpenedRecording as Opened, Problem, Proposal, Strokes } from "../server/generated";
-import { ask, attempts, frame, problemsOf, Refused, read, write } from "../server/server";
-import { useAnswer, useLive } from "../workspace/answers";
-import { Button, Remarks, Tick, Ticks } from "../workspace/fields";
+import { ask, attempts, frame, problemsOf, Refused, read, useAnswer, useLive, write } from "../server/server";
+import { Button, Remarks, Table, Tick, Ticks } from "../workspace/fields";
 import { folderOf, list, nameOf, studies } from "../workspace/files";
-import { JobForm } from "../workspace/form";
+import { JobForm } from "../workspace/jobs";
 import { Problems } from "../workspace/parts";
 import { Answer, useView } from "../workspace/result";
-import { Table } from "../workspace/table";
 import * as measure from "./measure";
 
 const MOST_PLOTS = 4; // to begin with

@@ -3,8 +3,7 @@
 import type { ComponentChildren } from "preact";
 import { useState } from "preact/hooks";
 import type { Axis, Bars, Drawing, Mark, Markers, Panel, ShownFigure } from "../server/generated";
-import { Button } from "../workspace/fields";
-import { Table } from "../workspace/table";
+import { Button, Table } from "../workspace/fields";
 import { digits, pretty } from "./looks";
 import { saveDrawing, saveRows } from "./saving";
 import { asList, isNumber, type Numbers, type Scale, scaleOf } from "./scale";

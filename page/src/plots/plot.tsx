@@ -2,7 +2,7 @@
 
 import type { Signal } from "@preact/signals";
 import { useLayoutEffect, useMemo, useRef, useState } from "preact/hooks";
-import { Table } from "../workspace/table";
+import { Table } from "../workspace/fields";
 import "../drive/language"; // before uPlot, which reads it
 import uPlot from "uplot";
 import "uplot/dist/uPlot.min.css";
@@ -129,7 +129,7 @@ export const zooming = (shown: Signal<[number, number] | null>): Pick<PlotProps,
 });
 
 /** The line of a look as a background, for the legend. */
-function swatch(index: number): string {
+export function swatch(index: number): string {
   const { color, dash } = look(index);
   let at = 0;
   const stops = dash.map((one, k) => `${k % 2 ? "transparent" : color} ${at}px ${(at += one)}px`);

@@ -362,14 +362,8 @@ export interface CircuitDrawing {
   words: string[];
 }
 
-export interface Kind {
-  kind: string;
-  title: string;
-  gas: boolean;
-}
-
 export interface Kinds {
-  kinds: Kind[];
+  kinds: [string, string][];
 }
 
 export interface Part {

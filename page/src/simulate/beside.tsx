@@ -1,7 +1,7 @@
 /** Comparisons with a run in Simulate: other drives and runs, a band of many members, p-V loops, the moving piston. */
 
 import { computed, signal } from "@preact/signals";
-import { isPlaying, timeAt } from "../drive/moving";
+import { isPlaying, timeAt } from "../drive/circuit";
 import { opened } from "../drive/opened";
 import { FigurePanel } from "../plots/figure";
 import { digits } from "../plots/looks";
@@ -11,10 +11,9 @@ import { pointsFigure } from "../plots/points";
 import type { Frame } from "../server/frame";
 import type { Field, Listed, RunPanel as Panel, RunHead } from "../server/generated";
 import { undoable } from "../undo";
-import { Button, Fold, Pick, Remarks, Tick } from "../workspace/fields";
+import { Button, Fold, Pick, Remarks, Table, Tick } from "../workspace/fields";
 import { cataloguePaths, filesOf } from "../workspace/files";
 import { NumberField } from "../workspace/parts";
-import { Table } from "../workspace/table";
 
 const others = undoable(signal<string[]>([]));
 const loops = undoable(signal(false));

@@ -2,16 +2,14 @@
 
 import { computed, effect, signal } from "@preact/signals";
 import { useMemo } from "preact/hooks";
-import { Circuit } from "../drive/circuit";
-import { MovingCircuit, pointAt, TimeRange, timeAt } from "../drive/moving";
+import { Circuit, MovingCircuit, pointAt, TimeRange, timeAt } from "../drive/circuit";
 import { opened, restructure, said, set, problems as textProblems, useDrawing, valid } from "../drive/opened";
 import { changed, count, digits, instant, isSevere, sentence, withUnit } from "../plots/looks";
 import { type Curve, curvesOf, indexAt, Plot, zooming } from "../plots/plot";
 import type { Frame } from "../server/frame";
 import type { Field, RunHead as Head, MovingCylinder, RunPanel as Panel } from "../server/generated";
-import { attempts } from "../server/server";
+import { attempts, isShowable, useLive } from "../server/server";
 import { undoable } from "../undo";
-import { isShowable, useLive } from "../workspace/answers";
 import { withFile } from "../workspace/command";
 import { Button, Fold, Pick, Remarks, TextInput, toggled } from "../workspace/fields";
 import { studies } from "../workspace/files";

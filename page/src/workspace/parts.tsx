@@ -4,8 +4,7 @@ import { useEffect, useState } from "preact/hooks";
 import { isUnsaved } from "../drive/opened";
 import { digits, pretty } from "../plots/looks";
 import type { Field, Problem, SentValue } from "../server/generated";
-import { ask, type attempting, connection, read } from "../server/server";
-import { useAnswer } from "./answers";
+import { ask, type attempting, connection, read, useAnswer } from "../server/server";
 import { type Bound, Breakable, Button, bound, Lines, type Option, Options, Range } from "./fields";
 
 const placeOf = ({ file, line }: Problem): string => [file, line !== null && `line ${line}`].filter(Boolean).join(", ");

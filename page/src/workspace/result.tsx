@@ -6,11 +6,10 @@ import { isSevere, pretty } from "../plots/looks";
 import { type Group, isWide, pointsFigure } from "../plots/points";
 import { route } from "../routes";
 import type { Finding, SentCurve, SentView, ShownFigure } from "../server/generated";
-import { useRequest } from "./answers";
-import { Fold } from "./fields";
+import { useRequest } from "../server/server";
+import { Fold, Table } from "./fields";
 import { changesOf } from "./files";
 import { Leading, Problems } from "./parts";
-import { Table } from "./table";
 
 const MOST_BESIDE = 4; // columns of a table beside the figure
 

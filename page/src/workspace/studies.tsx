@@ -4,12 +4,10 @@ import { useEffect } from "preact/hooks";
 import { lazy } from "../lazy";
 import { link } from "../routes";
 import type { Compared } from "../server/generated";
-import { connection } from "../server/server";
-import { usePosted } from "./answers";
+import { connection, usePosted } from "../server/server";
 import { Starts } from "./choose";
 import { GROUPS, listed, refused, studies } from "./files";
-import { Chain, useStale } from "./lineage";
-import { Files, pair } from "./listed";
+import { Chain, Files, pair, useStale } from "./listed";
 import { Copied, Problems } from "./parts";
 
 const Recordings = lazy(() => import("../measured/overview"));

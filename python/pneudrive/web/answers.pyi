@@ -138,13 +138,8 @@ class CircuitDrawing(TypedDict):
     box: Box
     words: list[str]
 
-class Kind(TypedDict):
-    kind: str
-    title: str
-    gas: bool
-
 class Kinds(TypedDict):
-    kinds: list[Kind]
+    kinds: list[tuple[str, str]]
 
 class Part(TypedDict):
     name: str
