@@ -8,7 +8,7 @@ import { connection, unlock } from "./server/server";
 import { followActions, forgetSteps } from "./undo";
 import { VIEWS, verbsOf } from "./views";
 import { Choose, ENTRIES } from "./workspace/choose";
-import { changesOf, isOld, kindOf, list, nameOf, studies, takeDrops, watchFolder } from "./workspace/files";
+import { changesOf, isOld, kindOf, list, studies, takeDrops, watchFolder } from "./workspace/files";
 import { follow as followJobs, Tray } from "./workspace/jobs";
 import { ConnectionLine } from "./workspace/parts";
 import { isOverMain, isShown, PathName, Tree } from "./workspace/tree";
@@ -81,13 +81,6 @@ function useFocus({ view, path }: { view: string; path: string }): void {
   }, [view, path]);
 }
 
-/** Return the end of a path that tells it from the other open objects. */
-function shortName(path: string): string {
-  const own = nameOf(path);
-  const parts = path.split("/");
-  return tabs.value.some((one) => one.path !== path && nameOf(one.path) === own) ? parts.slice(-2).join("/") : own;
-}
-
 /** Tabs of the open objects, and the verbs of the selected object. */
 function Tabs() {
   const { view, path } = route.value;
@@ -108,7 +101,7 @@ function Tabs() {
                   href={link(one.view, one.path)}
                   title={one.path}
                   aria-current={one.path === path ? "page" : undefined}>
-                  <PathName path={shortName(one.path)} />
+                  <PathName path={one.path.split("/").slice(-2).join("/")} />
                 </a>
                 <Button class="icon" aria-label={`Close ${one.path}`} act={() => closeTab(one.path)} words="×" />
               </li>

@@ -10,6 +10,7 @@ import pytest
 
 import pneudrive as pn
 from pneudrive.describe.circuit import Circuit
+from pneudrive.describe.kinds import component_kinds
 from pneudrive.errors import CommandError
 from pneudrive.web.drive.run_request import described_at
 from pneudrive.web.drive.structure import kinds, restructured

@@ -12,11 +12,11 @@ import type { Frame } from "../server/frame";
 import type { Choices, Gain, ControlHead as Head } from "../server/generated";
 import { ask, attempts, isShowable, read, useLive, write } from "../server/server";
 import { undoable } from "../undo";
-import { Button, Fold, type Option, Remarks } from "../workspace/fields";
+import { Button, Fold, type Option, Remarks, Select } from "../workspace/fields";
 import { cataloguePaths, freeName, list, pathsOf } from "../workspace/files";
 import { FormField, type Input, JobForm, requestOf } from "../workspace/jobs";
 import { Files } from "../workspace/listed";
-import { Copied, Problems, Select, SliderRow, TextField, Unsaved } from "../workspace/parts";
+import { Copied, Problems, SliderRow, TextField, Unsaved } from "../workspace/parts";
 import { Answer, Values } from "../workspace/result";
 import { isOverMain } from "../workspace/tree";
 import { GoalField, goalOf, MEASURE, MM, ScoreCard, Told } from "./score";
@@ -357,13 +357,11 @@ function Compare() {
       { key: "count", label: isSpread ? "Members" : "Seeds", kind: "number", most: MOST_MEMBERS },
       { key: "name", label: "Into results/", kind: "name" },
     ],
-    body: ({ laws, along, other, spread, count, name }: Record<string, unknown>) => ({
+    body: ({ along = [], other, spread, ...others }: Record<string, unknown>) => ({
+      ...others,
       drive: drive.value,
       setup: run.value.setup,
-      laws,
-      count,
-      name,
-      references: [...((along as string[] | undefined) ?? []), ...(String(other ?? "").trim() ? [other] : [])],
+      references: [along, String(other ?? "").trim()].flat().filter(Boolean),
       ...(spread ? { spread } : { mismatch: run.value.mismatch }),
     }),
   };

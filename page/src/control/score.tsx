@@ -11,9 +11,9 @@ import type { Frame } from "../server/frame";
 import type { Card, SentView, Tracks } from "../server/generated";
 import { ask, attempts, frame, read, useAnswer } from "../server/server";
 import { undoable } from "../undo";
-import { Button, type Cell, Fold, Table } from "../workspace/fields";
+import { Button, type Cell, Fold, Select, Table } from "../workspace/fields";
 import { follow, JobList, jobs } from "../workspace/jobs";
-import { Copied, NumberField, Problems, ReportOf, Select } from "../workspace/parts";
+import { Copied, NumberField, Problems, ReportOf } from "../workspace/parts";
 import { Answer, Findings, Notes, useView, Values } from "../workspace/result";
 
 export const MM = 1e-3;
@@ -109,19 +109,15 @@ export function ScoreCard({ path }: { path: string }) {
   );
 }
 
+/** Continuation of a benchmark that nothing runs. */
 function Unfinished({ path, state }: { path: string; state: string | undefined }) {
-  const isRunning = state === "running";
   const isElsewhere = !state && Date.now() - grownAt.value < STILL_MS; // asked again at each look
-  const resume = () =>
-    resuming(async () => {
-      await ask("/api/comparisons", { resume: path });
-      await follow();
-    });
+  const resume = () => resuming(async () => (await ask("/api/comparisons", { resume: path }), follow()));
   return (
     <p class="row" role="status">
       Not finished: runs that are done are kept.{" "}
-      {!isRunning && isElsewhere && "A process that this server did not start continues them."}
-      {!isRunning && !isElsewhere && <Button act={() => resume()}>Resume</Button>}
+      {isElsewhere && "A process that this server did not start continues them."}
+      {state !== "running" && !isElsewhere && <Button act={resume}>Resume</Button>}
     </p>
   );
 }
@@ -187,15 +183,14 @@ function Along({ found, reference, now }: { found: Card; reference: string; now:
   const text = found.references.find((one) => one.name === reference)?.text;
   const measured = found.measures.find((one) => one.name === found.measure)!;
   const runs = found.each.filter((run) => run.reference === reference && run.value !== null);
-  const rows = found.laws.map((name) => ({
-    name,
-    values: runs
-      .filter((run) => run.law === name)
-      .map((run) => ({
-        value: run.value! / measured.size,
-        of: `${name}, ${found.spread ? "member" : "seed"} ${run.seed}`,
-      })),
-  }));
+  const kind = found.spread ? "member" : "seed";
+  const rows = found.laws.map((name) => {
+    const own = runs.filter((run) => run.law === name);
+    return {
+      name,
+      values: own.map(({ value, seed }) => ({ value: value! / measured.size, of: `${name}, ${kind} ${seed}` })),
+    };
+  });
   const tracks = (column: string) =>
     now!.head.laws.map((law) => ({ ...curve(now!, law, column, law), look: found.laws.indexOf(law) }));
   const references = (now?.head.laws ?? [])

@@ -16,35 +16,10 @@ import { Button, Fold, Range } from "../workspace/fields";
 
 export type { Drawing, PistonShapes, Shape };
 
-/** State of a line at a moment: pressure relative to the largest, and the text for the pointer. */
-export interface Line {
-  share?: number;
-  said: string;
-}
-
-/** State of a drawing at a moment: cylinders, the way of each valve in modules, and lines by their number. */
-export interface Motion {
-  pistons: Record<string, Moved>;
-  shifts: Record<string, number>;
-  lines: Line[];
-}
-
 /** Ports that can be clicked, and the selected one. */
 export interface PortChoice {
   port: string;
   onPort: (port: string) => void;
-}
-
-/**
- * State of a cylinder at a moment: fraction of its stroke, and for each chamber the pressure as text and relative
- * to the largest.
- */
-export interface Moved {
-  share: number;
-  pressures: [string, string];
-  tints: [number, number];
-  said: string;
-  position: number;
 }
 
 /**
@@ -98,7 +73,7 @@ function drawn(shape: Shape): JSX.Element {
 }
 
 /** The chambers of a cylinder: a higher pressure has a stronger tint, and its value is written in the chamber. */
-function Chambers({ at, moved, name }: { at: PistonShapes; moved: Moved; name: string }) {
+function Chambers({ at, moved, name }: { at: PistonShapes; moved: Motion["pistons"][string]; name: string }) {
   const [left, low, right, high] = at.barrel;
   const face = pistonAt(at, moved.share);
   const behind = face + at.piston[1] - at.piston[0];
@@ -107,8 +82,8 @@ function Chambers({ at, moved, name }: { at: PistonShapes; moved: Moved; name: s
   );
   return (
     <g role="img" aria-label={moved.said} data-piston={name} data-position={moved.position}>
-      {air(left, face, moved.tints[0])}
-      {air(behind, right, moved.tints[1])}
+      {air(left, face, moved.tints[0]!)}
+      {air(behind, right, moved.tints[1]!)}
       <text x={left + 1.5} y={-low + 0.8} font-size={6 * PT}>
         a {moved.pressures[0]}
       </text>
@@ -202,7 +177,7 @@ export function Circuit(props: CircuitProps) {
       role="group"
       aria-label="Circuit, symbols after ISO 1219">
       {drawing.nets.map((pins, net) => {
-        const { share, said } = motion?.lines[net] ?? { said: pins.map((pin) => pin.join(".")).join(" – ") };
+        const { share, said } = motion?.lines[net] ?? { share: undefined, said: endsOf(pins) };
         const own = drawing.shapes.filter((one) => one.net === net);
         return (
           <g
@@ -345,53 +320,63 @@ function largestOf(values: Numbers): number {
   return found;
 }
 
-/** Return the state of the drawing at a row of the run. */
-export function motionAt(now: Frame<RunHead>, drawing: Drawing, row: number): Motion {
-  const { arrays } = now;
-  const time = arrays.get("time_s")!;
+/**
+ * Return the state of the drawing at a row of the run: cylinders, the way of each valve in modules, and lines by their
+ * number. Pressures are fractions of the largest, and texts.
+ */
+export function motionAt(now: Frame<RunHead>, drawing: Drawing, row: number) {
+  const { arrays, head } = now;
   const own = arrays.get("motion/time_s");
-  const at = own ? indexAt(own, time[row]!) : 0;
+  const at = own ? indexAt(own, arrays.get("time_s")![row]!) : 0;
   const columnOf = (name: string) => arrays.get(name) ?? arrays.get(`motion/${name}`)!; // plots leave out the ninth curve
   const momentOf = (name: string) => (arrays.get(`${name}/at`) ?? arrays.get(name))?.[row] ?? columnOf(name)[at]!;
-  const first = (names: string[]): Numbers | undefined => names.map((one) => arrays.get(`motion/${one}`)).find(Boolean);
-  const pistons: Motion["pistons"] = {};
-  for (const one of now.head.cylinders ?? []) {
-    const position = momentOf(one.position);
-    const values = one.pressures.map(momentOf) as [number, number];
-    const most = Math.max(...one.pressures.map((name) => largestOf(columnOf(name))));
-    const pressures = values.map((value) => `${digits(value / BAR, 3)} bar`) as [string, string];
-    const said = `${one.name}: position ${digits(1000 * position)} mm, chamber a ${pressures[0]}, chamber b ${pressures[1]}, absolute`;
-    const tints = values.map((value) => (0.7 * value) / most) as [number, number];
-    pistons[one.name] = { share: position / one.stroke_m, position, pressures, tints, said };
-  }
+  const first = (...names: (string | false)[]): Numbers | undefined =>
+    names.map((one) => arrays.get(`motion/${one}`)).find(Boolean);
+  const cylinders = head.cylinders ?? [];
+  const pistons = cylinders.map(({ name, position: column, pressures: columns, stroke_m }) => {
+    const position = momentOf(column);
+    const values = columns.map(momentOf);
+    const most = Math.max(...columns.map((one) => largestOf(columnOf(one))));
+    const pressures = values.map((value) => `${digits(value / BAR, 3)} bar`);
+    const words = `position ${digits(1000 * position)} mm, chamber a ${pressures[0]}, chamber b ${pressures[1]}`;
+    const tints = values.map((value) => (0.7 * value) / most);
+    return [
+      name,
+      { share: position / stroke_m, position, pressures, tints, said: `${name}: ${words}, absolute` },
+    ] as const;
+  });
   const isDrive = arrays.has("motion/command");
-  const shifts: Motion["shifts"] = {};
-  for (const name of Object.keys(drawing.ports)) {
-    const spool = first([`${name}.position`, `${name}.command`, ...(isDrive && name === "valve" ? ["command"] : [])]);
-    if (spool) shifts[name] = BOX * Math.max(-1, Math.min(1, spool[at]!));
-  }
-  const pressureOf = (name: string, port: string) =>
-    first([`${name}.${port}.pressure_pa`, ...(isDrive ? [`pressure_${port}_pa`] : []), `${name}.pressure_pa`]);
-  const flowOf = (name: string, port: string) =>
-    first([
-      ...[`${name}.${port}.mass_flow_kg_s`, `${name}.mass_flow_${port}_kg_s`],
-      ...(isDrive ? [`mass_flow_${port}_kg_s`] : []),
+  const shifts = Object.keys(drawing.ports).flatMap((name) => {
+    const spool = first(`${name}.position`, `${name}.command`, isDrive && name === "valve" && "command");
+    return spool ? [[name, BOX * Math.max(-1, Math.min(1, spool[at]!))] as const] : [];
+  });
+  const pressureOf = ([name, port]: [string, string]) =>
+    first(`${name}.${port}.pressure_pa`, isDrive && `pressure_${port}_pa`, `${name}.pressure_pa`);
+  const flowOf = ([name, port]: [string, string]) =>
+    first(
+      `${name}.${port}.mass_flow_kg_s`,
+      `${name}.mass_flow_${port}_kg_s`,
+      isDrive && `mass_flow_${port}_kg_s`,
       `${name}.mass_flow_kg_s`,
-    ]);
+    );
   const known = drawing.nets.map((pins) => ({
     pins,
-    pressure: pins.map((pin) => pressureOf(...pin)).find(Boolean),
-    flow: pins.length === 2 ? pins.map((pin) => flowOf(...pin)).find(Boolean) : undefined,
+    pressure: pins.map(pressureOf).find(Boolean),
+    flow: pins.length === 2 ? pins.map(flowOf).find(Boolean) : undefined,
   }));
   const most = Math.max(1, ...known.flatMap((one) => (one.pressure ? [largestOf(one.pressure)] : [])));
-  const lines: Line[] = known.map(({ pins, pressure, flow }) => {
+  const lines = known.map(({ pins, pressure, flow }) => {
     const absolute = pressure && `${digits(pressure[at]! / BAR, 3)} bar absolute`;
     const moving = flow && `${digits(Math.abs(flow[at]!) / GRAM, 2)} g/s`;
-    const said = [endsOf(pins), absolute, moving].filter(Boolean).join(", ");
-    return { share: pressure && pressure[at]! / most, said };
+    return {
+      share: pressure && pressure[at]! / most,
+      said: [endsOf(pins), absolute, moving].filter(Boolean).join(", "),
+    };
   });
-  return { pistons, shifts, lines };
+  return { pistons: Object.fromEntries(pistons), shifts: Object.fromEntries(shifts), lines };
 }
+
+export type Motion = ReturnType<typeof motionAt>;
 
 export const endsOf = (pins: [string, string][]): string => pins.map((pin) => pin.join(".")).join(" – ");
 

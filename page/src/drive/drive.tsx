@@ -1,22 +1,53 @@
 /** View of a description: circuit, fields and text side by side, each for changes. The text is the truth. */
 
 import { signal, useSignal } from "@preact/signals";
-import type { ComponentChildren } from "preact";
 import { useEffect } from "preact/hooks";
 import { count } from "../plots/looks";
 import { route } from "../routes";
 import type { Frame } from "../server/frame";
 import type { Field, RunHead as Head, Kinds, Part, Problem } from "../server/generated";
-import { ask, isShowable, useLive, useRequest } from "../server/server";
+import { ask, attempting, isShowable, typed, useLive, useRequest } from "../server/server";
 import { pin, pinned, request, Sliders } from "../simulate/simulate";
 import { future, past, step } from "../undo";
 import { Breakable, Button, Fold, Options, Remarks, Table, Tick } from "../workspace/fields";
 import { Problems, TextField } from "../workspace/parts";
 import { type Drawing, endsOf, type Motion, MovingCircuit, type PortChoice, whole, ZoomedCircuit } from "./circuit";
-import { opened, problems, restructure, set, setNumber, takePart, useDrawing, valid } from "./opened";
+import { opened, problems, restructure, set, takePart, useDrawing, valid } from "./opened";
 import { useOpenText } from "./text";
 
 const name = signal("");
+const isEditing = signal(false); // components are added, joined and removed in the drawing, and the text follows
+/** Selected component and selected port. */
+const chosen = signal("");
+const port = signal("");
+const kind = signal(""); // of the component to add; empty: the first one
+
+const forget = (component = ""): void => void ([port.value, chosen.value] = ["", component]);
+
+/** Change the structure; nothing is selected after it. */
+const act = (change: Parameters<typeof restructure>[0]): void => restructure(change, () => forget());
+const remove = (one: string): void => act({ act: "remove", one });
+
+/** The ports of the drawing while it is edited: the first one is selected, and the second one is joined with it. */
+function portChoice(): PortChoice | undefined {
+  if (!isEditing.value || valid.value?.kind !== "circuit") return undefined;
+  return {
+    port: port.value,
+    onPort: (one) => {
+      if (port.value === one) port.value = "";
+      else if (port.value) act({ act: "join", one: port.value, other: one });
+      else port.value = one;
+    },
+  };
+}
+
+/** Keys of the drawing while it is edited. */
+function keys(event: KeyboardEvent): void {
+  if (event.key === "Escape") port.value = "";
+  else if (event.key === "Delete" && isEditing.value && chosen.value && valid.value?.kind === "circuit")
+    remove(chosen.value);
+}
+
 const isNarrow = globalThis.matchMedia?.("(max-width: 40rem)").matches;
 const belongs = (field: Field): boolean => !chosen.value || field.component === chosen.value;
 
@@ -26,6 +57,68 @@ const isRun = signal(false);
 const line = signal(-1); // that the pointer is on
 
 const HOW_LINES = "Lines: the stronger the colour, the higher the pressure. Point at a line for its pressure and flow.";
+
+/** Buttons below the drawing. */
+function Structure() {
+  useEffect(() => forget(), [opened.value?.path]);
+  const kinds = useRequest<Kinds>("/api/kinds", isEditing.value ? {} : null)[0]?.kinds ?? [];
+  const toAdd = kind.value || (kinds[0]?.[0] ?? "");
+  const isCircuit = valid.value?.kind === "circuit";
+  const blocked = problems.value.length > 0;
+  return (
+    <div role="group" aria-label="Edit the circuit">
+      <p class="row">
+        <Button
+          aria-pressed={isRun.value}
+          title="With the command, the duration and the sliders of Simulate"
+          act={() => (isRun.value = !isRun.value)}
+          words="Run in the drawing"
+        />
+        <Button aria-pressed={isEditing.value} act={() => ((isEditing.value = !isEditing.value), (port.value = ""))}>
+          Edit the circuit
+        </Button>
+        <Button disabled={!past.value.length} act={() => step(past, future)} words="Undo" />
+        <Button disabled={!future.value.length} act={() => step(future, past)} words="Redo" />
+        {isEditing.value && isCircuit && chosen.value && (
+          <Button disabled={blocked} act={() => remove(chosen.value)} words={`Remove ${chosen.value}`} />
+        )}
+      </p>
+      {isEditing.value && !isCircuit && (
+        <p class="row">
+          <span>A drive has a fixed structure. As a circuit, each component can be added, joined and removed.</span>
+          <Button disabled={blocked} act={() => act({ act: "open" })} words="Open it as a circuit" />
+        </p>
+      )}
+      {isEditing.value && isCircuit && !port.value && (
+        <p class="note">
+          Click a port to add a component there or to join it with another port. Click a symbol to remove it.
+        </p>
+      )}
+      {isEditing.value && isCircuit && port.value && (
+        <p class="row">
+          <b>Port {port.value}</b>
+          <select
+            aria-label="Component to add"
+            value={toAdd}
+            onChange={(event) => (kind.value = event.currentTarget.value)}>
+            <Options of={kinds} />
+          </select>
+          <Button
+            class="primary"
+            disabled={blocked}
+            act={() => restructure({ act: "add", one: port.value, kind: toAdd }, forget)}
+            words="Add here"
+          />
+          <Button disabled={blocked} act={() => act({ act: "cut", one: port.value })} words="Cut its line" />
+          <span class="note">Click another port to join it.</span>
+        </p>
+      )}
+      {isEditing.value && blocked && (
+        <p class="note">The drawing shows the last valid text: undo, or correct the text.</p>
+      )}
+    </div>
+  );
+}
 
 /** The drawing, at rest or in a run. The run follows each change of the text. */
 function Running({ shapes }: { shapes: Drawing }) {
@@ -67,14 +160,7 @@ function Running({ shapes }: { shapes: Drawing }) {
         shown(undefined, pins ? endsOf(pins) : "Click a symbol to see only its values.")
       )}
       {isRun.value && <Problems of={wrong.value} />}
-      <Structure>
-        <Button
-          aria-pressed={isRun.value}
-          title="With the command, the duration and the sliders of Simulate"
-          act={() => (isRun.value = !isRun.value)}
-          words="Run in the drawing"
-        />
-      </Structure>
+      <Structure />
       {isRun.value && pinned.value.length > 0 && (
         <div class="pinned">
           <Sliders />
@@ -144,7 +230,7 @@ const bare = ({ text, unit, units }: Field): string =>
 /** Put a typed value into the text. A number alone has the unit of the menu. */
 function put({ key, unit }: Field, value: string): void {
   const isNumber = value.trim() && Number.isFinite(Number(value));
-  if (unit === "") void setNumber(key, value);
+  if (unit === "") void attempting(problems)(async () => set(key, typed(key, value)));
   else void set(key, unit && isNumber ? `${value.trim()} ${unit}` : value);
 }
 
@@ -204,19 +290,16 @@ function Fields() {
 
 /** Menus that take cylinder and valve from the catalogue. */
 function Parts() {
-  const fields = valid.value?.values ?? [];
-  const isDrive = valid.value?.kind === "drive";
-  const tables = ["cylinder", "valve"].flatMap((family) => {
-    const key = isDrive
+  const keyOf = (family: string) =>
+    valid.value?.kind === "drive"
       ? `${family}.kind`
-      : fields.find((field) => field.key.endsWith(".kind") && field.text.startsWith(`${family}/`))?.key;
-    return key ? [{ family, table: key.slice(0, -".kind".length) }] : [];
-  });
+      : valid.value?.values?.find(({ key, text }) => key.endsWith(".kind") && text.startsWith(`${family}/`))?.key;
   return (
     <div class="twin">
-      {tables.map(({ family, table }) => (
-        <PartMenu key={family} family={family} table={table} />
-      ))}
+      {["cylinder", "valve"].map((family) => {
+        const key = keyOf(family);
+        return key && <PartMenu key={family} family={family} table={key.slice(0, -".kind".length)} />;
+      })}
     </div>
   );
 }
@@ -275,94 +358,4 @@ function FieldTable({ fields, names }: { fields: Field[]; names?: Map<string, st
   const headed = rows.flatMap((row, k) => (tables[k] === (tables[k - 1] ?? "") ? [row] : [[tables[k]], row]));
   const heads = ["Key", "Value", "Unit", { text: "Slider", data: { title: "Slider in Simulate" } }];
   return <Table class="fields" frame="wide" label="Values of the description" heads={heads} rows={headed} />;
-}
-
-export const isEditing = signal(false);
-/** Selected component and selected port. */
-export const chosen = signal("");
-const port = signal("");
-const kind = signal(""); // of the component to add; empty: the first one
-
-const forget = (component = ""): void => void ([port.value, chosen.value] = ["", component]);
-
-/** Change the structure; nothing is selected after it. */
-const act = (change: Parameters<typeof restructure>[0]): void => restructure(change, () => forget());
-const remove = (one: string): void => act({ act: "remove", one });
-
-/** The ports of the drawing while it is edited: the first one is selected, and the second one is joined with it. */
-export function portChoice(): PortChoice | undefined {
-  if (!isEditing.value || valid.value?.kind !== "circuit") return undefined;
-  return {
-    port: port.value,
-    onPort: (one) => {
-      if (port.value === one) port.value = "";
-      else if (port.value) act({ act: "join", one: port.value, other: one });
-      else port.value = one;
-    },
-  };
-}
-
-/** Keys of the drawing while it is edited. */
-export function keys(event: KeyboardEvent): void {
-  if (event.key === "Escape") port.value = "";
-  else if (event.key === "Delete" && isEditing.value && chosen.value && valid.value?.kind === "circuit")
-    remove(chosen.value);
-}
-
-/** Buttons below the drawing. */
-export function Structure({ children }: { children: ComponentChildren }) {
-  useEffect(() => forget(), [opened.value?.path]);
-  const [found] = useRequest<Kinds>("/api/kinds", isEditing.value ? {} : null);
-  const kinds = found?.kinds ?? [];
-  const toAdd = kind.value || (kinds[0]?.[0] ?? "");
-  const isCircuit = valid.value?.kind === "circuit";
-  const blocked = problems.value.length > 0;
-  return (
-    <div role="group" aria-label="Edit the circuit">
-      <p class="row">
-        {children}
-        <Button aria-pressed={isEditing.value} act={() => ((isEditing.value = !isEditing.value), (port.value = ""))}>
-          Edit the circuit
-        </Button>
-        <Button disabled={!past.value.length} act={() => step(past, future)} words="Undo" />
-        <Button disabled={!future.value.length} act={() => step(future, past)} words="Redo" />
-        {isEditing.value && isCircuit && chosen.value && (
-          <Button disabled={blocked} act={() => remove(chosen.value)} words={`Remove ${chosen.value}`} />
-        )}
-      </p>
-      {isEditing.value && !isCircuit && (
-        <p class="row">
-          <span>A drive has a fixed structure. As a circuit, each component can be added, joined and removed.</span>
-          <Button disabled={blocked} act={() => act({ act: "open" })} words="Open it as a circuit" />
-        </p>
-      )}
-      {isEditing.value && isCircuit && !port.value && (
-        <p class="note">
-          Click a port to add a component there or to join it with another port. Click a symbol to remove it.
-        </p>
-      )}
-      {isEditing.value && isCircuit && port.value && (
-        <p class="row">
-          <b>Port {port.value}</b>
-          <select
-            aria-label="Component to add"
-            value={toAdd}
-            onChange={(event) => (kind.value = event.currentTarget.value)}>
-            <Options of={kinds} />
-          </select>
-          <Button
-            class="primary"
-            disabled={blocked}
-            act={() => restructure({ act: "add", one: port.value, kind: toAdd }, forget)}
-            words="Add here"
-          />
-          <Button disabled={blocked} act={() => act({ act: "cut", one: port.value })} words="Cut its line" />
-          <span class="note">Click another port to join it.</span>
-        </p>
-      )}
-      {isEditing.value && blocked && (
-        <p class="note">The drawing shows the last valid text: undo, or correct the text.</p>
-      )}
-    </div>
-  );
 }

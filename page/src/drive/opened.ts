@@ -3,18 +3,7 @@ import { effect, signal, untracked } from "@preact/signals";
 import { useEffect, useRef } from "preact/hooks";
 import { link, route } from "../routes";
 import type { Checked, TextFile as Found, Problem } from "../server/generated";
-import {
-  answering,
-  ask,
-  isAnswering,
-  newest,
-  problemsOf,
-  Refused,
-  read,
-  typed,
-  useAnswer,
-  write,
-} from "../server/server";
+import { answering, ask, isAnswering, newest, problemsOf, Refused, read, useAnswer, write } from "../server/server";
 import { remember, type Source } from "../undo";
 import type { Drawing } from "./circuit";
 
@@ -192,15 +181,6 @@ async function edit(into: string | undefined, address: string, what: object, the
       if (error instanceof Refused) problems.value = error.problems;
     }
     return;
-  }
-}
-
-/** Set a value that is not in a unit. */
-export async function setNumber(key: string, text: string): Promise<void> {
-  try {
-    await set(key, typed(key, text));
-  } catch (error) {
-    refused(error, asked);
   }
 }
 

@@ -8,11 +8,11 @@ import { isToml, link, route } from "../routes";
 import type { Candidate, Field, Finding, Job, Limit, Sizing } from "../server/generated";
 import { ask, attempts, read, useAnswer } from "../server/server";
 import { undoable } from "../undo";
-import { Button, Fold, Table, toggled } from "../workspace/fields";
+import { Button, Fold, Select, Table, toggled } from "../workspace/fields";
 import { changesOf } from "../workspace/files";
 import { follow, JobForm, JobList, jobs, Progress } from "../workspace/jobs";
 import { Files } from "../workspace/listed";
-import { Problems, ReportOf, Select, useCopied } from "../workspace/parts";
+import { Problems, ReportOf, useCopied } from "../workspace/parts";
 import { Answer, Notes } from "../workspace/result";
 import { open, opened, problems, set, valid } from "./opened";
 import { useOpenText } from "./text";
@@ -199,14 +199,10 @@ function Search({ now, folder, running }: { now: Sizing; folder: string; running
   if (running) return <Progress job={running} name="the search" />;
   if (now.searched) return <p class="note">A process that this server did not start searches in this folder.</p>;
   if (now.done) return null;
+  const noTask = `It continues once the folder has its task again: ${folder}/sizing.json has the values.`;
   return (
     <p class="row">
-      The search was stopped early.{" "}
-      {now.task ? (
-        <Button act={() => resume(folder, now)}>Resume</Button>
-      ) : (
-        `It continues once the folder has its task again: ${folder}/sizing.json has the values.`
-      )}
+      The search was stopped early. {now.task ? <Button act={() => resume(folder, now)}>Resume</Button> : noTask}
     </p>
   );
 }

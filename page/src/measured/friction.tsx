@@ -17,10 +17,10 @@ import type {
   Slice,
 } from "../server/generated";
 import { usePosted, useRequest } from "../server/server";
-import { Button, Fold, type Option, Table, Tick } from "../workspace/fields";
+import { Button, Fold, type Option, Select, Table, Tick } from "../workspace/fields";
 import { changesOf, filesOf, folderOf, nameOf, pathsOf, studies } from "../workspace/files";
 import { follow, JobForm } from "../workspace/jobs";
-import { Copied, Problems, ReportOf, Select } from "../workspace/parts";
+import { Copied, Problems, ReportOf } from "../workspace/parts";
 import { Answer, Findings, Shown, useView, Values } from "../workspace/result";
 import Differences from "./differences";
 import { Behind, showBehind } from "./fit";

@@ -6,9 +6,9 @@ import { digits, instant } from "../plots/looks";
 import type { Mark } from "../plots/paint";
 import type { MeasuredRows, OpenedRecording, Stroke, Strokes } from "../server/generated";
 import { ask, attempts, newest, pause, problemsOf, Refused, read } from "../server/server";
-import { Button, Range, Table, Tick } from "../workspace/fields";
+import { Button, Range, Select, Table, Tick } from "../workspace/fields";
 import { pathsOf } from "../workspace/files";
-import { NumberField, Problems, Select } from "../workspace/parts";
+import { NumberField, Problems } from "../workspace/parts";
 
 export type { Stroke };
 

@@ -14,11 +14,11 @@ import type { Frame } from "../server/frame";
 import type { Compared, Field, ValidationHead as Head, ValidatedRecord, Validation } from "../server/generated";
 import { ask, attempts, isShowable, problemsOf, read, useLive } from "../server/server";
 import { undoable } from "../undo";
-import { Button, Fold, type Option, Table } from "../workspace/fields";
+import { Button, Fold, type Option, Select, Table } from "../workspace/fields";
 import { folderOf, kindOf, list } from "../workspace/files";
 import { follow, JobForm, jobs, requestOf, useHeldOut } from "../workspace/jobs";
 import { Files } from "../workspace/listed";
-import { Problems, ReportOf, Select, SliderRow } from "../workspace/parts";
+import { Problems, ReportOf, SliderRow } from "../workspace/parts";
 import { Answer, useView, Values } from "../workspace/result";
 import Differences from "./differences";
 

@@ -11,7 +11,7 @@ import { pointsFigure } from "../plots/points";
 import type { Frame } from "../server/frame";
 import type { Field, Listed, RunPanel as Panel, RunHead } from "../server/generated";
 import { undoable } from "../undo";
-import { Button, Fold, Pick, Remarks, Table, Tick } from "../workspace/fields";
+import { Button, Fold, Remarks, Select, Table, Tick } from "../workspace/fields";
 import { cataloguePaths, filesOf } from "../workspace/files";
 import { NumberField } from "../workspace/parts";
 
@@ -62,8 +62,8 @@ const MOST_OTHERS = 7;
 export function BesideChoices() {
   return (
     <Fold class="beside" open={!isNarrow} title="Compare">
-      <Pick
-        class="choice"
+      <Select
+        value=""
         label="Compare with"
         hint="another drive or run"
         options={choices.value}

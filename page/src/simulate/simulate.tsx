@@ -11,7 +11,7 @@ import type { Field, RunHead as Head, MovingCylinder, RunPanel as Panel } from "
 import { attempts, isShowable, useLive } from "../server/server";
 import { undoable } from "../undo";
 import { withFile } from "../workspace/command";
-import { Button, Fold, Pick, Remarks, TextInput, toggled } from "../workspace/fields";
+import { Button, Fold, Remarks, Select, TextInput, toggled } from "../workspace/fields";
 import { studies } from "../workspace/files";
 import { Leading, Problems, SliderRow, useCopied } from "../workspace/parts";
 import { isOverMain } from "../workspace/tree";
@@ -486,7 +486,9 @@ export function Sliders() {
 function AddSlider() {
   const free = [...fields.value.values()].filter((one) => one.number !== undefined && !pinned.value.includes(one.key));
   return (
-    <Pick
+    <Select
+      class=""
+      value=""
       label="Slider for"
       hint="any value"
       options={free.map((one): [string, string] => [one.key, `${one.key} = ${one.text}`])}
@@ -532,7 +534,9 @@ function FileCommand({ valve }: { valve: string }) {
   const files = (studies.value?.files ?? []).map((one) => one.path).filter((path) => /\.csv$/i.test(path));
   if (!files.length) return null;
   return (
-    <Pick
+    <Select
+      class=""
+      value=""
       label={`Command${valve && ` of ${valve}`} from a file (time_s, command)`}
       hint="choose"
       options={files}

@@ -162,31 +162,32 @@ export const Options = ({ of }: { of: Option[] }) => (
   </>
 );
 
-interface PickProps {
-  label: ComponentChildren;
-  hint: string; // shown in place of a value
-  options: Option[];
-  put: (value: string) => void;
-  disabled?: boolean;
-  class?: string;
-}
+type SelectProps = Bound<string> &
+  Pick<JSX.IntrinsicElements["select"], "disabled"> & {
+    label: ComponentChildren;
+    options: Option[];
+    class?: string;
+    hint?: string; // of a menu of actions, which does not keep the chosen one
+  };
 
-/** A menu of actions. It does not keep the chosen one. */
-export const Pick = ({ label, hint, options, put, disabled, class: look }: PickProps) => (
-  <label class={look}>
-    {label}{" "}
-    <select
-      value=""
-      disabled={disabled}
-      onChange={({ currentTarget: menu }) => {
-        if (menu.value) put(menu.value);
-        menu.value = "";
-      }}>
-      <option value="">{hint}</option>
-      <Options of={options} />
-    </select>
-  </label>
-);
+/** A choice with its label; an option is a value, or a value with its text. */
+export function Select({ label, options, class: look = "choice", hint, disabled, ...by }: SelectProps) {
+  const [value, put] = bound(by);
+  const change = ({ currentTarget: menu }: { currentTarget: HTMLSelectElement }) => {
+    const chosen = menu.value;
+    if (hint) menu.value = "";
+    if (chosen || !hint) put(chosen);
+  };
+  return (
+    <label class={look}>
+      {label}{" "}
+      <select value={value} disabled={disabled} onChange={change}>
+        {hint && <option value="">{hint}</option>}
+        <Options of={options} />
+      </select>
+    </label>
+  );
+}
 
 type Data = Record<string, unknown>;
 export type Cell = ComponentChildren | { text: ComponentChildren; data: Data };

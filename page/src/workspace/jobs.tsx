@@ -8,9 +8,9 @@ import { link } from "../routes";
 import type { CommandInput, Form, Job, Jobs, Made, Problem } from "../server/generated";
 import { ask, attempting, pause, problemsOf, read, useRequest } from "../server/server";
 import { undoable } from "../undo";
-import { Button, Lines, type Option, pairOf, Tick, Ticks, toggled } from "./fields";
+import { Button, Lines, type Option, pairOf, Select, Tick, Ticks, toggled } from "./fields";
 import { cataloguePaths, filesOf, freeName, list, pathsOf, studies } from "./files";
-import { NumberField, Problems, Select, Unsaved, useCopied } from "./parts";
+import { NumberField, Problems, Unsaved, useCopied } from "./parts";
 
 type Values = Record<string, unknown>;
 /** An input of a form. A view leaves out the parts that it does not use. */

@@ -2,7 +2,7 @@
 
 import { signal } from "@preact/signals";
 import type { ComponentChildren } from "preact";
-import { useEffect } from "preact/hooks";
+import { useEffect, useRef } from "preact/hooks";
 import { isUnsaved } from "../drive/opened";
 import { count, pretty } from "../plots/looks";
 import { inCatalogue, route } from "../routes";
@@ -140,35 +140,29 @@ export const pair = signal<string[]>([]);
 /** Select a file for the comparison. The newest two count. */
 const tick = (path: string): void => void (pair.value = toggled(pair.value, path).slice(-2));
 
-const renaming = signal({ path: "", to: "" });
+const renamed = signal(""); // the file whose new name is being typed
 
 /** Give a file another name. An existing file is never overwritten. */
-const rename = (): Promise<void> =>
-  attempting(refused)(async () => {
-    await ask("/api/rename", renaming.value);
-    renaming.value = { path: "", to: "" };
-    await list();
-  });
-
 export function Rename({ path }: { path: string }) {
-  const now = renaming.value;
-  if (now.path !== path)
+  const to = useRef<HTMLInputElement>(null);
+  const rename = attempting(refused);
+  const submit = (event: Event) => {
+    event.preventDefault();
+    void rename(async () => {
+      await ask("/api/rename", { path, to: to.current!.value });
+      renamed.value = "";
+      await list();
+    });
+  };
+  if (renamed.value !== path)
     return (
-      <Button
-        class="link"
-        aria-label={`Rename ${path}`}
-        disabled={isUnsaved(path)}
-        act={() => (renaming.value = { path, to: path })}
-        words="rename"
-      />
+      <Button class="link" aria-label={`Rename ${path}`} disabled={isUnsaved(path)} act={() => (renamed.value = path)}>
+        rename
+      </Button>
     );
   return (
-    <form class="row" onSubmit={(event) => (event.preventDefault(), void rename())}>
-      <input
-        aria-label={`New name of ${path}`}
-        value={now.to}
-        onInput={(event) => (renaming.value = { path, to: event.currentTarget.value })}
-      />
+    <form class="row" onSubmit={submit}>
+      <input ref={to} aria-label={`New name of ${path}`} defaultValue={path} />
       <button type="submit">Rename</button>
     </form>
   );

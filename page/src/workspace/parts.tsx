@@ -5,7 +5,7 @@ import { isUnsaved } from "../drive/opened";
 import { digits, pretty } from "../plots/looks";
 import type { Field, Problem, SentValue } from "../server/generated";
 import { ask, type attempting, connection, read, useAnswer } from "../server/server";
-import { type Bound, Breakable, Button, bound, Lines, type Option, Options, Range } from "./fields";
+import { type Bound, Breakable, Button, bound, Lines, Range } from "./fields";
 
 const placeOf = ({ file, line }: Problem): string => [file, line !== null && `line ${line}`].filter(Boolean).join(", ");
 
@@ -239,18 +239,5 @@ export function ReportOf({ folder, changed, word = "report" }: { folder: string;
         Save the {word}
       </a>
     </p>
-  );
-}
-
-/** A choice with its label; an option is a value, or a value with its text. */
-export function Select({ label, options, ...by }: Bound<string> & { label: string; options: Option[] }) {
-  const [value, put] = bound(by);
-  return (
-    <label class="choice">
-      {label}{" "}
-      <select value={value} onChange={(event) => put(event.currentTarget.value)}>
-        <Options of={options} />
-      </select>
-    </label>
   );
 }
