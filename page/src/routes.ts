@@ -35,11 +35,6 @@ export function follow(): void {
   route.value = { view: view ?? "studies", path: decoded(path ?? "") };
 }
 
-/** Decode a part of an address. A truncated part stays unchanged. */
-function decoded(part: string): string {
-  try {
-    return decodeURIComponent(part);
-  } catch {
-    return part;
-  }
-}
+/** Decode a part of an address. What is no code, as in a truncated part, stays. */
+const decoded = (part: string): string =>
+  new URLSearchParams(`part=${part.replace(/[+&]/g, encodeURIComponent)}`).get("part") ?? "";

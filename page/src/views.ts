@@ -1,23 +1,17 @@
 /** The views of the page, one line each: address, name, component, kinds of files that it opens and uses. */
 import { lazy } from "./lazy";
 
-export interface View {
-  name: string;
-  title: string; // as a verb of an object
-  View: ReturnType<typeof lazy>;
-  opens: string[]; // kinds of objects of which it is the first view
-  takes: string[]; // other kinds of which it is a view
-}
-
 const DESCRIBED = ["drive", "circuit"];
 const TABLES = ["other", "formula", "tank", "regulator"];
 const RESULTS = ["fit", "friction map", "validation", "comparison", "sizing", "campaign"];
 
-const view = (name: string, title: string, load: Parameters<typeof lazy>[0], opens: string[], takes: string[] = []) => {
+type Load = Parameters<typeof lazy>[0];
+/** A view with its title as a verb, the kinds of objects of which it is the first view, and others that it takes. */
+const view = (name: string, title: string, load: Load, opens: string[], takes: string[] = []) => {
   return { name, title, View: lazy(load), opens, takes };
 };
 
-export const VIEWS: View[] = [
+export const VIEWS = [
   view("studies", "Overview", () => import("./workspace/studies"), []),
   view("drive", "Drive", () => import("./drive/drive"), TABLES, DESCRIBED),
   view("simulate", "Simulate", () => import("./simulate/simulate"), DESCRIBED),
@@ -36,5 +30,5 @@ export const VIEWS: View[] = [
 export const viewOf = (kind: string): string | undefined => VIEWS.find((one) => one.opens.includes(kind))?.name;
 
 /** Return the views of an object: the present one, the first one of its kind, and those that take the kind too. */
-export const verbsOf = (view: string, kind: string): View[] =>
+export const verbsOf = (view: string, kind: string): typeof VIEWS =>
   VIEWS.filter((one) => one.name === view || one.name === viewOf(kind) || one.takes.includes(kind));

@@ -5,7 +5,7 @@
 
 import { signal } from "@preact/signals";
 import type { ComponentChildren, JSX } from "preact";
-import { useEffect, useRef, useState } from "preact/hooks";
+import { useEffect, useState } from "preact/hooks";
 import { lazy } from "../lazy";
 import { digits, instant } from "../plots/looks";
 import { indexAt } from "../plots/plot";
@@ -98,7 +98,7 @@ type Box = [left: number, top: number, width: number, height: number];
 
 const EDGE = 2; // modules around everything
 
-export const BOX = 4; // modules by which a valve moves to its next box
+const BOX = 4; // modules by which a valve moves to its next box
 
 /** Return the view of the whole drawing, with room at its sides for valves that move. */
 export function whole({ box: [left, low, right, high] }: Drawing, motion?: Motion): Box {
@@ -113,40 +113,34 @@ const PAN = 0.15; // of the view, by a key
 /** The circuit with zoom and pan: buttons, keys, dragging, and the wheel with Ctrl. */
 export function ZoomedCircuit(props: CircuitProps) {
   const [box, setBox] = useState<Box | null>(null);
-  const from = useRef<{ x: number; y: number; box: Box } | null>(null);
-  const now = box ?? whole(props.drawing, props.motion);
-  const zoom = (by: number, [px, py] = [0.5, 0.5]) => {
-    const width = Math.min(now[2] / by, WIDEST * whole(props.drawing)[2]);
+  const all = whole(props.drawing, props.motion);
+  const now = box ?? all;
+  const zoom = (way: number, [px, py] = [0.5, 0.5]) => {
+    const width = Math.min(now[2] / CLOSER ** way, WIDEST * all[2]);
     const share = width / now[2];
     setBox([now[0] + px * now[2] * (1 - share), now[1] + py * now[3] * (1 - share), width, now[3] * share]);
   };
-  const pan = (x: number, y: number, of = now) => setBox([of[0] + x * of[2], of[1] + y * of[3], of[2], of[3]]);
-  const keys = viewKeys({
-    zoom: (way) => zoom(CLOSER ** way),
-    reset: () => setBox(null),
-    step: (x, y) => pan(PAN * x, PAN * y),
-  });
+  const pan = (x: number, y: number) =>
+    setBox((old) => {
+      const [left, top, width, height] = old ?? all;
+      return [left + x * width, top + y * height, width, height];
+    });
+  const keys = viewKeys({ zoom, reset: () => setBox(null), step: (x, y) => pan(PAN * x, PAN * y) });
   return (
     <div
       class="canvas"
       onKeyDown={keys}
       onWheel={onZoom((way, event) => {
         const at = event.currentTarget.getBoundingClientRect();
-        zoom(CLOSER ** way, [(event.clientX - at.left) / at.width, (event.clientY - at.top) / at.height]);
+        zoom(way, [(event.clientX - at.left) / at.width, (event.clientY - at.top) / at.height]);
       })}
-      onPointerDown={(event) => (from.current = { x: event.clientX, y: event.clientY, box: now })}
-      onPointerUp={() => (from.current = null)}
-      onPointerLeave={() => (from.current = null)}
-      onPointerMove={(event) => {
-        const start = from.current;
-        const at = event.currentTarget.getBoundingClientRect();
-        if (start && event.buttons)
-          pan((start.x - event.clientX) / at.width, (start.y - event.clientY) / at.height, start.box);
-      }}>
+      onPointerMove={({ buttons, movementX, movementY, currentTarget: { clientWidth, clientHeight } }) =>
+        buttons && pan(-movementX / clientWidth, -movementY / clientHeight)
+      }>
       <Circuit {...props} box={now} />
       <p class="tools" role="group" aria-label="Zoom of the drawing">
-        <Button aria-label="Closer" act={() => zoom(CLOSER)} words="+" />
-        <Button aria-label="Wider" act={() => zoom(1 / CLOSER)} words="−" />
+        <Button aria-label="Closer" act={() => zoom(1)} words="+" />
+        <Button aria-label="Wider" act={() => zoom(-1)} words="−" />
         <Button aria-label="Fit the drawing" disabled={!box} act={() => setBox(null)} words="Fit" />
       </p>
     </div>
@@ -324,7 +318,7 @@ function largestOf(values: Numbers): number {
  * Return the state of the drawing at a row of the run: cylinders, the way of each valve in modules, and lines by their
  * number. Pressures are fractions of the largest, and texts.
  */
-export function motionAt(now: Frame<RunHead>, drawing: Drawing, row: number) {
+function motionAt(now: Frame<RunHead>, drawing: Drawing, row: number) {
   const { arrays, head } = now;
   const own = arrays.get("motion/time_s");
   const at = own ? indexAt(own, arrays.get("time_s")![row]!) : 0;
@@ -380,18 +374,8 @@ export type Motion = ReturnType<typeof motionAt>;
 
 export const endsOf = (pins: [string, string][]): string => pins.map((pin) => pin.join(".")).join(" – ");
 
-/** Slider of the time at which the drawing is shown. */
-export const TimeRange = (props: { label: string; name?: string; end: number; at: number; words: string }) => (
-  <Range
-    label={props.label}
-    name={props.name}
-    value={props.at}
-    ends={[0, props.end]}
-    words={props.words}
-    steps={1000}
-    put={(time) => ([isPlaying.value, timeAt.value] = [false, time])}
-  />
-);
+/** Show the drawing at another time. */
+export const moveTo = (time: number): void => void ([isPlaying.value, timeAt.value] = [false, time]);
 
 /** Time of a run as a slider, and Play. With "reduced motion", only the slider moves it. */
 function TimeSlider({ now, words }: { now: Frame<RunHead>; words: string }) {
@@ -418,7 +402,7 @@ function TimeSlider({ now, words }: { now: Frame<RunHead>; words: string }) {
           {isPlaying.value ? "Stop" : "Play"}
         </Button>
       )}
-      <TimeRange label="Time" end={end} at={at} words={`${shown} s`} />
+      <Range label="Time" value={at} ends={[0, end]} words={`${shown} s`} steps={1000} put={moveTo} />
       <output>
         {shown} s{words}
       </output>
@@ -443,25 +427,18 @@ export function MovingCircuit(props: {
   const motion = motionAt(now, drawing, row);
   const cylinders = now.head.cylinders ?? [];
   const places = cylinders.map((one) => `, ${one.name} at ${digits(1000 * motion.pistons[one.name]!.position)} mm`);
+  const drawn = children(motion);
   const sample = indexAt(now.arrays.get("motion/time_s") ?? [], time[row]!);
-  if (platforms.length)
-    return (
-      <figure class="motion" data-row={row}>
-        {platforms.map((one, k) => (
-          <PlatformAt key={one.name} now={now} platform={one} remedy={remedy} sample={sample}>
-            {k === 0 && <TimeSlider now={now} words={` of ${digits(time[time.length - 1])} s`} />}
-          </PlatformAt>
-        ))}
-        <Fold class="panel" title="Circuit">
-          {children(motion)}
-        </Fold>
-      </figure>
-    );
   return (
     <figure class="motion" data-row={row}>
-      {children(motion)}
-      <TimeSlider now={now} words={`${places.join("")}; pressures absolute`} />
-      {!cylinders.length && (
+      {platforms.map((one, k) => (
+        <PlatformAt key={one.name} now={now} platform={one} remedy={remedy} sample={sample}>
+          {k === 0 && <TimeSlider now={now} words={` of ${digits(time[time.length - 1])} s`} />}
+        </PlatformAt>
+      ))}
+      {platforms.length ? <Fold class="panel" title="Circuit" children={drawn} /> : drawn}
+      {!platforms.length && <TimeSlider now={now} words={`${places.join("")}; pressures absolute`} />}
+      {!platforms.length && !cylinders.length && (
         <p class="note" data-without="motion">
           No piston moves in the drawing: only double-acting cylinders are animated, and this circuit does not contain
           one.

@@ -218,9 +218,8 @@ function Units({ field }: { field: Field }) {
 
 /** Return the table of a key, and the key within it: `components.valve_1.overlap` is `overlap` of `valve_1`. */
 function split(key: string): [table: string, own: string] {
-  const parts = key.split(".");
-  const at = parts[0] === "components" && parts.length > 2 ? 2 : Math.min(1, parts.length - 1);
-  return [parts.slice(at === 2 ? 1 : 0, at).join("."), parts.slice(at).join(".")];
+  const [, table = "", own = key] = /^(?:components\.(?=[^.]+\.))?([^.]+)\.(.+)$/.exec(key) ?? [];
+  return [table, own];
 }
 
 /** Text of a value without its unit if a menu shows the unit. */
@@ -248,13 +247,11 @@ const MAIN: [end: string, name: string][] = [
   ["coulomb", "Friction"],
 ];
 
-const isEnd = (key: string, end: string): boolean => key === end || key.endsWith(`.${end}`);
-
 /** Return the first value of each of the main names. The pressure of the surroundings is not the supply. */
 function mainOf(fields: Field[]): Map<string, string> {
-  const shown = fields.filter((field) => !field.key.startsWith("ambient."));
-  const found = MAIN.map(([end, name]) => [shown.find((field) => isEnd(field.key, end))?.key, name] as const);
-  return new Map(found.filter((pair): pair is [string, string] => pair[0] !== undefined));
+  const own = fields.map((field) => field.key).filter((key) => !key.startsWith("ambient."));
+  const found = MAIN.map(([end, name]) => [own.find((key) => `.${key}`.endsWith(`.${end}`)) ?? "", name] as const);
+  return new Map(found.filter(([key]) => key));
 }
 
 function Fields() {
@@ -262,6 +259,7 @@ function Fields() {
   const main = mainOf(fields);
   const rest = fields.filter((field) => !main.has(field.key));
   const assumed = rest.filter((field) => field.kind === "assumed").length;
+  const badge = <span class="pill open">{assumed} assumed</span>;
   return (
     <>
       <h2>
@@ -275,12 +273,9 @@ function Fields() {
         <>
           <FieldTable fields={fields.filter((field) => main.has(field.key))} names={main} />
           {rest.length > 0 && (
-            <details>
-              <summary>
-                {count(rest.length, "other value")} {assumed > 0 && <span class="pill open">{assumed} assumed</span>}
-              </summary>
+            <Fold title={[`${count(rest.length, "other value")} `, assumed > 0 && badge]}>
               <FieldTable fields={rest} />
-            </details>
+            </Fold>
           )}
         </>
       )}

@@ -31,7 +31,19 @@ export default function HandoverView() {
         <a href={link("handover")}>A new export, and all exports</a>
       </p>
       <Problems of={[...problems, ...wrong.value]} />
-      {fmu && <Seen now={fmu} />}
+      {fmu && (
+        <section data-sha256={fmu.sha256} aria-label="Description of the FMU">
+          <p class="lead">{fmu.view.title}.</p>
+          <Notes of={fmu.view.notes} />
+          <h2>Three lines run it in FMPy</h2>
+          <Lines data-copy="fmpy" name="Python with FMPy, in the folder of the workspace">
+            {fmu.fmpy}
+          </Lines>
+          <Fold open={!isOverMain()} title="Inputs, outputs and parameters">
+            <Values view={{ ...fmu.view, notes: [] }} />
+          </Fold>
+        </section>
+      )}
     </div>
   );
 }
@@ -48,21 +60,5 @@ function Start({ path }: { path: string }) {
       <JobForm kind="export" start={{ ...(path && { drive: path }), name: "drive" }} />
       <Files title="FMUs in the folder" kinds={["fmu"]} />
     </>
-  );
-}
-
-function Seen({ now: { view, sha256, fmpy } }: { now: Fmu }) {
-  return (
-    <section data-sha256={sha256} aria-label="Description of the FMU">
-      <p class="lead">{view.title}.</p>
-      <Notes of={view.notes} />
-      <h2>Three lines run it in FMPy</h2>
-      <Lines data-copy="fmpy" name="Python with FMPy, in the folder of the workspace">
-        {fmpy}
-      </Lines>
-      <Fold open={!isOverMain()} title="Inputs, outputs and parameters">
-        <Values view={{ ...view, notes: [] }} />
-      </Fold>
-    </section>
   );
 }

@@ -79,7 +79,7 @@ function boxOf(platform: SentPlatform, samples: Point[][]) {
 }
 
 /** Return the outline of points in the plane: their convex hull. */
-export function outline(points: Flat[]): Flat[] {
+function outline(points: Flat[]): Flat[] {
   const sorted = [...points].sort((a, b) => a[0] - b[0] || a[1] - b[1]);
   const half = (of: Flat[]) => {
     const out: Flat[] = [];

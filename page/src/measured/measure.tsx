@@ -123,7 +123,7 @@ export function BesideRecording(props: { path: string; strokes: Stroke[]; onShow
     await attempt(async () => {
       while (other && reading.value === other) {
         const there = await read<OpenedRecording>("/api/recording", { path: other });
-        if (there.problems) throw new Refused(200, there.problems, {});
+        if (there.problems) throw new Refused(200, there.problems);
         if (there.channels) break;
         await pause(READ_MS);
       }

@@ -4,7 +4,7 @@ import { useEffect } from "preact/hooks";
 import { type Frame, unpack } from "./frame";
 import type { Problem } from "./generated";
 
-export type Connection = "open" | "full" | "lost" | "locked" | "starting";
+type Connection = "open" | "full" | "lost" | "locked" | "starting";
 
 /** State of the connection to the server, shown in every view. */
 export const connection = signal<Connection>("starting");
@@ -83,7 +83,6 @@ export class Refused extends Error {
   constructor(
     readonly status: number,
     readonly problems: Problem[],
-    readonly body: Record<string, unknown>,
   ) {
     super(problems.map((one) => one.what).join("; "));
   }
@@ -123,15 +122,15 @@ async function fetched(path: string, options: RequestInit = {}, waits = !options
       await answering();
       return fetched(path, options);
     }
-    throw new Refused(0, [plain("The server does not answer")], {});
+    throw new Refused(0, [plain("The server does not answer")]);
   }
   if (answer.status === 401 && used !== token) return fetched(path, options, waits); // another tab has brought a new one meanwhile
   if (answer.status === 401) connection.value = "locked";
   else if (connection.value !== "full") connection.value = "open";
   if (answer.ok) return answer;
   const isJson = answer.headers.get("content-type")?.startsWith("application/json");
-  const body = isJson ? await answer.json() : { problems: [plain(await answer.text())] };
-  throw new Refused(answer.status, body.problems ?? [], body);
+  const { problems = [] } = isJson ? await answer.json() : { problems: [plain(await answer.text())] };
+  throw new Refused(answer.status, problems);
 }
 
 const answered = async <T>(path: string, options: RequestInit = {}): Promise<T> =>
@@ -146,18 +145,19 @@ export function typed(name: string, text: string): number {
   const value = text.trim() === "" ? Number.NaN : Number(text);
   if (Number.isFinite(value)) return value;
   const problem = { ...plain(`${name} is no number`), value: text, rule: "digits, with a point before decimals: 0.4" };
-  throw new Refused(0, [problem], {});
+  throw new Refused(0, [problem]);
 }
 
-export const read = <T>(path: string, given: Record<string, string> = {}): Promise<T> =>
-  answered<T>(`${path}?${new URLSearchParams(given)}`);
+const at = (path: string, given: Record<string, string>): string => `${path}?${new URLSearchParams(given)}`;
+
+export const read = <T>(path: string, given: Record<string, string> = {}): Promise<T> => answered<T>(at(path, given));
 
 export const ask = <T>(path: string, body: unknown): Promise<T> =>
   answered<T>(path, { method: "POST", body: JSON.stringify(body) });
 
 /** Write a file that has not changed since the page read it. `known` is its hash, empty for a new file. */
 export const write = (path: string, text: string, known: string): Promise<{ sha256: string }> =>
-  answered(`/api/file?${new URLSearchParams({ path })}`, {
+  answered(at("/api/file", { path }), {
     method: "PUT",
     body: JSON.stringify({ text }),
     headers: known ? { "If-Match": `"${known}"` } : {},
@@ -165,16 +165,14 @@ export const write = (path: string, text: string, known: string): Promise<{ sha2
 
 /** Copy a file into the folder. An existing file is never overwritten. */
 export const drop = (file: File): Promise<{ size: number }> =>
-  answered(`/api/drop?${new URLSearchParams({ path: file.name })}`, { method: "PUT", body: file });
+  answered(at("/api/drop", { path: file.name }), { method: "PUT", body: file });
 
 /** Return the bytes of a file of the folder. */
-export const bytes = async (path: string): Promise<Blob> =>
-  (await fetched(`/api/bytes?${new URLSearchParams({ path })}`)).blob();
+export const bytes = async (path: string): Promise<Blob> => (await fetched(at("/api/bytes", { path }))).blob();
 
-/** Return the bytes of a frame behind an address. */
-export async function frame<Head>(path: string, given: Record<string, string>): Promise<Frame<Head>> {
-  return unpack<Head>(await (await fetched(`${path}?${new URLSearchParams(given)}`)).arrayBuffer());
-}
+/** Return the frame behind an address. */
+export const frame = async <Head>(path: string, given: Record<string, string>): Promise<Frame<Head>> =>
+  unpack<Head>(await (await fetched(at(path, given))).arrayBuffer());
 
 const OF_ANOTHER = ["path", "record", "law"];
 const ROOM_MS = 11; // of a frame of 60 Hz in which a drawing may begin
@@ -185,7 +183,7 @@ type Request = Record<string, unknown> | null;
 export function liveSocket<Head extends { number: number }>(draw: (frame: Frame<Head>) => void) {
   const page = document.documentElement.dataset;
   delete page.drawn; // by another view
-  let [sent, onTheWay, mostOnTheWay, newest, isClosed] = [0, 0, 0, 0, false];
+  let [sent, onTheWay, mostOnTheWay, isClosed] = [0, 0, 0, false];
   let toDraw: Frame<Head> | null = null;
   let [waiting, last, asked]: Request[] = [null, null, null]; // asked: what is on its way
   let socket: WebSocket | null = null;
@@ -209,9 +207,7 @@ export function liveSocket<Head extends { number: number }>(draw: (frame: Frame<
       const frame = unpack<Head>(event.data);
       pump();
       if (isOfAnother) return; // its curves would appear under the name of the file that is now shown
-      if (frame.head.number <= newest) return;
-      newest = frame.head.number;
-      page.answered = String(newest);
+      page.answered = String(frame.head.number);
       const isLate = performance.now() - Number(document.timeline.currentTime) > ROOM_MS;
       if (isLate && toDraw === null) requestAnimationFrame(drawNewest);
       toDraw = frame;

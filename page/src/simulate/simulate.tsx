@@ -2,7 +2,7 @@
 
 import { computed, effect, signal } from "@preact/signals";
 import { useMemo } from "preact/hooks";
-import { Circuit, MovingCircuit, pointAt, TimeRange, timeAt } from "../drive/circuit";
+import { Circuit, MovingCircuit, moveTo, pointAt, timeAt } from "../drive/circuit";
 import { opened, restructure, said, set, problems as textProblems, useDrawing, valid } from "../drive/opened";
 import { changed, count, digits, instant, isSevere, sentence, withUnit } from "../plots/looks";
 import { type Curve, curvesOf, indexAt, Plot, zooming } from "../plots/plot";
@@ -11,7 +11,7 @@ import type { Field, RunHead as Head, MovingCylinder, RunPanel as Panel } from "
 import { attempts, isShowable, useLive } from "../server/server";
 import { undoable } from "../undo";
 import { withFile } from "../workspace/command";
-import { Button, Fold, Remarks, Select, TextInput, toggled } from "../workspace/fields";
+import { Button, Fold, Range, Remarks, Select, TextInput, toggled } from "../workspace/fields";
 import { studies } from "../workspace/files";
 import { Leading, Problems, SliderRow, useCopied } from "../workspace/parts";
 import { isOverMain } from "../workspace/tree";
@@ -294,12 +294,14 @@ function Pistons() {
   if (!cylinders.length) return null;
   return (
     <div class="pistons">
-      <TimeRange
+      <Range
         label={`At ${instant(time[row], end / time.length)} s`}
         name="Time of the pistons"
-        end={end}
-        at={time[row]!}
+        value={time[row]!}
+        ends={[0, end]}
         words={`${instant(time[row], end / time.length)} s`}
+        steps={1000}
+        put={moveTo}
       />
       <div>
         {cylinders.map((one) => (

@@ -52,13 +52,6 @@ function NewPlatform({ isFirst }: { isFirst: boolean }) {
   );
 }
 
-const OwnFiles = ({ children }: { children: ComponentChildren }) => (
-  <label class="button primary">
-    {children}
-    <AddFiles />
-  </label>
-);
-
 /** Buttons that begin with a drive in a view, and with recordings. */
 const exampleDrive = (view: string, look: string) => (
   <a class={look} href={link(view, EXAMPLE)}>
@@ -67,7 +60,10 @@ const exampleDrive = (view: string, look: string) => (
 );
 const recordings = (
   <>
-    <OwnFiles>Add recordings</OwnFiles> <Button act={() => openExample()}>Use example recordings</Button>
+    <label class="button primary">
+      Add recordings <AddFiles />
+    </label>{" "}
+    <Button act={() => openExample()}>Use example recordings</Button>
   </>
 );
 
@@ -97,24 +93,23 @@ const STARTS = (isEmpty: boolean): [title: string, words: string, buttons: Compo
 
 /** Ways to begin: explained in an empty folder, in one row otherwise. */
 export function Starts({ isEmpty }: { isEmpty: boolean }) {
-  const starts = STARTS(isEmpty);
   return (
     <section class="starts" aria-label="Begin">
       {isEmpty && <p class="lead">This folder is empty. Choose where to begin.</p>}
       <Problems of={wrong.value} />
-      {isEmpty ? (
-        <div class="cards">
-          {starts.map(([title, words, buttons]) => (
+      <div class={isEmpty ? "cards" : "row"}>
+        {STARTS(isEmpty).map(([title, words, buttons]) =>
+          isEmpty ? (
             <article class="panel" key={title}>
               <h3>{title}</h3>
               <p>{words}</p>
               <div class="row">{buttons}</div>
             </article>
-          ))}
-        </div>
-      ) : (
-        <div class="row">{starts.map(([, , buttons]) => buttons)}</div>
-      )}
+          ) : (
+            buttons
+          ),
+        )}
+      </div>
     </section>
   );
 }

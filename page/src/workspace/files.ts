@@ -4,13 +4,8 @@ import { inCatalogue, link } from "../routes";
 import type { Listed, Problem, Studies } from "../server/generated";
 import { drop, isAnswering, pause, problemsOf, Refused, read } from "../server/server";
 
-export interface Kinds {
-  title: string;
-  view: string; // that lists them
-  kinds: string[];
-}
-
-export const GROUPS: Kinds[] = [
+/** Kinds of files, and the view that lists them. */
+export const GROUPS: { title: string; view: string; kinds: string[] }[] = [
   { title: "Drives", view: "drive", kinds: ["drive", "circuit"] },
   { title: "Recordings", view: "recording", kinds: ["recording"] },
   { title: "Friction", view: "friction", kinds: ["friction map", "fit"] },

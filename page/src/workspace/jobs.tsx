@@ -250,26 +250,20 @@ const WATCHED = ["control", "size"]; // kinds whose results are shown while they
 const runs = (job?: number): boolean =>
   jobs.value.some((one) => one.state === "running" && (job === undefined || one.number === job));
 
-const look = (): Promise<unknown> => read<Jobs>("/api/jobs").then((found) => (jobs.value = found.jobs), problemsOf);
+let timer = 0; // of the next look, while a job runs
 
-let isLooking = false;
+async function look(): Promise<void> {
+  const ran = jobs.value.filter((one) => one.state === "running");
+  await read<Jobs>("/api/jobs").then((found) => (jobs.value = found.jobs), problemsOf);
+  if (ran.some((one) => !runs(one.number))) void list(); // what it wrote is in the folder
+  clearTimeout(timer);
+  if (runs()) timer = window.setTimeout(look, LOOK_MS);
+}
 
 /** Poll the jobs until none runs, once for all views. Return when the job with this number has ended. */
 export async function follow(job = 0): Promise<void> {
   await look();
-  if (!isLooking) void lookOn();
   while (runs(job)) await pause(LOOK_MS);
-}
-
-async function lookOn(): Promise<void> {
-  isLooking = true;
-  while (runs()) {
-    const ran = jobs.value.filter((one) => one.state === "running");
-    await pause(LOOK_MS);
-    await look();
-    if (ran.some((one) => !runs(one.number))) void list(); // what it wrote is in the folder
-  }
-  isLooking = false;
 }
 
 const LEAST_MS = 3000; // of a step, before the time left is told

@@ -10,7 +10,7 @@ import type { Lineage, Listed, Made, Stale } from "../server/generated";
 import { ask, attempting, attempts, problemsOf, read, useRequest } from "../server/server";
 import { viewOf } from "../views";
 import { Button, Fold, Tick, toggled } from "./fields";
-import { folderOf, list, refused, studies } from "./files";
+import { folderOf, kindOf, list, refused, studies } from "./files";
 import { follow } from "./jobs";
 import { day, Problems, useCopied } from "./parts";
 import { ObjectLink } from "./tree";
@@ -84,10 +84,7 @@ export function Chain() {
     if (now) document.getElementById("lineage")?.scrollIntoView({ block: "nearest" });
   }, [now?.path]);
   const [copy, copied] = useCopied(now?.again ?? null, attempt, "making it again");
-  const again = async () => {
-    await follow((await ask<{ number: number }>("/api/jobs", now!.again)).number);
-    await list();
-  };
+  const again = async () => follow((await ask<{ number: number }>("/api/jobs", now!.again)).number);
   return (
     <section id="lineage" aria-label="Where a result comes from">
       <Problems of={[...problems, ...wrong.value]} />
@@ -189,7 +186,9 @@ interface FilesProps {
 export function Files({ title, kinds, view }: FilesProps) {
   const all = studies.value?.files ?? [];
   const parts = partsOf(all);
-  const rows = all.filter((file) => kinds.includes(file.kind) && !parts.has(file.path));
+  /* What belongs to an object of another kind stands in the list of a view, not in the overview. */
+  const isPart = (main = "") => main && (!view || kinds.includes(kindOf(main)));
+  const rows = all.filter((file) => kinds.includes(file.kind) && !isPart(parts.get(file.path)));
   if (!rows.length) return null;
   const hasDates = new Set(rows.map((file) => day(file.changed))).size > 1;
   return (

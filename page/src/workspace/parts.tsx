@@ -132,11 +132,8 @@ export function NumberField({ label, low = -Infinity, high = Infinity, whole = f
     const isRight = Number.isFinite(given) && given >= low && given <= high && (!whole || Number.isInteger(given));
     if (isRight) put(given);
     const ends = [low > -Infinity ? ` from ${low}` : "", high < Infinity ? ` up to ${high}` : ""].join("");
-    setWrong(
-      isRight
-        ? ""
-        : `"${text}" is rejected: enter a ${whole ? "whole number" : "number with a point before decimals"}${ends}`,
-    );
+    const kind = whole ? "whole number" : "number with a point before decimals";
+    setWrong(isRight ? "" : `"${text}" is rejected: enter a ${kind}${ends}`);
     return isRight;
   };
   return (
