@@ -1,5 +1,5 @@
 /** The views of the page, one line each: address, name, component, kinds of files that it opens and uses. */
-import { lazy } from "./lazy";
+import { lazy } from "./workspace/fields";
 
 const DESCRIBED = ["drive", "circuit"];
 const TABLES = ["other", "formula", "tank", "regulator"];

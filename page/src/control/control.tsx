@@ -7,18 +7,16 @@ import { FigureView } from "../plots/figure";
 import { digits, withUnit } from "../plots/looks";
 import { curvesOf, Plot, pixelsOfPlots, zooming } from "../plots/plot";
 import { type StripRow, stripFigure } from "../plots/points";
-import { inCatalogue, isToml, link, route } from "../routes";
+import { inCatalogue, isToml, link, route, undoable } from "../routes";
 import type { Frame } from "../server/frame";
 import type { Choices, Gain, ControlHead as Head } from "../server/generated";
 import { ask, attempts, isShowable, read, useLive, write } from "../server/server";
-import { undoable } from "../undo";
 import { Button, Fold, type Option, Remarks, Select } from "../workspace/fields";
 import { cataloguePaths, freeName, list, pathsOf } from "../workspace/files";
 import { FormField, type Input, JobForm, requestOf } from "../workspace/jobs";
-import { Files } from "../workspace/listed";
+import { Files, isOverMain } from "../workspace/listed";
 import { Copied, Problems, SliderRow, TextField, Unsaved } from "../workspace/parts";
 import { Answer, Values } from "../workspace/result";
-import { isOverMain } from "../workspace/tree";
 import { GoalField, goalOf, MEASURE, MM, ScoreCard, Told } from "./score";
 
 /** What is run, besides the drive. */

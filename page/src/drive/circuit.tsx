@@ -6,13 +6,12 @@
 import { signal } from "@preact/signals";
 import type { ComponentChildren, JSX } from "preact";
 import { useEffect, useState } from "preact/hooks";
-import { lazy } from "../lazy";
 import { digits, instant } from "../plots/looks";
 import { indexAt } from "../plots/plot";
 import { onZoom, viewKeys } from "../plots/turning";
 import type { Frame, Numbers } from "../server/frame";
 import type { CircuitDrawing as Drawing, Finding, PistonShapes, RunHead, Shape } from "../server/generated";
-import { Button, Fold, Range } from "../workspace/fields";
+import { Button, Fold, lazy, Range } from "../workspace/fields";
 
 export type { Drawing, PistonShapes, Shape };
 

@@ -3,12 +3,11 @@
 import { signal, useSignal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
 import { count } from "../plots/looks";
-import { route } from "../routes";
+import { future, past, route, step } from "../routes";
 import type { Frame } from "../server/frame";
 import type { Field, RunHead as Head, Kinds, Part, Problem } from "../server/generated";
 import { ask, attempting, isShowable, typed, useLive, useRequest } from "../server/server";
 import { pin, pinned, request, Sliders } from "../simulate/simulate";
-import { future, past, step } from "../undo";
 import { Breakable, Button, Fold, Options, Remarks, Table, Tick } from "../workspace/fields";
 import { Problems, TextField } from "../workspace/parts";
 import { type Drawing, endsOf, type Motion, MovingCircuit, type PortChoice, whole, ZoomedCircuit } from "./circuit";

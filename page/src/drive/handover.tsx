@@ -8,10 +8,9 @@ import { attempts, bytes, useRequest } from "../server/server";
 import { Button, Fold, Lines } from "../workspace/fields";
 import { nameOf, studies } from "../workspace/files";
 import { JobForm } from "../workspace/jobs";
-import { Files } from "../workspace/listed";
+import { Files, isOverMain } from "../workspace/listed";
 import { Problems } from "../workspace/parts";
 import { Notes, Values } from "../workspace/result";
-import { isOverMain } from "../workspace/tree";
 
 const [wrong, attempt] = attempts();
 

@@ -1,10 +1,9 @@
 /** The open description: its text, and the last answer of the server about this text. */
 import { effect, signal, untracked } from "@preact/signals";
 import { useEffect, useRef } from "preact/hooks";
-import { link, route } from "../routes";
+import { link, remember, route, type Source } from "../routes";
 import type { Checked, TextFile as Found, Problem } from "../server/generated";
 import { answering, ask, isAnswering, newest, problemsOf, Refused, read, useAnswer, write } from "../server/server";
-import { remember, type Source } from "../undo";
 import type { Drawing } from "./circuit";
 
 export interface Opened {

@@ -2,9 +2,8 @@
 import type { Signal } from "@preact/signals";
 import type { ComponentChildren } from "preact";
 import { useRef } from "preact/hooks";
-import { lazy } from "../lazy";
 import { inCatalogue } from "../routes";
-import { Button, TextInput } from "../workspace/fields";
+import { Button, lazy, TextInput } from "../workspace/fields";
 import { list } from "../workspace/files";
 import { isIn, Problems } from "../workspace/parts";
 import { change, onDisk, opened, problems, said, save, takeFromDisk, wasSaved } from "./opened";

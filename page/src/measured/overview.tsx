@@ -10,9 +10,8 @@ import { useRequest } from "../server/server";
 import { Button, Tick } from "../workspace/fields";
 import { folderOf, nameOf, studies } from "../workspace/files";
 import { JobForm } from "../workspace/jobs";
-import { pair, partsOf, Rename, stale, trace, useHeadlines } from "../workspace/listed";
+import { ObjectLink, pair, partsOf, Rename, stale, trace, useHeadlines } from "../workspace/listed";
 import { Findings, useView } from "../workspace/result";
-import { ObjectLink } from "../workspace/tree";
 import { overPressure } from "./friction";
 
 const MOST_OPEN = 8; // recordings whose names are shown at once

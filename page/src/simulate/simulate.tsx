@@ -6,15 +6,15 @@ import { Circuit, MovingCircuit, moveTo, pointAt, timeAt } from "../drive/circui
 import { opened, restructure, said, set, problems as textProblems, useDrawing, valid } from "../drive/opened";
 import { changed, count, digits, instant, isSevere, sentence, withUnit } from "../plots/looks";
 import { type Curve, curvesOf, indexAt, Plot, zooming } from "../plots/plot";
+import { undoable } from "../routes";
 import type { Frame } from "../server/frame";
 import type { Field, RunHead as Head, MovingCylinder, RunPanel as Panel } from "../server/generated";
 import { attempts, isShowable, useLive } from "../server/server";
-import { undoable } from "../undo";
 import { withFile } from "../workspace/command";
 import { Button, Fold, Range, Remarks, Select, TextInput, toggled } from "../workspace/fields";
 import { studies } from "../workspace/files";
+import { isOverMain } from "../workspace/listed";
 import { Leading, Problems, SliderRow, useCopied } from "../workspace/parts";
-import { isOverMain } from "../workspace/tree";
 import * as beside from "./beside";
 import { braked, type Step, StepsPane, stepsOf, written } from "./steps";
 

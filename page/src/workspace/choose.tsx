@@ -6,9 +6,8 @@ import { link } from "../routes";
 import { ask, attempts, read, write } from "../server/server";
 import { Button, TextInput } from "./fields";
 import { freeName, GROUPS, list, listed, studies, taking } from "./files";
-import { Files } from "./listed";
+import { AddFiles, Files } from "./listed";
 import { Problems } from "./parts";
-import { AddFiles } from "./tree";
 
 export const EXAMPLE = "catalogue:reference";
 const [wrong, attempt] = attempts();

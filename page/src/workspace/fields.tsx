@@ -1,6 +1,7 @@
 /** Buttons, fields and texts, each in one line of a view. They know nothing of the server. */
-import type { Signal } from "@preact/signals";
-import type { ComponentChildren, JSX } from "preact";
+import { type Signal, signal } from "@preact/signals";
+import type { ComponentChildren, ComponentType, JSX } from "preact";
+import { useEffect } from "preact/hooks";
 import { pretty } from "../plots/looks";
 
 type ButtonProps = JSX.IntrinsicElements["button"] & { act?: () => unknown; words?: ComponentChildren };
@@ -262,4 +263,14 @@ export function Table({ heads, rows, label, class: look, frame = "scroll" }: Tab
       </table>
     </div>
   );
+}
+
+/** Return the component of a module. Nothing is shown until it is loaded. */
+export function lazy<Props extends object>(load: () => Promise<{ default: ComponentType<Props> }>) {
+  const loaded = signal<ComponentType<Props> | null>(null);
+  return function Lazy(props: Props) {
+    useEffect(() => void load().then((module) => (loaded.value = module.default)), []);
+    const Loaded = loaded.value;
+    return Loaded && <Loaded {...props} />;
+  };
 }

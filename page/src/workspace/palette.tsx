@@ -1,8 +1,7 @@
 /** Ctrl K: one field finds files, values and actions, and runs the chosen entry. */
 import { useEffect, useMemo, useRef, useState } from "preact/hooks";
 import { opened, save, valid } from "../drive/opened";
-import { link, route } from "../routes";
-import { future, past, step } from "../undo";
+import { future, link, past, route, step } from "../routes";
 import { verbsOf, viewOf } from "../views";
 import { EXAMPLE, openExample, openTask } from "./choose";
 import { GROUPS, kindOf, list, studies } from "./files";

@@ -1,11 +1,11 @@
 /** Start page: ways to begin, files by kind, origin of results. */
 
 import { useEffect } from "preact/hooks";
-import { lazy } from "../lazy";
 import { link } from "../routes";
 import type { Compared } from "../server/generated";
 import { connection, usePosted } from "../server/server";
 import { Starts } from "./choose";
+import { lazy } from "./fields";
 import { GROUPS, listed, refused, studies } from "./files";
 import { Chain, Files, pair, useStale } from "./listed";
 import { Copied, Problems } from "./parts";
