@@ -351,5 +351,7 @@ function FieldTable({ fields, names }: { fields: Field[]; names?: Map<string, st
   const tables = fields.map(({ key }) => (names ? "" : split(key)[0]));
   const headed = rows.flatMap((row, k) => (tables[k] === (tables[k - 1] ?? "") ? [row] : [[tables[k]], row]));
   const heads = ["Key", "Value", "Unit", { text: "Slider", data: { title: "Slider in Simulate" } }];
-  return <Table class="fields" frame="wide" label="Values of the description" heads={heads} rows={headed} />;
+  return (
+    <Table class="fields" frame="wide" label={names ? "Main values" : "Other values"} heads={heads} rows={headed} />
+  );
 }

@@ -21,7 +21,6 @@ const forms = signal<Record<string, Form>>({});
 const typed = undoable(signal<Record<string, Values>>({}));
 /** Values with which the fields of a command began last, and the free name among them. */
 const begun: Record<string, { start: string; name: unknown }> = {};
-const MOST_LISTED = 200; // recordings that can be ticked
 
 /** Files that a field offers, by its kind. */
 const KINDS: Record<string, string[]> = {
@@ -205,12 +204,7 @@ function Recordings({ label, paths, chosen, put: change, made }: RecordingsProps
       {!files.length && <p>There is no such recording in the folder.</p>}
       {files.length > 1 && <Button act={() => change(files)}>All {files.length}</Button>}
       {others > 0 && <p class="note">Not offered: {others} recordings without these channels or without a layout.</p>}
-      {files.length > MOST_LISTED && (
-        <p class="note">
-          The first {MOST_LISTED} of {files.length}; the command takes any.
-        </p>
-      )}
-      {files.slice(0, MOST_LISTED).map((path) => {
+      {files.map((path) => {
         const badge = made.length > 0 && <b class="badge">{made.includes(path) ? "made the fit" : "held out"}</b>;
         const put = () => change(toggled(chosen, path));
         return (
