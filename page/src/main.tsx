@@ -16,11 +16,11 @@ import "./style.css";
 import { Button } from "./workspace/fields";
 
 const OF_A_DESCRIPTION = ["drive", "simulate", "datasheet"];
-const KEY = "pneudrive-tabs";
+const KEY = "pneudrive-open";
 const MOST_TABS = 12;
 
-/** Open objects, each with its last view. The browser keeps them for this tab. */
-const tabs = signal<{ path: string; view: string }[]>(JSON.parse(sessionStorage.getItem(KEY) ?? "[]"));
+/** Last view of each open object. The browser keeps them for this tab. */
+const tabs = signal<Record<string, string>>(JSON.parse(sessionStorage.getItem(KEY) ?? "{}"));
 
 tabs.subscribe((open) => sessionStorage.setItem(KEY, JSON.stringify(open)));
 
@@ -30,18 +30,15 @@ const Palette = lazy(() => import("./workspace/palette"));
 
 /** Keep a tab for the object of the address. */
 function keepTab({ view, path }: { view: string; path: string }): void {
-  if (!path) return;
-  const now = tabs.peek();
-  tabs.value = now.some((one) => one.path === path)
-    ? now.map((one) => (one.path === path ? { path, view } : one))
-    : [...now.slice(1 - MOST_TABS), { path, view }];
+  if (path) tabs.value = Object.fromEntries(Object.entries({ ...tabs.peek(), [path]: view }).slice(-MOST_TABS));
 }
 
 function closeTab(path: string): void {
-  const at = tabs.value.findIndex((one) => one.path === path);
-  tabs.value = tabs.value.filter((one) => one.path !== path);
-  const next = tabs.value[Math.min(at, tabs.value.length - 1)];
-  if (route.value.path === path) location.hash = next ? link(next.view, next.path) : link("studies");
+  const at = Object.keys(tabs.value).indexOf(path);
+  const others = Object.entries(tabs.value).filter(([other]) => other !== path);
+  tabs.value = Object.fromEntries(others);
+  const [next, view] = others[Math.min(at, others.length - 1)] ?? ["", "studies"];
+  if (route.value.path === path) location.hash = link(view, next);
 }
 
 /** The address belongs to the view. A link within the page would therefore open another view. */
@@ -67,16 +64,13 @@ function Guarded({ at, children }: { at: string; children: ComponentChildren }) 
 
 /** Move the focus to the new view after a link of the tree, or if the link itself has disappeared. */
 function useFocus({ view, path }: { view: string; path: string }): void {
-  const before = useRef("");
+  const isFirst = useRef(true);
   useEffect(() => {
-    const at = link(view, path);
     const focused = document.activeElement;
-    if (before.current && before.current !== at) {
-      if (focused === document.body || focused?.closest(".tree"))
-        document.getElementById("main")!.focus({ preventScroll: true });
-      if (focused?.closest(".tree .files") && isOverMain()) isShown.value = false;
-    }
-    before.current = at;
+    if (!isFirst.current && (focused === document.body || focused?.closest(".tree")))
+      document.getElementById("main")!.focus({ preventScroll: true });
+    if (!isFirst.current && focused?.closest(".tree .files") && isOverMain()) isShown.value = false;
+    isFirst.current = false;
   }, [view, path]);
 }
 
@@ -91,18 +85,15 @@ function Tabs() {
   }, [path]);
   return (
     <>
-      {tabs.value.length > 0 && (
+      {Object.keys(tabs.value).length > 0 && (
         <nav aria-label="Open files">
           <ul class="tabs" ref={row}>
-            {tabs.value.map((one) => (
-              <li key={one.path} class={one.path === path ? "here" : ""}>
-                <a
-                  href={link(one.view, one.path)}
-                  title={one.path}
-                  aria-current={one.path === path ? "page" : undefined}>
-                  <PathName path={one.path.split("/").slice(-2).join("/")} />
+            {Object.entries(tabs.value).map(([one, view]) => (
+              <li key={one} class={one === path ? "here" : ""}>
+                <a href={link(view, one)} title={one} aria-current={one === path ? "page" : undefined}>
+                  <PathName path={one.split("/").slice(-2).join("/")} />
                 </a>
-                <Button class="icon" aria-label={`Close ${one.path}`} act={() => closeTab(one.path)} words="×" />
+                <Button class="icon" aria-label={`Close ${one}`} act={() => closeTab(one)} words="×" />
               </li>
             ))}
           </ul>

@@ -185,16 +185,9 @@ function Along({ found, reference, now }: { found: Card; reference: string; now:
   const kind = found.spread ? "member" : "seed";
   const rows = found.laws.map((name) => {
     const own = runs.filter((run) => run.law === name);
-    return {
-      name,
-      values: own.map(({ value, seed }) => ({ value: value! / measured.size, of: `${name}, ${kind} ${seed}` })),
-    };
+    const values = own.map(({ value, seed }) => ({ value: value! / measured.size, of: `${name}, ${kind} ${seed}` }));
+    return { name, values };
   });
-  const tracks = (column: string) =>
-    now!.head.laws.map((law) => ({ ...curve(now!, law, column, law), look: found.laws.indexOf(law) }));
-  const references = (now?.head.laws ?? [])
-    .slice(0, 1)
-    .map((law) => ({ ...curve(now!, law, "reference_m", "reference"), look: found.laws.length }));
   const limit = measured.name === MEASURE ? (goalOf() * MM) / measured.size : undefined;
   return (
     <section aria-label={`Along ${reference}`}>
@@ -212,27 +205,29 @@ function Along({ found, reference, now }: { found: Card; reference: string; now:
         Along {reference}
         {text !== reference && `: ${text}`}
       </h2>
-      {now && (
-        <div class="plots">
-          <Plot
-            title="Tracks"
-            unit="mm"
-            size={MM}
-            height={110}
-            bare
-            {...zooming(zoom)}
-            curves={[...tracks("position_m"), ...references]}
-          />
-          <Plot title="Errors" {...now.head.error} height={110} {...zooming(zoom)} curves={tracks("error_m")} />
-        </div>
-      )}
+      {now && <Overlay now={now} laws={found.laws} />}
       {now && <p class="note">First run of each controller. Error: reference minus true position.</p>}
     </section>
   );
 }
 
-const curve = (of: Frame<Tracks>, law: string, column: string, label: string) =>
-  curveOf(of.arrays, of.arrays.get(`${law}/time_s`)!, `${law}/${column}`, label);
+/** Tracks and errors of the laws above each other. */
+function Overlay({ now: { head, arrays }, laws }: { now: Frame<Tracks>; laws: string[] }) {
+  const curve = (law: string, column: string, label = law) => ({
+    ...curveOf(arrays, arrays.get(`${law}/time_s`)!, `${law}/${column}`, label),
+    look: label === law ? laws.indexOf(law) : laws.length,
+  });
+  const tracks = head.laws.map((law) => curve(law, "position_m"));
+  const reference = head.laws.slice(0, 1).map((law) => curve(law, "reference_m", "reference"));
+  const errors = head.laws.map((law) => curve(law, "error_m"));
+  const shared = { height: 110, ...zooming(zoom) };
+  return (
+    <div class="plots">
+      <Plot title="Tracks" unit="mm" size={MM} bare {...shared} curves={[...tracks, ...reference]} />
+      <Plot title="Errors" {...head.error} {...shared} curves={errors} />
+    </div>
+  );
+}
 
 /** The drive as laws assume it, and the deviations of the true one. */
 export const Told = ({ view }: { view: SentView }) => (

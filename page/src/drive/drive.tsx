@@ -6,7 +6,7 @@ import { count } from "../plots/looks";
 import { future, past, route, step } from "../routes";
 import type { Frame } from "../server/frame";
 import type { Field, RunHead as Head, Kinds, Part, Problem } from "../server/generated";
-import { ask, attempting, isShowable, typed, useLive, useRequest } from "../server/server";
+import { ask, attempts, isShowable, typed, useLive, useRequest } from "../server/server";
 import { pin, pinned, request, Sliders } from "../simulate/simulate";
 import { Breakable, Button, Fold, Options, Remarks, Table, Tick } from "../workspace/fields";
 import { Problems, TextField } from "../workspace/parts";
@@ -143,21 +143,16 @@ function Running({ shapes }: { shapes: Drawing }) {
     onLine: (net: number) => void (line.value = net),
   };
   const pins = shapes.nets[line.value];
-  const shown = (motion: Motion | undefined, words: string) => (
+  const atRest = pins ? endsOf(pins) : "Click a symbol to see only its values.";
+  const shown = (motion?: Motion) => (
     <>
       <ZoomedCircuit {...props} motion={motion} />
-      <p class="note pointed">{words}</p>
+      <p class="note pointed">{motion ? (motion.lines[line.value]?.said ?? HOW_LINES) : atRest}</p>
     </>
   );
   return (
     <>
-      {now ? (
-        <MovingCircuit now={now} drawing={shapes}>
-          {(motion) => shown(motion, motion.lines[line.value]?.said ?? HOW_LINES)}
-        </MovingCircuit>
-      ) : (
-        shown(undefined, pins ? endsOf(pins) : "Click a symbol to see only its values.")
-      )}
+      {now ? <MovingCircuit now={now} drawing={shapes} children={shown} /> : shown()}
       {isRun.value && <Problems of={wrong.value} />}
       <Structure />
       {isRun.value && pinned.value.length > 0 && (
@@ -228,7 +223,7 @@ const bare = ({ text, unit, units }: Field): string =>
 /** Put a typed value into the text. A number alone has the unit of the menu. */
 function put({ key, unit }: Field, value: string): void {
   const isNumber = value.trim() && Number.isFinite(Number(value));
-  if (unit === "") void attempting(problems)(async () => set(key, typed(key, value)));
+  if (unit === "") void attempts(problems)[1](async () => set(key, typed(key, value)));
   else void set(key, unit && isNumber ? `${value.trim()} ${unit}` : value);
 }
 

@@ -51,16 +51,14 @@ export const answering = (): Promise<void> =>
   });
 
 const RETRY_MS = 1000;
-let isRetrying = false;
-connection.subscribe(async (now) => {
-  if (now !== "lost" || isRetrying) return;
-  isRetrying = true;
-  while (connection.value === "lost") {
-    await pause(RETRY_MS);
-    await look();
-  }
-  isRetrying = false;
-});
+let retry: ReturnType<typeof setTimeout> | undefined;
+
+/** The server does not answer: look again and again, until it does. */
+function lose(): void {
+  connection.value = "lost";
+  clearTimeout(retry);
+  retry = setTimeout(look, RETRY_MS);
+}
 
 /** Return a function with at most one call in flight. During a call, the newest request waits. */
 export function newest(what: () => Promise<void>): () => Promise<void> {
@@ -94,18 +92,13 @@ export function problemsOf(error: unknown): Problem[] {
   return error.problems;
 }
 
-/** Return a function that runs an action and shows the problems of a refusal in the view. */
-export const attempting =
-  (wrong: Signal<Problem[]>) =>
-  async (what: () => Promise<unknown>): Promise<void> => {
+/** Return the problems that a view shows, and the function that runs its actions and shows the problems of a refusal. */
+export function attempts(wrong = signal<Problem[]>([])) {
+  const attempt = async (what: () => Promise<unknown>): Promise<void> => {
     wrong.value = [];
     await what().catch((error) => (wrong.value = problemsOf(error)));
   };
-
-/** Return the problems that a view shows, and the function that runs its actions. */
-export function attempts() {
-  const wrong = signal<Problem[]>([]);
-  return [wrong, attempting(wrong)] as const;
+  return [wrong, attempt] as const;
 }
 
 export const pause = (ms: number): Promise<void> => new Promise((resolve) => setTimeout(resolve, ms));
@@ -117,7 +110,7 @@ async function fetched(path: string, options: RequestInit = {}, waits = !options
   try {
     answer = await fetch(path, { ...options, headers: { ...options.headers, Authorization: `Bearer ${token}` } });
   } catch {
-    connection.value = "lost";
+    lose();
     if (waits) {
       await answering();
       return fetched(path, options);
@@ -216,7 +209,7 @@ export function liveSocket<Head extends { number: number }>(draw: (frame: Frame<
     made.onclose = () => {
       onTheWay = 0;
       if (isClosed) return;
-      if (wasOpen) connection.value = "lost";
+      if (wasOpen) lose();
       else void look().then(() => !isClosed && connection.value === "open" && (connection.value = "full"));
       setTimeout(() => isClosed || connect(), 500);
     };

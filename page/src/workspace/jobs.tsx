@@ -6,7 +6,7 @@ import { useEffect, useLayoutEffect } from "preact/hooks";
 import { duration } from "../plots/looks";
 import { link, undoable } from "../routes";
 import type { CommandInput, Form, Job, Jobs, Made, Problem } from "../server/generated";
-import { ask, attempting, pause, problemsOf, read, useRequest } from "../server/server";
+import { ask, attempts, pause, problemsOf, read, useRequest } from "../server/server";
 import { Button, Lines, type Option, pairOf, Select, Tick, Ticks, toggled } from "./fields";
 import { cataloguePaths, filesOf, freeName, list, pathsOf, studies } from "./files";
 import { NumberField, Problems, Unsaved, useCopied } from "./parts";
@@ -76,7 +76,7 @@ interface FormProps {
 export function JobForm(props: FormProps) {
   const { kind, own, given = {}, start = {}, isReady = true, after, jobs = [kind], children } = props;
   const wrong = useSignal<Problem[]>([]);
-  const attempt = attempting(wrong);
+  const [, attempt] = attempts(wrong);
   const form = own ?? forms.value[kind];
   const drive = form?.fields.find((one) => one.kind === "drive" || one.kind === "model");
   const { made } = useHeldOut(kind === "validate" ? String(typed.value[kind]?.[drive?.key ?? ""] ?? "") : "");

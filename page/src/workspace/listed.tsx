@@ -10,7 +10,7 @@ import { isUnsaved } from "../drive/opened";
 import { count, pretty } from "../plots/looks";
 import { inCatalogue, link, route } from "../routes";
 import type { Lineage, Listed, Made, Stale } from "../server/generated";
-import { ask, attempting, attempts, problemsOf, read, useRequest } from "../server/server";
+import { ask, attempts, problemsOf, read, useRequest } from "../server/server";
 import { viewOf } from "../views";
 import { Button, Fold, Tick, toggled } from "./fields";
 import { filesOf, folderOf, GROUPS, kindOf, list, nameOf, refused, studies, take, taking } from "./files";
@@ -143,7 +143,7 @@ const renamed = signal(""); // the file whose new name is being typed
 /** Give a file another name. An existing file is never overwritten. */
 export function Rename({ path }: { path: string }) {
   const to = useRef<HTMLInputElement>(null);
-  const rename = attempting(refused);
+  const [, rename] = attempts(refused);
   const submit = (event: Event) => {
     event.preventDefault();
     void rename(async () => {

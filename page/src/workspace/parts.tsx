@@ -4,7 +4,7 @@ import { useEffect, useState } from "preact/hooks";
 import { isUnsaved } from "../drive/opened";
 import { digits, pretty } from "../plots/looks";
 import type { Field, Problem, SentValue } from "../server/generated";
-import { ask, type attempting, connection, read, useAnswer } from "../server/server";
+import { ask, type attempts, connection, read, useAnswer } from "../server/server";
 import { type Bound, Breakable, Button, bound, Lines, Range } from "./fields";
 
 const placeOf = ({ file, line }: Problem): string => [file, line !== null && `line ${line}`].filter(Boolean).join(", ");
@@ -84,7 +84,7 @@ export function Copied({ command, python, of = "" }: { command?: string; python:
 }
 
 /** Return a button that shows a job as lines to copy, and these lines. They disappear when the job changes. */
-export function useCopied(job: object | null, attempt: ReturnType<typeof attempting>, of = "", door = "/api/work") {
+export function useCopied(job: object | null, attempt: ReturnType<typeof attempts>[1], of = "", door = "/api/work") {
   const [held, hold] = useState({ asked: "", command: "", python: "" });
   const asked = JSON.stringify(job);
   const copy = () =>
