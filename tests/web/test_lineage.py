@@ -176,7 +176,8 @@ def test_a_law_of_its_own_that_changed_is_a_change_of_the_drive(served: Served) 
     )
     pn.save(pn.simulate(pn.Drive.load(served.folder / "own.toml"), "0.3", "20 ms"), served.folder / RUN)
     assert states(get(served, "/api/lineage", path=RUN)["inputs"]) == {"own.toml": "same"}
-    shown = get(served, "/api/file", path="own.toml", checked="1")["checked"]["values"]
+    asked = {"path": "own.toml", "text": get(served, "/api/file", path="own.toml")["text"]}
+    shown = served.client.post("/api/check", json=asked, headers=served.headers).json()["values"]
     assert {one["key"]: one["kind"] for one in shown}["friction.law"] == "given"
     law = served.folder / LAW.name
     law.write_text(law.read_text().replace("(v/stribeck_velocity)^2", "(v/stribeck_velocity)^4"))

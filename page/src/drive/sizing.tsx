@@ -1,24 +1,22 @@
 /** View of sizing: text and check of the task, the search as a job, and its answer with the candidates against their limits. */
 
-import { computed, signal, useSignal } from "@preact/signals";
-import { useEffect, useLayoutEffect, useRef } from "preact/hooks";
+import { computed, signal } from "@preact/signals";
+import { useEffect, useLayoutEffect } from "preact/hooks";
 import { FigureView } from "../plots/figure";
 import { count, digits } from "../plots/looks";
-import { isToml, link, route } from "../routes";
-import type { Candidate, Field, Finding, Limit, Sizing } from "../server/generated";
-import { ask, attempts, read } from "../server/server";
-import { undoable } from "../undo";
-import { useAnswer } from "../workspace/answers";
-import { Button, Fold, toggled } from "../workspace/fields";
-import { changesOf, filesOf } from "../workspace/files";
-import { JobForm } from "../workspace/form";
-import { Cancel, follow, JobList, jobs, reached } from "../workspace/jobs";
-import { InFolder, Problems, ReportOf, Select, useCopied } from "../workspace/parts";
+import { isToml, link, route, undoable } from "../routes";
+import type { Candidate, Field, Finding, Job, Limit, Sizing } from "../server/generated";
+import { ask, attempts, read, useWatched } from "../server/server";
+import { Button, Fold, Select, Table, toggled } from "../workspace/fields";
+import { changesOf } from "../workspace/files";
+import { follow, JobForm, JobList, jobs, Progress } from "../workspace/jobs";
+import { Files } from "../workspace/listed";
+import { Problems, ReportOf, useCopied } from "../workspace/parts";
 import { Answer, Notes } from "../workspace/result";
-import { Table } from "../workspace/table";
 import { open, opened, problems, set, valid } from "./opened";
 import { useOpenText } from "./text";
 
+const LOOK_MS = 1000; // between two looks at a search
 const [wrong, attempt] = attempts();
 const name = signal("task.toml"); // of a new task
 const pinned = undoable(signal<string[]>([]));
@@ -27,7 +25,6 @@ const orderBy = undoable(signal("Rank"));
 const path = computed(() => (route.value.view === "sizing" ? route.value.path : ""));
 const isFile = computed(() => isToml(path.value));
 
-const LOOK_MS = 500;
 /** Request that continues the search of a folder as it was begun. */
 const again = (folder: string, { task, draws, asked }: Sizing) => {
   return { kind: "size", task, draws, ...asked, name: "sizing", resume: folder };
@@ -39,26 +36,18 @@ const resume = (folder: string, now: Sizing): Promise<void> =>
 export default function SizingView() {
   const folder = isFile.value ? "" : path.value;
   const state = jobs.value.find((one) => one.out === folder)?.state;
-  const round = useSignal(0);
-  const [answer, problems] = useAnswer(folder, () => read<Sizing | { waits: true }>("/api/sizing", { path: folder }), [
-    state,
-    round.value,
-  ]);
-  const now = answer && !("waits" in answer) ? answer : null;
-  const searched = useRef(""); // folder of a search that runs anywhere, also while an answer is refused
-  if (now) searched.current = now.searched ? folder : "";
-  useLayoutEffect(() => {
-    [wrong.value, pinned.value] = [[], []];
-    void follow();
-  }, [path.value]);
+  const [answer, problems] = useWatched(
+    folder,
+    () => read<Sizing & { waits?: true }>("/api/sizing", { path: folder }),
+    LOOK_MS,
+    (last) => state === "running" || last?.searched === true, // by any process
+    [state],
+  );
+  const now = answer?.waits ? null : answer;
+  useLayoutEffect(() => void ([wrong.value, pinned.value] = [[], []]), [path.value]);
   useEffect(() => {
     if (!folder) void open(path.value, true);
   }, [path.value, changesOf(path.value)]);
-  useEffect(() => {
-    if (!folder || (state !== "running" && searched.current !== folder)) return;
-    const timer = setTimeout(() => (round.value += 1), LOOK_MS); // the next look waits for the answer
-    return () => clearTimeout(timer);
-  }, [answer, problems, state]);
   if (!path.value || isFile.value) return <TaskView />;
   return (
     <div class="sizing">
@@ -119,7 +108,7 @@ function TaskView() {
           after={({ out }) => void (location.hash = link("sizing", out))}>
           {!isSaved && <span class="note">Save the task first.</span>}
         </JobForm>
-        <InFolder files={filesOf("sizing")} title="Sizings" view="sizing" />
+        <Files title="Sizings in the folder" kinds={["sizing"]} />
       </section>
     </>
   );
@@ -206,30 +195,14 @@ function Result({ now, folder }: { now: Sizing; folder: string }) {
 const withoutFigures = (title: string): string => title.replace(/: [\d.]+ s of .*?(; limited by|$)/, "$1");
 
 /** Progress of a search, and its continuation. */
-function Search(props: { now: Sizing; folder: string; running: (typeof jobs.value)[number] | undefined }) {
-  const { now, folder, running } = props;
-  const { done = 0, total = 1 } = running?.progress ?? {};
-  if (running)
-    return (
-      <p class="row">
-        <progress aria-label="Progress of the search" value={done} max={Math.max(total, 1)} />
-        {reached(running)}
-        <Cancel job={running}>Cancel the search</Cancel>
-      </p>
-    );
+function Search({ now, folder, running }: { now: Sizing; folder: string; running: Job | undefined }) {
+  if (running) return <Progress job={running} name="the search" />;
   if (now.searched) return <p class="note">A process that this server did not start searches in this folder.</p>;
   if (now.done) return null;
-  if (!now.task)
-    return (
-      <p>
-        The search was stopped early. It continues once the folder has its task again: {folder}/sizing.json has the
-        values.
-      </p>
-    );
+  const noTask = `It continues once the folder has its task again: ${folder}/sizing.json has the values.`;
   return (
     <p class="row">
-      The search was stopped early.
-      <Button act={() => resume(folder, now)}>Resume</Button>
+      The search was stopped early. {now.task ? <Button act={() => resume(folder, now)}>Resume</Button> : noTask}
     </p>
   );
 }
@@ -340,22 +313,21 @@ function Ranges({ now }: { now: Sizing }) {
   );
 }
 
-const WIDTH = 100;
-
 /** The range of a value as a bar, with the value, its mark and its limit. */
 function Range({ of, most, isCommon }: { of: Limit; most: number; isCommon: boolean }) {
   const { value, limit, unit, margin, interval } = of;
-  const at = (one: number | null) => (WIDTH * Math.min(Math.max(one ?? most, 0), most)) / most;
+  const at = (one: number | null) => `${(PERCENT * Math.min(Math.max(one ?? most, 0), most)) / most}%`;
   const [low, high] = interval ?? [value, value];
   const isMissed = limit !== null && (margin === null || margin < 0);
+  const places = {
+    "--low": at(low),
+    "--high": at(high),
+    "--mark": at(value),
+    "--limit": limit === null ? "-9in" : at(limit),
+  };
   return (
     <span class={isMissed ? "range missed" : "range"}>
-      <svg viewBox={`0 0 ${WIDTH} 16`} preserveAspectRatio="none" aria-hidden="true">
-        <path class="rail" d={`M0 8H${WIDTH}`} />
-        <rect x={at(low)} y={4} width={Math.max(at(high) - at(low), 1)} height={8} />
-        <path class="mark" d={`M${at(value)} 1V15`} />
-        {limit !== null && <path class="limit" d={`M${at(limit)} 0V16`} />}
-      </svg>
+      <i style={places} />
       <b>{value === null ? "does not end" : `${digits(value)} ${unit}`}</b>
       {limit !== null && !isCommon && <small>limit {digits(limit)}</small>}
       {isMissed && <small>above its limit</small>}
@@ -403,11 +375,9 @@ function Choices({ now: { candidates: every, view } }: { now: Sizing }) {
                   words={isPinned ? "unpin" : "pin"}
                 />
               </>,
-              ...COLUMNS.map(([, column, shown]) => (
-                <span data-column={column} data-si={shown(one)}>
-                  {digits(shown(one))}
-                </span>
-              )),
+              ...COLUMNS.map(([, column, shown]) => {
+                return { text: digits(shown(one)), data: { "data-column": column, "data-si": shown(one) } };
+              }),
               <span class={one.misses ? "missed" : ""}>{one.binding}</span>,
               one.setting,
             ],

@@ -8,14 +8,13 @@ import { pointsFigure } from "../plots/points";
 import { link, route } from "../routes";
 import type { Frame } from "../server/frame";
 import type { Campaign, CycleHead, Plan, ShownFigure } from "../server/generated";
-import { ask, attempts, frame, read } from "../server/server";
-import { usePosted, useWatched } from "../workspace/answers";
+import { ask, attempts, frame, read, usePosted, useWatched } from "../server/server";
 import { word } from "../workspace/command";
 import { Button, Lines, Remarks } from "../workspace/fields";
-import { filesOf, kindOf, nameOf, pathsOf, studies } from "../workspace/files";
-import { JobForm, requestOf } from "../workspace/form";
-import { follow, JobList, jobs } from "../workspace/jobs";
-import { Copied, InFolder, Problems, ReportOf } from "../workspace/parts";
+import { kindOf, nameOf, pathsOf, studies } from "../workspace/files";
+import { follow, JobForm, JobList, jobs, requestOf } from "../workspace/jobs";
+import { Files } from "../workspace/listed";
+import { Copied, Problems, ReportOf } from "../workspace/parts";
 import { Answer, Findings, useView } from "../workspace/result";
 
 const [wrong, attempt] = attempts();
@@ -204,7 +203,7 @@ function Start({ protocol }: { protocol: string }) {
           <Copied {...plan} />
         </section>
       )}
-      <InFolder files={filesOf("campaign")} title="Campaigns" view="campaign" />
+      <Files title="Campaigns in the folder" kinds={["campaign"]} />
     </>
   );
 }

@@ -3,10 +3,9 @@
 import { FigureView } from "../plots/figure";
 import { digits, pretty } from "../plots/looks";
 import type { Compared } from "../server/generated";
-import { usePosted } from "../workspace/answers";
-import { Fold, Lines } from "../workspace/fields";
+import { usePosted } from "../server/server";
+import { Fold, Lines, Table } from "../workspace/fields";
 import { Copied, Problems } from "../workspace/parts";
-import { Table } from "../workspace/table";
 
 /** Return whether two intervals such as "0.5 … 3.3" overlap. */
 function isAlike(some: string, others: string): boolean {
@@ -49,7 +48,7 @@ function Differences({ sentence, figure, values, lines, names: [before, after] }
 }
 
 /** Differences between two files, asked for again when `again` changes. */
-export function Comparison({ before, after, again }: { before: string; after: string; again?: unknown }) {
+export default function Comparison({ before, after, again }: { before: string; after: string; again?: unknown }) {
   const [compared, problems] = usePosted<Compared>("/api/compare", { before, after }, [again]);
   return (
     <>

@@ -17,15 +17,13 @@ import type {
   Slice,
   SliceGroup,
 } from "../server/generated";
-import { useRequest } from "../workspace/answers";
-import { Button, Fold, type Option, Tick } from "../workspace/fields";
+import { useRequest } from "../server/server";
+import { Button, Fold, type Option, Select, Table, Tick } from "../workspace/fields";
 import { changesOf, filesOf, folderOf, nameOf, pathsOf, studies } from "../workspace/files";
-import { JobForm, requestOf } from "../workspace/form";
-import { follow } from "../workspace/jobs";
-import { Copied, Problems, ReportOf, Select } from "../workspace/parts";
+import { follow, JobForm, requestOf } from "../workspace/jobs";
+import { Copied, Problems, ReportOf } from "../workspace/parts";
 import { Answer, Figures, Findings, Shown, useView, Values } from "../workspace/result";
-import { Table } from "../workspace/table";
-import { Comparison } from "./differences";
+import Comparison from "./differences";
 
 const MOST_ROWS = 300;
 const MM = 1000; // mm in a metre

@@ -4,12 +4,10 @@ import { computed, signal } from "@preact/signals";
 import { digits, instant } from "../plots/looks";
 import type { Mark } from "../plots/paint";
 import type { MeasuredRows, OpenedRecording, Problem, Stroke, Strokes } from "../server/generated";
-import { ask, attempts, pause, Refused, read } from "../server/server";
-import { useAnswer } from "../workspace/answers";
-import { Button, Range, Tick } from "../workspace/fields";
+import { ask, attempts, pause, Refused, read, useAnswer } from "../server/server";
+import { Button, Range, Select, Table, Tick } from "../workspace/fields";
 import { pathsOf } from "../workspace/files";
-import { NumberField, Problems, Select } from "../workspace/parts";
-import { Table } from "../workspace/table";
+import { NumberField, Problems } from "../workspace/parts";
 
 type Span = [number, number];
 
@@ -103,7 +101,7 @@ async function choose(path: string): Promise<void> {
   await attempt(async () => {
     while (path && reading.value === path) {
       const there = await read<OpenedRecording>("/api/recording", { path });
-      if (there.problems) throw new Refused(200, there.problems, {});
+      if (there.problems) throw new Refused(200, there.problems);
       if (there.channels) break;
       await pause(READ_MS);
     }

@@ -7,14 +7,12 @@ import { count, digits } from "../plots/looks";
 import { saveRows } from "../plots/saving";
 import { link } from "../routes";
 import type { Form, FrictionMap, Listed, Slice } from "../server/generated";
-import { useRequest } from "../workspace/answers";
+import { useRequest } from "../server/server";
 import { Button, Tick } from "../workspace/fields";
 import { folderOf, nameOf, studies } from "../workspace/files";
-import { JobForm } from "../workspace/form";
-import { stale, trace, useHeadlines } from "../workspace/lineage";
+import { JobForm } from "../workspace/jobs";
+import { ObjectLink, pair, partsOf, Rename, stale, trace, useHeadlines } from "../workspace/listed";
 import { Findings, useView } from "../workspace/result";
-import { comparePair, partsOf, Rename } from "../workspace/studies";
-import { ObjectLink } from "../workspace/tree";
 import { overPressure } from "./friction";
 
 const MOST_OPEN = 8; // recordings whose names are shown at once
@@ -49,7 +47,7 @@ function useFriction(files: Listed[]) {
 }
 
 /** Recordings by seal, mounting and drive, or by folder where nothing tells them. */
-export function Recordings({ files: all }: { files: Listed[] }) {
+export default function Recordings({ files: all }: { files: Listed[] }) {
   const lines = useHeadlines();
   const { path, map, slice } = useFriction(all);
   const parts = partsOf(all);
@@ -269,7 +267,7 @@ function Chosen(props: { paths: string[]; map: FrictionMap | null; slice: Slice 
             {`Compare ${seals.join(" and ")}`}
           </a>
         )}
-        {seals.length !== 2 && paths.length === 2 && <Button act={() => comparePair(paths)}>Compare</Button>}
+        {seals.length !== 2 && paths.length === 2 && <Button act={() => (pair.value = paths)}>Compare</Button>}
         {drive.length > 0 && (
           <Button act={() => (verb.value = "validate")}>{`Validate a drive on ${drive.length}`}</Button>
         )}

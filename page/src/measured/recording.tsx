@@ -6,14 +6,12 @@ import { type Curve, curveOf, Plot, pixelsOfPlots } from "../plots/plot";
 import { link, route } from "../routes";
 import type { Frame, Numbers } from "../server/frame";
 import type { WindowHead as Head, OpenedRecording as Opened, Problem, Proposal, Strokes } from "../server/generated";
-import { ask, attempting, attempts, frame, problemsOf, read, write } from "../server/server";
-import { useAnswer, useLive } from "../workspace/answers";
-import { Button, Remarks, Tick, Ticks } from "../workspace/fields";
+import { ask, attempts, frame, problemsOf, read, useAnswer, useLive, write } from "../server/server";
+import { Button, Remarks, Table, Tick, Ticks } from "../workspace/fields";
 import { folderOf, list, nameOf, studies } from "../workspace/files";
-import { JobForm } from "../workspace/form";
+import { JobForm } from "../workspace/jobs";
 import { Problems } from "../workspace/parts";
 import { Answer, useView } from "../workspace/result";
-import { Table } from "../workspace/table";
 import * as measure from "./measure";
 
 const MOST_PLOTS = 4; // to begin with
@@ -286,7 +284,7 @@ function Spectrum({ found, path }: { found: Opened; path: string }) {
 function saveSamples(column: string, save: (all: Map<string, Numbers>) => void): Promise<void> {
   const [from, to] = span.value;
   const given = { path: route.value.path, from: String(from), to: String(to), columns: column };
-  return attempting(wrong)(async () => save((await frame("/api/samples", given)).arrays));
+  return attempts(wrong)[1](async () => save((await frame("/api/samples", given)).arrays));
 }
 
 function Plots({ found }: { found: Opened }) {

@@ -8,19 +8,17 @@ import { useEffect } from "preact/hooks";
 import { open as openDrive, valid } from "../drive/opened";
 import { changed, digits, instant } from "../plots/looks";
 import { curveOf, Plot, zooming } from "../plots/plot";
-import { inCatalogue, link, route } from "../routes";
+import { inCatalogue, link, route, undoable } from "../routes";
 import type { Frame } from "../server/frame";
 import type { Field, ValidationHead as Head, Problem, ValidatedRecord, Validation } from "../server/generated";
-import { undoable } from "../undo";
-import { isShowable, useLive, useRequest } from "../workspace/answers";
-import { Button, Fold, type Option } from "../workspace/fields";
-import { filesOf, folderOf, kindOf, list } from "../workspace/files";
-import { JobForm, requestOf, useHeldOut } from "../workspace/form";
-import { follow, jobs } from "../workspace/jobs";
-import { InFolder, Problems, ReportOf, Select, SliderRow } from "../workspace/parts";
+import { isShowable, useLive, useRequest } from "../server/server";
+import { Button, Fold, type Option, Select, Table } from "../workspace/fields";
+import { folderOf, kindOf, list } from "../workspace/files";
+import { follow, JobForm, jobs, requestOf, useHeldOut } from "../workspace/jobs";
+import { Files } from "../workspace/listed";
+import { Problems, ReportOf, SliderRow } from "../workspace/parts";
 import { Answer, useView, Values } from "../workspace/result";
-import { Table } from "../workspace/table";
-import { Comparison } from "./differences";
+import Comparison from "./differences";
 
 const INPUTS = ["drive", "circuit", "fit", "recording"];
 /** Value that the slider moves, and its number; null: that of the drive. */
@@ -80,7 +78,7 @@ function Start() {
         </p>
       )}
       <JobForm kind="validate" start={{ name: "validation", ...begin }} after={after} />
-      <InFolder files={filesOf("validation")} title="Validations" view="validation" />
+      <Files title="Validations in the folder" kinds={["validation"]} />
     </>
   );
 }

@@ -3,8 +3,7 @@
 import { type ComponentChildren, render } from "preact";
 import { useState } from "preact/hooks";
 import type { Axis, Bars, Drawing, Line, Mark, Markers, Panel, ShownFigure } from "../server/generated";
-import { Button } from "../workspace/fields";
-import { Table } from "../workspace/table";
+import { Button, Table } from "../workspace/fields";
 import { digits, look, pretty } from "./looks";
 import { axis } from "./points";
 import { type Saved, saveDrawing, saveRows } from "./saving";

@@ -2,7 +2,7 @@
 
 import { type Signal, useSignal } from "@preact/signals";
 import { useLayoutEffect, useMemo, useRef, useState } from "preact/hooks";
-import { Table } from "../workspace/table";
+import { Table } from "../workspace/fields";
 import "../drive/language"; // before uPlot, which reads it
 import uPlot from "uplot";
 import "uplot/dist/uPlot.min.css";

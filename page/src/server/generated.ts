@@ -348,10 +348,9 @@ export interface Checked {
   follows?: Follows[];
 }
 
-export interface CheckedFile {
+export interface TextFile {
   text: string;
   sha256: string | null;
-  checked?: Checked;
 }
 
 export interface CircuitDrawing {
@@ -359,16 +358,12 @@ export interface CircuitDrawing {
   pistons: Record<string, PistonShapes>;
   nets: [string, string][][];
   ports: Record<string, Record<string, [number, number]>>;
-}
-
-export interface Kind {
-  kind: string;
-  title: string;
-  gas: boolean;
+  box: [number, number, number, number];
+  words: string[];
 }
 
 export interface Kinds {
-  kinds: Kind[];
+  kinds: [string, string][];
 }
 
 export interface Part {
@@ -565,6 +560,7 @@ export interface CardRun {
 }
 
 export interface Card extends Copied {
+  measure: string;
   spread: string;
   total: number;
   finished: boolean;

@@ -1,20 +1,19 @@
 /** Comparisons with a run in Simulate: other drives and runs, a band of many members, p-V loops, the moving piston. */
 
 import { computed, signal } from "@preact/signals";
-import { isPlaying, timeAt } from "../drive/moving";
+import { isPlaying, timeAt } from "../drive/circuit";
 import { opened } from "../drive/opened";
 import { FigurePanel } from "../plots/figure";
 import { digits } from "../plots/looks";
 import type { Band } from "../plots/paint";
 import { type Curve, curvesOf } from "../plots/plot";
 import { pointsFigure } from "../plots/points";
+import { undoable } from "../routes";
 import type { Frame } from "../server/frame";
 import type { Field, RunPanel as Panel, RunHead } from "../server/generated";
-import { undoable } from "../undo";
-import { Button, Fold, Pick, Remarks, Tick } from "../workspace/fields";
+import { Button, Fold, Remarks, Select, Table, Tick } from "../workspace/fields";
 import { cataloguePaths, filesOf } from "../workspace/files";
 import { NumberField } from "../workspace/parts";
-import { Table } from "../workspace/table";
 
 const others = undoable(signal<string[]>([]));
 const loops = undoable(signal(false));
@@ -61,8 +60,8 @@ const MOST_OTHERS = 7;
 export function BesideChoices() {
   return (
     <Fold class="beside" open={!isNarrow} title="Compare">
-      <Pick
-        class="choice"
+      <Select
+        value=""
         label="Compare with"
         hint="another drive or run"
         options={choices.value}

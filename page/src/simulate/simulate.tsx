@@ -1,22 +1,20 @@
 /** Sliders on a running simulation. */
 
 import { computed, effect, signal } from "@preact/signals";
-import { Circuit, type Moved } from "../drive/circuit";
-import { MovingCircuit, pistonsAt, pointAt, TimeRange, timeAt } from "../drive/moving";
+import { Circuit, type Moved, MovingCircuit, moveTo, pistonsAt, pointAt, timeAt } from "../drive/circuit";
 import { opened, restructure, said, set, problems as textProblems, useDrawing, valid } from "../drive/opened";
 import { changed, count, digits, instant, isSevere, sentence, withUnit } from "../plots/looks";
 import { type Curve, curvesOf, indexAt, Plot, zooming } from "../plots/plot";
+import { undoable } from "../routes";
 import type { Frame, Numbers } from "../server/frame";
 import type { Field, RunHead as Head } from "../server/generated";
-import { attempts } from "../server/server";
-import { undoable } from "../undo";
-import { isShowable, useLive } from "../workspace/answers";
+import { attempts, isShowable, useLive } from "../server/server";
 import { withFile } from "../workspace/command";
-import { Button, Fold, Pick, Remarks, TextInput, toggled } from "../workspace/fields";
+import { Button, Fold, Range, Remarks, Select, TextInput, toggled } from "../workspace/fields";
 import { studies } from "../workspace/files";
+import { isOverMain } from "../workspace/listed";
 import { Leading, Problems, SliderRow, useCopied } from "../workspace/parts";
 import { Notes, Values } from "../workspace/result";
-import { isOverMain } from "../workspace/tree";
 import * as beside from "./beside";
 import { braked, type Step, StepsPane, stepsOf, written } from "./steps";
 
@@ -295,7 +293,15 @@ function Pistons({ now, time }: { now: Frame<Head>; time: Numbers }) {
   const words = `${instant(time[row], end / time.length)} s`;
   return (
     <div class="pistons">
-      <TimeRange label={`At ${words}`} name="Time of the pistons" end={end} at={time[row]!} words={words} />
+      <Range
+        label={`At ${words}`}
+        name="Time of the pistons"
+        value={time[row]!}
+        ends={[0, end]}
+        words={words}
+        steps={1000}
+        put={moveTo}
+      />
       <div>
         {shown.map(({ name }) => (
           <Piston key={name} name={shown.length > 1 ? name : ""} at={pistons[name]!} />
@@ -412,7 +418,9 @@ export const Sliders = () => (
 function AddSlider() {
   const free = [...fields.value.values()].filter((one) => one.number !== undefined && !pinned.value.includes(one.key));
   return (
-    <Pick
+    <Select
+      class=""
+      value=""
       label="Slider for"
       hint="any value"
       options={free.map((one): [string, string] => [one.key, `${one.key} = ${one.text}`])}
@@ -466,7 +474,9 @@ function FileCommand({ valves }: { valves: string[] }) {
     command.value = withFile(command.value, valve, file);
   };
   const words = options.map((one) => one.words);
-  return <Pick label="Command from a file (time_s, command)" hint="choose" options={words} put={put} />;
+  return (
+    <Select class="" value="" label="Command from a file (time_s, command)" hint="choose" options={words} put={put} />
+  );
 }
 
 function Run() {

@@ -7,7 +7,7 @@ from typing import Literal
 
 from typing_extensions import NotRequired, TypedDict
 
-from pneudrive.report.circuit.svg import PistonShapes, Shape
+from pneudrive.report.circuit.svg import Box, PistonShapes, Shape
 from pneudrive.results import ValuePair
 from pneudrive.views import SentValue, SentView, ShownFigure
 from pneudrive.web.signatures import CommandInput
@@ -126,24 +126,20 @@ class Checked(TypedDict):
     sliders: NotRequired[list[str]]
     follows: NotRequired[list[Follows]]
 
-class CheckedFile(TypedDict):
+class TextFile(TypedDict):
     text: str
     sha256: str | None
-    checked: NotRequired[Checked]
 
 class CircuitDrawing(TypedDict):
     shapes: list[Shape]
     pistons: dict[str, PistonShapes]
     nets: list[list[tuple[str, str]]]
     ports: dict[str, dict[str, tuple[float, float]]]
-
-class Kind(TypedDict):
-    kind: str
-    title: str
-    gas: bool
+    box: Box
+    words: list[str]
 
 class Kinds(TypedDict):
-    kinds: list[Kind]
+    kinds: list[tuple[str, str]]
 
 class Part(TypedDict):
     name: str
@@ -328,6 +324,7 @@ class CardRun(TypedDict):
     value: float | None
 
 class Card(Copied):
+    measure: str
     spread: str
     total: int
     finished: bool
