@@ -6,14 +6,13 @@ import { follow, followActions, forgetSteps, link, route } from "./routes";
 import { connection, unlock } from "./server/server";
 import { VIEWS, verbsOf } from "./views";
 import { Choose, ENTRIES } from "./workspace/choose";
-import { lazy } from "./workspace/fields";
+import { Button, lazy } from "./workspace/fields";
 import { changesOf, isOld, kindOf, list, studies, takeDrops, watchFolder } from "./workspace/files";
 import { follow as followJobs, Tray } from "./workspace/jobs";
 import { isOverMain, isShown, PathName, Tree } from "./workspace/listed";
 import { ConnectionLine } from "./workspace/parts";
 import "./tokens.css";
 import "./style.css";
-import { Button } from "./workspace/fields";
 
 const OF_A_DESCRIPTION = ["drive", "simulate", "datasheet"];
 const KEY = "pneudrive-open";

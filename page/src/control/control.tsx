@@ -4,7 +4,7 @@ import { signal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
 import { opened } from "../drive/opened";
 import { FigureView } from "../plots/figure";
-import { digits, withUnit } from "../plots/looks";
+import { digits, MM, withUnit } from "../plots/looks";
 import { curvesOf, Plot, pixelsOfPlots, zooming } from "../plots/plot";
 import { type StripRow, stripFigure } from "../plots/points";
 import { inCatalogue, isToml, link, route, undoable } from "../routes";
@@ -17,7 +17,7 @@ import { FormField, type Input, JobForm, requestOf } from "../workspace/jobs";
 import { Files, isOverMain } from "../workspace/listed";
 import { Copied, Problems, SliderRow, TextField, Unsaved } from "../workspace/parts";
 import { Answer, Values } from "../workspace/result";
-import { GoalField, goalOf, MEASURE, MM, ScoreCard, Told } from "./score";
+import { GoalField, goalOf, MEASURE, ScoreCard, Told } from "./score";
 
 /** What is run, besides the drive. */
 const START = { law: "nmpc", gains: {} as Record<string, number>, reference: "", setup: "real", mismatch: "" };
@@ -338,18 +338,14 @@ function Compare() {
   const found = choices.value;
   if (!found) return null;
   const isSpread = Boolean(requestOf("control").spread);
+  const usual = found.references.map(({ name }) => name);
   const spreads: Option[] = [["", "none: seeds of noise"], ...found.spreads];
   const own = {
     title: "Compare",
     door: "/api/comparisons",
     fields: [
       { key: "laws", label: "Laws", kind: "several", choices: [...found.laws, ...pathsOf("controller")] },
-      {
-        key: "along",
-        label: "Standard references",
-        kind: "several",
-        choices: found.references.map(({ name }) => name),
-      },
+      { key: "along", label: "Standard references", kind: "several", choices: usual },
       { key: "other", label: "And along", kind: "text", hint: "a reference of your own" },
       { key: "spread", label: "Spread of drives", kind: "choice", choices: spreads },
       { key: "count", label: isSpread ? "Members" : "Seeds", kind: "number", most: MOST_MEMBERS },

@@ -3,19 +3,18 @@
 import { signal } from "@preact/signals";
 import { useEffect, useRef } from "preact/hooks";
 import { FigureView } from "../plots/figure";
-import { pretty } from "../plots/looks";
+import { MM, pretty } from "../plots/looks";
 import { curveOf, LineSample, Plot, zooming } from "../plots/plot";
 import { stripFigure } from "../plots/points";
 import { kept, link, undoable } from "../routes";
 import type { Frame } from "../server/frame";
 import type { Card, SentView, Tracks } from "../server/generated";
-import { ask, attempts, frame, read, useAnswer, useWatched } from "../server/server";
+import { ask, attempts, frame, LOOK_MS, read, useAnswer, useWatched } from "../server/server";
 import { Button, type Cell, Fold, Select, Table } from "../workspace/fields";
 import { follow, JobList, jobs } from "../workspace/jobs";
 import { Copied, NumberField, Problems, ReportOf } from "../workspace/parts";
 import { Answer, Findings, Notes, useView, Values } from "../workspace/result";
 
-export const MM = 1e-3;
 /** Measure that the goal limits. */
 export const MEASURE = "max_error_m";
 
@@ -23,25 +22,20 @@ export const MEASURE = "max_error_m";
 const goal = kept("goal");
 export const goalOf = (): number => Number(goal.value) || 0.2;
 
-export const GoalField = () => (
-  <label>
-    Goal{" "}
-    <NumberField
-      label="Largest error allowed, mm"
-      low={1e-6}
-      value={goalOf()}
-      put={(value) => (goal.value = String(value))}
-    />{" "}
-    mm largest error
-  </label>
-);
+export function GoalField() {
+  const put = (value: number) => (goal.value = String(value));
+  return (
+    <label>
+      Goal <NumberField label="Largest error allowed, mm" low={1e-6} value={goalOf()} put={put} /> mm largest error
+    </label>
+  );
+}
 
 const measure = undoable(signal(MEASURE));
 const along = undoable(signal(""));
 const zoom = signal<[number, number] | null>(null); // the part of the time that is shown
 const [notResumed, resuming] = attempts(); // it stays while the card is read again
 const grownAt = signal(0); // when runs were last seen to come in
-const LOOK_MS = 1000; // between two looks at runs that come in
 const STILL_MS = 10_000; // without a run of another process: it has ended, or is slow
 
 export function ScoreCard({ path }: { path: string }) {
@@ -49,8 +43,7 @@ export function ScoreCard({ path }: { path: string }) {
   const [found, problems] = useWatched(
     path,
     () => read<Card>("/api/comparison", { path, measure: measure.value }),
-    LOOK_MS,
-    (last) => job?.state === "running" || last?.finished === false, // whatever process does its runs, they come in
+    (last) => (job?.state === "running" || last?.finished === false ? LOOK_MS : 0), // whatever process does its runs
     [measure.value, job?.state],
   );
   const view = useView(found?.finished ? path : "");
@@ -125,11 +118,7 @@ function Unfinished({ path, state }: { path: string; state: string | undefined }
 function Matrix({ found, reference }: { found: Card; reference: string }) {
   const now = found.measures.find((one) => one.name === found.measure)!;
   const headOf = ({ name, text }: Card["references"][number]) => ({
-    text: (
-      <Button class="link" aria-pressed={reference === name} act={() => (along.value = name)}>
-        {name}
-      </Button>
-    ),
+    text: <Button class="link" aria-pressed={reference === name} act={() => (along.value = name)} words={name} />,
     data: { title: text },
   });
   const middle = found.spread

@@ -6,7 +6,7 @@
 import { signal } from "@preact/signals";
 import type { ComponentChildren, JSX } from "preact";
 import { useEffect, useState } from "preact/hooks";
-import { digits, instant } from "../plots/looks";
+import { BAR, digits, instant, MM } from "../plots/looks";
 import { indexAt } from "../plots/plot";
 import { onZoom, viewKeys } from "../plots/turning";
 import type { Frame, Numbers } from "../server/frame";
@@ -19,19 +19,6 @@ export type { Drawing, PistonShapes, Shape };
 export interface PortChoice {
   port: string;
   onPort: (port: string) => void;
-}
-
-/**
- * State of a cylinder at a moment: fraction of its stroke, and for each chamber the pressure as text and relative
- * to the largest.
- */
-export interface Moved {
-  share: number;
-  pressures: [string, string];
-  tints: [number, number];
-  said: string;
-  position: number;
-  speed: number | undefined;
 }
 
 /**
@@ -94,8 +81,8 @@ function Chambers({ at, moved, name }: { at: PistonShapes; moved: Moved; name: s
   );
   return (
     <g role="img" aria-label={moved.said} data-piston={name} data-position={moved.position}>
-      {air(left, face, moved.tints[0])}
-      {air(behind, right, moved.tints[1])}
+      {air(left, face, moved.tints[0]!)}
+      {air(behind, right, moved.tints[1]!)}
       <text x={left + 1.5} y={-low + 0.8} font-size={6 * PT}>
         a {moved.pressures[0]}
       </text>
@@ -304,7 +291,6 @@ function Area({ shapes }: { shapes: Shape[] }) {
   return <rect class="area" x={x} y={y} width={Math.max(...xs) - x + 0.5} height={Math.max(...ys) - y + 0.5} />;
 }
 
-const BAR = 1e5;
 const GRAM = 1e-3;
 const CALM = typeof matchMedia === "undefined" ? null : matchMedia("(prefers-reduced-motion: reduce)");
 const FASTEST_MS = 5000; // a longer run is shown in this time, a shorter one as long as it lasts, but at least:
@@ -331,25 +317,27 @@ const sampleAt = ({ arrays }: Frame<RunHead>, row: number): number =>
   indexAt(arrays.get("motion/time_s") ?? [], arrays.get("time_s")![row]!);
 
 /** Return the pistons at a row of the run. Plots leave out the ninth curve, which the drawing may have. */
-export function pistonsAt(now: Frame<RunHead>, row: number): Record<string, Moved> {
+export function pistonsAt(now: Frame<RunHead>, row: number) {
   const { head, arrays } = now;
   const at = sampleAt(now, row);
   const columnOf = (name: string): ArrayLike<number> => arrays.get(name) ?? arrays.get(`motion/${name}`) ?? [];
   const momentOf = (name: string) => (arrays.get(`${name}/at`) ?? arrays.get(name))?.[row] ?? columnOf(name)[at];
-  const pistons: Record<string, Moved> = {};
-  for (const { name, stroke_m, position: column, pressures: columns } of head.cylinders ?? []) {
+  const pistons = (head.cylinders ?? []).flatMap(({ name, stroke_m, position: column, pressures: columns }) => {
     const position = momentOf(column);
-    if (position === undefined) continue;
-    const values = columns.map(momentOf) as [number?, number?];
+    if (position === undefined) return [];
+    const values = columns.map(momentOf);
     const most = Math.max(...columns.map((each) => largestOf(columnOf(each))));
-    const pressures = values.map((value) => `${digits(value && value / BAR, 3)} bar`) as [string, string];
-    const said = `${name}: position ${digits(1000 * position)} mm, chamber a ${pressures[0]}, chamber b ${pressures[1]}, absolute`;
-    const tints = values.map((value = 0) => (0.7 * value) / most) as [number, number];
+    const pressures = values.map((value) => `${digits(value && value / BAR, 3)} bar`);
+    const words = `position ${digits(position / MM)} mm, chamber a ${pressures[0]}, chamber b ${pressures[1]}`;
+    const tints = values.map((value = 0) => (0.7 * value) / most);
     const speed = momentOf(column.replace("position_m", "velocity_m_s"));
-    pistons[name] = { share: position / stroke_m, position, speed, pressures, tints, said };
-  }
-  return pistons;
+    const said = `${name}: ${words}, absolute`;
+    return [[name, { share: position / stroke_m, position, speed, pressures, tints, said }] as const];
+  });
+  return Object.fromEntries(pistons);
 }
+
+export type Moved = ReturnType<typeof pistonsAt>[string];
 
 /**
  * Return the state of the drawing at a row of the run: cylinders, the way of each valve in modules, and lines by their
@@ -447,7 +435,7 @@ export function MovingCircuit(props: {
   const platforms = now.head.platforms ?? [];
   const motion = motionAt(now, drawing, row);
   const cylinders = now.head.cylinders ?? [];
-  const places = cylinders.map((one) => `, ${one.name} at ${digits(1000 * motion.pistons[one.name]!.position)} mm`);
+  const places = cylinders.map((one) => `, ${one.name} at ${digits(motion.pistons[one.name]!.position / MM)} mm`);
   const drawn = children(motion);
   const sample = sampleAt(now, row);
   return (

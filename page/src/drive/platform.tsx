@@ -2,7 +2,7 @@
 
 import type { ComponentChildren } from "preact";
 import { useMemo, useRef, useState } from "preact/hooks";
-import { digits } from "../plots/looks";
+import { BAR, digits } from "../plots/looks";
 import { endsOf } from "../plots/scale";
 import { onZoom, viewKeys } from "../plots/turning";
 import { useWidth } from "../plots/width";
@@ -24,7 +24,6 @@ const CLOSER = 1.15;
 const DRAG = 0.4; // degrees of a pixel
 const SHARE = 0.62; // height over width of a view
 const MOST_HIGH = 440;
-const BAR = 1e5;
 
 const camera = kept("view3d");
 

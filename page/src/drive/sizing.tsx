@@ -6,7 +6,7 @@ import { FigureView } from "../plots/figure";
 import { count, digits } from "../plots/looks";
 import { isToml, link, route, undoable } from "../routes";
 import type { Candidate, Field, Finding, Job, Limit, Sizing } from "../server/generated";
-import { ask, attempts, read, useWatched } from "../server/server";
+import { ask, attempts, LOOK_MS, read, useWatched } from "../server/server";
 import { Button, Fold, Select, Table, toggled } from "../workspace/fields";
 import { changesOf } from "../workspace/files";
 import { follow, JobForm, JobList, jobs, Progress } from "../workspace/jobs";
@@ -16,7 +16,6 @@ import { Answer, Notes } from "../workspace/result";
 import { open, opened, problems, set, valid } from "./opened";
 import { useOpenText } from "./text";
 
-const LOOK_MS = 1000; // between two looks at a search
 const [wrong, attempt] = attempts();
 const name = signal("task.toml"); // of a new task
 const pinned = undoable(signal<string[]>([]));
@@ -39,8 +38,7 @@ export default function SizingView() {
   const [answer, problems] = useWatched(
     folder,
     () => read<Sizing & { waits?: true }>("/api/sizing", { path: folder }),
-    LOOK_MS,
-    (last) => state === "running" || last?.searched === true, // by any process
+    (last) => (state === "running" || last?.searched ? LOOK_MS : 0), // by any process
     [state],
   );
   const now = answer?.waits ? null : answer;
@@ -237,11 +235,8 @@ async function amend(task: string, pairs: string[][]): Promise<void> {
 function DataSheet({ folder }: { folder: string }) {
   const own = `${folder.slice(folder.lastIndexOf("/") + 1)}-sheet`;
   const job = jobs.value.find((one) => one.out === `results/${own}/report.html`);
-  const start = () =>
-    attempt(async () => {
-      await ask("/api/jobs", { kind: "datasheet", drive: `${folder}/01.toml`, name: own });
-      void follow();
-    });
+  const asked = { kind: "datasheet", drive: `${folder}/01.toml`, name: own };
+  const start = () => attempt(async () => (await ask("/api/jobs", asked), void follow()));
   return (
     <div class="row" data-sheet={job?.state ?? "none"}>
       <Button disabled={job?.state === "running"} act={() => start()}>
@@ -259,10 +254,8 @@ const PERCENT = 100;
 function columnsOf(every: Candidate[]): Candidate[] {
   const first = every.filter((one, k) => every.findIndex((other) => other.cylinder === one.cylinder) === k);
   const isPinned = (one: Candidate) => pinned.value.includes(one.name);
-  return [...every.filter(isPinned), ...first.filter((one) => !isPinned(one))].slice(
-    0,
-    Math.max(MOST_COLUMNS, pinned.value.length),
-  );
+  const most = Math.max(MOST_COLUMNS, pinned.value.length);
+  return [...every.filter(isPinned), ...first.filter((one) => !isPinned(one))].slice(0, most);
 }
 
 /** Candidates side by side: the range of each value against its limit. */
@@ -319,12 +312,8 @@ function Range({ of, most, isCommon }: { of: Limit; most: number; isCommon: bool
   const at = (one: number | null) => `${(PERCENT * Math.min(Math.max(one ?? most, 0), most)) / most}%`;
   const [low, high] = interval ?? [value, value];
   const isMissed = limit !== null && (margin === null || margin < 0);
-  const places = {
-    "--low": at(low),
-    "--high": at(high),
-    "--mark": at(value),
-    "--limit": limit === null ? "-9in" : at(limit),
-  };
+  const end = limit === null ? "-9in" : at(limit);
+  const places = { "--low": at(low), "--high": at(high), "--mark": at(value), "--limit": end };
   return (
     <span class={isMissed ? "range missed" : "range"}>
       <i style={places} />

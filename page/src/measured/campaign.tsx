@@ -25,11 +25,12 @@ const CYCLE_MS = 200; // between two looks at the cycle in progress
 export default function CampaignView() {
   const { path: object } = route.value;
   const path = kindOf(object) === "protocol" ? "" : object;
-  const [now, problems] = useWatched(path, () => read<Campaign>("/api/campaign", { path }), LOOK_MS);
-  useEffect(() => {
-    wrong.value = [];
-    void follow();
-  }, [path]);
+  const [now, problems] = useWatched(
+    path,
+    () => read<Campaign>("/api/campaign", { path }),
+    () => LOOK_MS,
+  );
+  useEffect(() => void (wrong.value = []), [path]);
   const isBeginning = jobs.value.some((job) => job.out === path && job.state === "running"); // without a file yet
   return (
     <div class="campaign">
@@ -70,7 +71,11 @@ function Watched({ now, path }: { now: Campaign; path: string }) {
   const isOver = !now.state && now.done > 0;
   const view = useView(isOver ? path : "", now.done);
   const isMoving = now.state && now.state !== "paused"; // what was measured last is no cycle in progress then
-  const [live] = useWatched(isMoving ? path : "", () => frame<CycleHead>("/api/cycle", { path }), CYCLE_MS);
+  const [live] = useWatched(
+    isMoving ? path : "",
+    () => frame<CycleHead>("/api/cycle", { path }),
+    () => CYCLE_MS,
+  );
   const running = live?.head.cycle ? live : null;
   return (
     <>
@@ -128,12 +133,9 @@ function Watched({ now, path }: { now: Campaign; path: string }) {
 function Requests({ now, path }: { now: Campaign; path: string }) {
   const timer = useRef(0);
   const send = (word: string) => attempt(() => ask("/api/campaign", { path, word }));
-  const resume = () =>
-    attempt(async () => {
-      const pace = Number(requestOf("campaign").pace);
-      await ask("/api/campaigns", { resume: path, ...(pace && { pace }) });
-      void follow();
-    });
+  const pace = Number(requestOf("campaign").pace);
+  const again = { resume: path, ...(pace && { pace }) };
+  const resume = () => attempt(async () => (await ask("/api/campaigns", again), void follow()));
   const hold = () => {
     clearTimeout(timer.current);
     timer.current = window.setTimeout(() => void send("abort"), HOLD_MS);

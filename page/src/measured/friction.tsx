@@ -3,20 +3,10 @@
 import { type Signal, signal, useSignal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
 import { FigureView } from "../plots/figure";
-import { digits } from "../plots/looks";
+import { digits, MM } from "../plots/looks";
 import { type Group, isWide, MOST_SERIES, pointsFigure } from "../plots/points";
 import { isToml, kept, link, route } from "../routes";
-import type {
-  BehindFit,
-  Finding,
-  FrictionGroup,
-  FrictionMap,
-  NextPoints as Next,
-  SentView,
-  ShownFigure,
-  Slice,
-  SliceGroup,
-} from "../server/generated";
+import type { BehindFit, Finding, FrictionMap, NextPoints, SentView, ShownFigure, Slice } from "../server/generated";
 import { useRequest } from "../server/server";
 import { Button, Fold, type Option, Select, Table, Tick } from "../workspace/fields";
 import { changesOf, filesOf, folderOf, nameOf, pathsOf, studies } from "../workspace/files";
@@ -25,8 +15,9 @@ import { Copied, Problems, ReportOf } from "../workspace/parts";
 import { Answer, Figures, Findings, Shown, useView, Values } from "../workspace/result";
 import Comparison from "./differences";
 
+type Groups = FrictionMap["groups"];
+
 const MOST_ROWS = 300;
-const MM = 1000; // mm in a metre
 const NEAR = 0.05; // speeds that differ by less, relatively, are one level
 const NARROW = 3; // ratio of speeds below which pressure is the axis
 const ALL = "all, side by side";
@@ -44,7 +35,7 @@ export function levels(speeds: number[]): number[] {
 }
 
 /** Return the panels of a figure: one for each seal. Over speed, points of later recordings are open. */
-const panelsOf = (parts: (FrictionGroup | SliceGroup)[], isOverSpeed = false) =>
+const panelsOf = (parts: (Groups | Slice["groups"])[number][], isOverSpeed = false) =>
   [...new Set(parts.map((part) => part.assembly))].map((seal, _, all) => ({
     title: all.length > 1 ? seal : "",
     groups: parts
@@ -59,7 +50,7 @@ const panelsOf = (parts: (FrictionGroup | SliceGroup)[], isOverSpeed = false) =>
   }));
 
 /** Whether speeds are drawn on a logarithmic axis: as chosen, or because they need it. */
-const isLogOf = (groups: FrictionGroup[]): boolean => isLog.value ?? isWide(groups);
+const isLogOf = (groups: Groups): boolean => isLog.value ?? isWide(groups);
 
 /** Friction over the pressure of a chamber, with a panel for each seal. */
 export function overPressure({ chamber, groups }: Slice, caption: string): ShownFigure {
@@ -70,7 +61,7 @@ export function overPressure({ chamber, groups }: Slice, caption: string): Shown
 }
 
 /** Whether the axis is pressure: as chosen, or because pressure was varied more than speed, as a map of one seal shows. */
-function isOverPressure(groups: FrictionGroup[]): boolean {
+function isOverPressure(groups: Groups): boolean {
   if (axis.value) return axis.value === "pressure";
   const speeds = groups.flatMap((group) => group.points.map((point) => point.x));
   const counts = groups.map((group) => groups.filter((one) => one.assembly === group.assembly).length);
@@ -84,6 +75,7 @@ export default function FrictionView() {
   const beside = [folderOf(path), "map.parquet"].filter(Boolean).join("/");
   const hasMap = studies.value?.files.some((file) => file.path === beside);
   const behind = useSignal("");
+  const out = path.replace(/(fit)?\.toml$/, "identified.toml");
   if (!isFit) return <MapView key={path} path={path} fit="" />;
   if (view && hasMap && !view.figures.length && !view.curves.length)
     return <MapView key={path} path={beside} fit={path} />;
@@ -96,11 +88,7 @@ export default function FrictionView() {
       {view && <Behind path={path} of={behind} />}
       {view && !hasMap && (
         <Fold title="Apply it to a drive">
-          <JobForm
-            kind="apply"
-            given={{ fit: path }}
-            start={{ out: path.replace(/(fit)?\.toml$/, "identified.toml") }}
-          />
+          <JobForm kind="apply" given={{ fit: path }} start={{ out }} />
         </Fold>
       )}
     </div>
@@ -201,9 +189,9 @@ function MapView({ path, fit: opened }: { path: string; fit: string }) {
 }
 
 /** Choices of the axis and of a part of the points; the address keeps them. */
-function Axes({ isOver, groups }: { isOver: boolean; groups: FrictionGroup[] }) {
+function Axes({ isOver, groups }: { isOver: boolean; groups: Groups }) {
   const speeds = levels(groups.flatMap((group) => group.points.map((point) => point.x))).map(
-    (speed): Option => [String(speed), `${digits(MM * speed, 3)} mm/s`],
+    (speed): Option => [String(speed), `${digits(speed / MM, 3)} mm/s`],
   );
   const over = (name: string) => (
     <Button
@@ -235,7 +223,7 @@ const BARS =
 /** Groups are those of the shown seals. */
 interface ShownMap {
   found: FrictionMap;
-  groups: FrictionGroup[];
+  groups: Groups;
 }
 
 function MapFigure(props: ShownMap & { path: string; fit: string; isOver: boolean }) {
@@ -245,7 +233,7 @@ function MapFigure(props: ShownMap & { path: string; fit: string; isOver: boolea
   const groups = props.groups.filter((group) => !level.value || group.label === level.value);
   const seals = new Set(props.groups.map((group) => group.assembly));
   const shown = slice && { ...slice, groups: slice.groups.filter((group) => seals.has(group.assembly)) };
-  const at = shown?.groups.length === 1 ? ` at ${digits(MM * shown.groups[0]!.speed, 3)} mm/s` : "";
+  const at = shown?.groups.length === 1 ? ` at ${digits(shown.groups[0]!.speed / MM, 3)} mm/s` : "";
   const words = shown && (level.value ? "" : ` Curves hold at the mean speed of the seal${at}.`);
   const isOpen = groups.some((group) => new Set(group.points.map((point) => point.recording)).size > 1);
   const most = Math.max(...panelsOf(groups, true).map((panel) => panel.groups.length), 0);
@@ -294,7 +282,7 @@ function Points({ found, groups }: ShownMap) {
             cells: [
               file ? <a href={link("recording", file)}>{point.recording}</a> : point.recording,
               point.direction > 0 ? "+x" : "-x",
-              digits(MM * point.x),
+              digits(point.x / MM),
               digits(point.y),
               digits(point.spread, 2),
               point.group,
@@ -330,7 +318,7 @@ function Behind({ path, of }: { path: string; of: Signal<string> }) {
           {found.view.title && <p class="note">{found.view.title}</p>}
           <Figures view={found.view} />
           {found.python && <Copied of="behind the fit" command={found.command} python={found.python} />}
-          {found.designs && <NextPoints path={path} />}
+          {found.designs && <Next path={path} />}
         </>
       )}
     </section>
@@ -338,11 +326,11 @@ function Behind({ path, of }: { path: string; of: Signal<string> }) {
 }
 
 /** Points that a new campaign measures best, and the form that writes them as a protocol. */
-function NextPoints({ path }: { path: string }) {
+function Next({ path }: { path: string }) {
   const { points } = requestOf("design");
   const given: Record<string, string> = { path, ...(points ? { points: String(points) } : {}) };
   const proposed = useSignal<typeof given | null>(null); // what was asked for
-  const [found, problems] = useRequest<Next>("/api/next", proposed.value);
+  const [found, problems] = useRequest<NextPoints>("/api/next", proposed.value);
   return (
     <>
       <h2>Next points to measure</h2>

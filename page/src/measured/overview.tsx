@@ -3,7 +3,7 @@
 import { signal } from "@preact/signals";
 import type { ComponentChildren } from "preact";
 import { FigurePanel } from "../plots/figure";
-import { count, digits } from "../plots/looks";
+import { BAR, count, digits, MM } from "../plots/looks";
 import { saveRows } from "../plots/saving";
 import { link } from "../routes";
 import type { Form, FrictionMap, Listed, Slice } from "../server/generated";
@@ -17,8 +17,6 @@ import { overPressure } from "./friction";
 
 const MOST_OPEN = 8; // recordings whose names are shown at once
 const MOST = 200; // names of a row; the search of the tree finds the others
-const BAR = 1e5; // Pa
-const MM = 1000; // mm in a metre
 const SPARK = { width: 120, height: 36, room: 4 };
 
 type Part = Slice["groups"][number];
@@ -105,7 +103,7 @@ const isOf = ({ points }: Part, { recordings }: FrictionMap, paths: string[]): b
 function Friction({ path, map, slice }: { path: string; map: FrictionMap; slice: Slice }) {
   const open = useView(path)?.findings.filter((finding) => finding.state !== "good") ?? [];
   const seals = Object.keys(map.seals).length;
-  const speeds = map.groups.flatMap((group) => group.points.map((point) => MM * point.x));
+  const speeds = map.groups.flatMap((group) => group.points.map((point) => point.x / MM));
   const gauges = slice.groups.flatMap((group) => group.points.map((point) => point.x / BAR));
   const recordings = count(Object.keys(map.recordings).length, "recording");
   return (
@@ -249,7 +247,7 @@ function Chosen(props: { paths: string[]; map: FrictionMap | null; slice: Slice 
       ["recording", "group", "direction", "pressure, bar gauge", "speed, mm/s", "friction, N", "U (k = 2), N", "flags"],
       ...points.map((point) => [
         ...[point.recording, point.label, point.direction > 0 ? "+x" : "-x"],
-        ...[point.x / BAR, MM * point.speed, point.y, point.spread].map((value) => digits(value, 6)),
+        ...[point.x / BAR, point.speed / MM, point.y, point.spread].map((value) => digits(value, 6)),
         point.flags,
       ]),
     ]);

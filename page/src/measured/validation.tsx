@@ -146,8 +146,7 @@ function Result({ path, now }: { path: string; now: Validation }) {
 }
 
 /** The recordings with their badges; one of them is drawn. */
-function RecordingsOf(props: { now: Validation; shown: number; show: (index: number) => void }) {
-  const { now, shown, show } = props;
+function RecordingsOf({ now, shown, show }: { now: Validation; shown: number; show: (index: number) => void }) {
   return (
     <Table
       label="Recordings of the validation"
@@ -156,9 +155,7 @@ function RecordingsOf(props: { now: Validation; shown: number; show: (index: num
         const [position, ...pressures] = now.channels.map(({ column }) => each[column].free);
         return [
           <>
-            <Button class="link" aria-pressed={index === shown} act={() => show(index)}>
-              {each.name}
-            </Button>{" "}
+            <Button class="link" aria-pressed={index === shown} act={() => show(index)} words={each.name} />{" "}
             {each.badge && <b class={`badge ${each.badge === "held out" ? "good" : "open"}`}>{each.badge}</b>}{" "}
             {each.file && (
               <a class="note" href={link("recording", each.file)} aria-label={`Open the recording ${each.name}`}>

@@ -238,8 +238,7 @@ const unitOf = ({ unit, label }: Axis): string => unit || label.slice(label.last
 /** Return the ticks of the vertical axis of a panel. */
 const ticksOf = (scale: Scale, height: number) => scale.ticks(Math.max(Math.round(height / 48), 2));
 
-export function PanelDrawing(props: PanelProps) {
-  const { panel, x, y, scales, width, height, isBare = false, longest, ends, name } = props;
+export function PanelDrawing({ panel, x, y, scales, width, height, isBare = false, longest, ends, name }: PanelProps) {
   const [sx, sy] = scales as [Scale, Scale];
   const yTicks = ticksOf(sy, height);
   const left = Math.min(14 + CHARACTER * longest, width * 0.4);

@@ -2,14 +2,13 @@
 
 import { type Signal, useSignal } from "@preact/signals";
 import { useLayoutEffect, useMemo, useRef, useState } from "preact/hooks";
-import { Table } from "../workspace/fields";
 import "../drive/language"; // before uPlot, which reads it
 import uPlot from "uplot";
 import "uplot/dist/uPlot.min.css";
 import "./plot.css";
 import type { Frame, Numbers } from "../server/frame";
 import type { RunPanel } from "../server/generated";
-import { Button } from "../workspace/fields";
+import { Button, Table } from "../workspace/fields";
 import { digits, instant, isDark, look, pretty, token } from "./looks";
 import * as paint from "./paint";
 import { type Saved, saveCsv, saveSamples } from "./saving";

@@ -298,27 +298,28 @@ export function useAnswer<T>(
   return of === subject ? [answer, problems] : [null, []];
 }
 
+export const LOOK_MS = 1000; // between two looks at something that grows
+
 /**
- * Return the answer about a subject that changes by itself; see `useAnswer`. It is asked again `restMs` after each
- * answer, as long as the last one `isGrowing`. A refusal does not replace the last answer.
+ * Return the answer about a subject that changes by itself; see `useAnswer`. It is asked again after a rest that
+ * follows from the last answer, unless the rest is 0. A refusal does not replace the last answer.
  */
 export function useWatched<T>(
   subject: string,
   question: () => Promise<T>,
-  restMs: number,
-  isGrowing: (last: T | null) => boolean = () => true,
+  restOf: (last: T | null) => number,
   again: unknown[] = [],
 ): [T | null, Problem[]] {
   const round = useSignal(0);
   const last = useRef({ of: "", answer: null as T | null });
   const [answer, problems] = useAnswer(subject, question, [round.value, ...again]);
   if (answer || last.current.of !== subject) last.current = { of: subject, answer };
-  const isWatched = isGrowing(last.current.answer);
+  const restMs = restOf(last.current.answer);
   useEffect(() => {
-    if (!isWatched || (!answer && !problems.length)) return;
+    if (!restMs || (!answer && !problems.length)) return;
     const timer = setTimeout(() => (round.value += 1), restMs);
     return () => clearTimeout(timer);
-  }, [answer, problems, isWatched]);
+  }, [answer, problems, restMs]);
   return [last.current.answer, problems];
 }
 

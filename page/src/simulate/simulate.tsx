@@ -3,7 +3,7 @@
 import { computed, effect, signal } from "@preact/signals";
 import { Circuit, type Moved, MovingCircuit, moveTo, pistonsAt, pointAt, timeAt } from "../drive/circuit";
 import { opened, restructure, said, set, problems as textProblems, useDrawing, valid } from "../drive/opened";
-import { changed, count, digits, instant, isSevere, sentence, withUnit } from "../plots/looks";
+import { changed, count, digits, instant, isSevere, MM, sentence, withUnit } from "../plots/looks";
 import { type Curve, curvesOf, indexAt, Plot, zooming } from "../plots/plot";
 import { undoable } from "../routes";
 import type { Frame, Numbers } from "../server/frame";
@@ -281,7 +281,6 @@ function Curves() {
 }
 
 const MOST_PISTONS = 3;
-const MM = 1e-3;
 
 /** The pistons at the time of the cursor, with position, speed and pressures. */
 function Pistons({ now, time }: { now: Frame<Head>; time: Numbers }) {
@@ -467,16 +466,14 @@ function Slider({ of }: { of: string }) {
 /** Menu that selects a CSV file of the folder as the command of a valve. The valve of a drive has no name. */
 function FileCommand({ valves }: { valves: string[] }) {
   const files = (studies.value?.files ?? []).map((one) => one.path).filter((path) => /\.csv$/i.test(path));
-  const options = valves.flatMap((valve) => files.map((file) => ({ valve, file, words: lineText(valve, file) })));
-  if (!files.length) return null;
+  const lines = valves.flatMap((valve) => files.map((file) => [lineText(valve, file), valve, file] as const));
   const put = (chosen: string) => {
-    const { valve, file } = options.find(({ words }) => words === chosen)!;
+    const [, valve, file] = lines.find(([words]) => words === chosen)!;
     command.value = withFile(command.value, valve, file);
   };
-  const words = options.map((one) => one.words);
-  return (
-    <Select class="" value="" label="Command from a file (time_s, command)" hint="choose" options={words} put={put} />
-  );
+  if (!files.length) return null;
+  const label = "Command from a file (time_s, command)";
+  return <Select class="" value="" label={label} hint="choose" options={lines.map(([words]) => words)} put={put} />;
 }
 
 function Run() {

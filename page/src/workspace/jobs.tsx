@@ -154,14 +154,12 @@ interface InputProps {
 }
 
 /** An input by its kind. */
-export function FormField({ field, value, put: change, made = [] }: InputProps) {
+export function FormField(props: InputProps) {
+  const { field, value, put: change } = props;
   const { label, kind, suffix, hint = "", choices = [] } = field;
   const files = KINDS[kind];
   const list = (value as string[] | undefined) ?? [];
-  if (kind === "recordings") {
-    const paths = choices.map((one) => pairOf(one)[0]);
-    return <Recordings label={label} paths={paths} chosen={list} put={change} made={made} />;
-  }
+  if (kind === "recordings") return <Recordings {...props} />;
   if (kind === "several") return <Ticks legend={label} options={choices} chosen={list} put={change} />;
   if (kind === "flag") return <Tick class="tick" label={label} value={value === true} put={change} />;
   if (files || kind === "choice") {
@@ -184,17 +182,10 @@ export function FormField({ field, value, put: change, made = [] }: InputProps) 
   );
 }
 
-interface RecordingsProps {
-  label: string;
-  paths: string[];
-  chosen: string[];
-  put: (value: string[]) => void;
-  made: string[];
-}
-
 /** Recordings to tick, of those that have the channels. */
-function Recordings({ label, paths, chosen, put: change, made }: RecordingsProps) {
-  const offered = new Set([...paths, ...chosen]);
+function Recordings({ field: { label, choices = [] }, value, put: change, made = [] }: InputProps) {
+  const chosen = (value as string[] | undefined) ?? [];
+  const offered = new Set([...choices.map((one) => pairOf(one)[0]), ...chosen]);
   const all = filesOf("recording").map(({ path }) => path);
   const files = all.filter((path) => offered.has(path));
   const others = all.length - files.length;

@@ -177,14 +177,11 @@ export function partsOf(files: Listed[]): Map<string, string> {
   return new Map(pairs.filter((pair): pair is [string, string] => Boolean(pair[1]) && pair[0] !== pair[1]));
 }
 
-interface FilesProps {
-  title: ComponentChildren;
-  kinds: string[];
-  view?: string; // that opens them; absent: the first one of each
-}
-
-/** Files of some kinds; the files of a characterisation or a validation stand below its row. */
-export function Files({ title, kinds, view }: FilesProps) {
+/**
+ * Files of some kinds, which open in `view` or in the first one of each. The files of a characterisation or a validation
+ * stand below its row.
+ */
+export function Files({ title, kinds, view }: { title: ComponentChildren; kinds: string[]; view?: string }) {
   const all = studies.value?.files ?? [];
   const parts = partsOf(all);
   /* What belongs to an object of another kind stands in the list of a view, not in the overview. */
