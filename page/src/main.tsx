@@ -1,56 +1,43 @@
 import { computed, effect, signal, untracked, useSignal } from "@preact/signals";
-import { type ComponentChildren, type ComponentType, render } from "preact";
+import { type ComponentChildren, render } from "preact";
 import { useEffect, useErrorBoundary, useRef, useState } from "preact/hooks";
 import { open, opened } from "./drive/opened";
-import { follow, link, route } from "./routes";
+import { follow, followActions, forgetSteps, link, route } from "./routes";
 import { connection, unlock } from "./server/server";
-import { followActions, forgetSteps } from "./undo";
-import { VIEWS, type View, verbsOf } from "./views";
+import { VIEWS, verbsOf } from "./views";
 import { Choose, ENTRIES } from "./workspace/choose";
-import { changesOf, isOld, kindOf, list, nameOf, studies, takeDrops, watchFolder } from "./workspace/files";
-import { Tray } from "./workspace/jobs";
+import { Button, lazy } from "./workspace/fields";
+import { changesOf, isOld, kindOf, list, studies, takeDrops, watchFolder } from "./workspace/files";
+import { follow as followJobs, Tray } from "./workspace/jobs";
+import { isOverMain, isShown, PathName, Tree } from "./workspace/listed";
 import { ConnectionLine } from "./workspace/parts";
-import { arrangeTables } from "./workspace/tables";
-import { isOverMain, isShown, PathName, Tree } from "./workspace/tree";
 import "./tokens.css";
 import "./style.css";
-import { Button } from "./workspace/fields";
 
 const OF_A_DESCRIPTION = ["drive", "simulate", "datasheet"];
-const KEY = "pneudrive-tabs";
+const KEY = "pneudrive-open";
 const MOST_TABS = 12;
 
-/** Open objects, each with its last view. The browser keeps them for this tab. */
-const tabs = signal<{ path: string; view: string }[]>(JSON.parse(sessionStorage.getItem(KEY) ?? "[]"));
+/** Last view of each open object. The browser keeps them for this tab. */
+const tabs = signal<Record<string, string>>(JSON.parse(sessionStorage.getItem(KEY) ?? "{}"));
 
 tabs.subscribe((open) => sessionStorage.setItem(KEY, JSON.stringify(open)));
 
 const shown = computed(() => VIEWS.find((one) => one.name === route.value.view) ?? VIEWS[0]!);
-/** Views that are loaded. */
-const loaded = signal<Record<string, ComponentType>>({});
-
-async function load(one: View): Promise<void> {
-  if (one.name in loaded.peek()) return;
-  const { default: component } = await one.load();
-  loaded.value = { ...loaded.peek(), [one.name]: component };
-}
-effect(() => void load(shown.value));
-void load(VIEWS.find((one) => one.name === "simulate")!); // the first click opens it
+void import("./simulate/simulate"); // the first click opens it
+const Palette = lazy(() => import("./workspace/palette"));
 
 /** Keep a tab for the object of the address. */
 function keepTab({ view, path }: { view: string; path: string }): void {
-  if (!path) return;
-  const now = tabs.peek();
-  tabs.value = now.some((one) => one.path === path)
-    ? now.map((one) => (one.path === path ? { path, view } : one))
-    : [...now.slice(1 - MOST_TABS), { path, view }];
+  if (path) tabs.value = Object.fromEntries(Object.entries({ ...tabs.peek(), [path]: view }).slice(-MOST_TABS));
 }
 
 function closeTab(path: string): void {
-  const at = tabs.value.findIndex((one) => one.path === path);
-  tabs.value = tabs.value.filter((one) => one.path !== path);
-  const next = tabs.value[Math.min(at, tabs.value.length - 1)];
-  if (route.value.path === path) location.hash = next ? link(next.view, next.path) : link("studies");
+  const at = Object.keys(tabs.value).indexOf(path);
+  const others = Object.entries(tabs.value).filter(([other]) => other !== path);
+  tabs.value = Object.fromEntries(others);
+  const [next, view] = others[Math.min(at, others.length - 1)] ?? ["", "studies"];
+  if (route.value.path === path) location.hash = link(view, next);
 }
 
 /** The address belongs to the view. A link within the page would therefore open another view. */
@@ -76,24 +63,14 @@ function Guarded({ at, children }: { at: string; children: ComponentChildren }) 
 
 /** Move the focus to the new view after a link of the tree, or if the link itself has disappeared. */
 function useFocus({ view, path }: { view: string; path: string }): void {
-  const before = useRef("");
+  const isFirst = useRef(true);
   useEffect(() => {
-    const at = link(view, path);
     const focused = document.activeElement;
-    if (before.current && before.current !== at) {
-      if (focused === document.body || focused?.closest(".tree"))
-        document.getElementById("main")!.focus({ preventScroll: true });
-      if (focused?.closest(".tree .files") && isOverMain()) isShown.value = false;
-    }
-    before.current = at;
+    if (!isFirst.current && (focused === document.body || focused?.closest(".tree")))
+      document.getElementById("main")!.focus({ preventScroll: true });
+    if (!isFirst.current && focused?.closest(".tree .files") && isOverMain()) isShown.value = false;
+    isFirst.current = false;
   }, [view, path]);
-}
-
-/** Return the end of a path that tells it from the other open objects. */
-function shortName(path: string): string {
-  const own = nameOf(path);
-  const parts = path.split("/");
-  return tabs.value.some((one) => one.path !== path && nameOf(one.path) === own) ? parts.slice(-2).join("/") : own;
 }
 
 /** Tabs of the open objects, and the verbs of the selected object. */
@@ -107,18 +84,15 @@ function Tabs() {
   }, [path]);
   return (
     <>
-      {tabs.value.length > 0 && (
+      {Object.keys(tabs.value).length > 0 && (
         <nav aria-label="Open files">
           <ul class="tabs" ref={row}>
-            {tabs.value.map((one) => (
-              <li key={one.path} class={one.path === path ? "here" : ""}>
-                <a
-                  href={link(one.view, one.path)}
-                  title={one.path}
-                  aria-current={one.path === path ? "page" : undefined}>
-                  <PathName path={shortName(one.path)} />
+            {Object.entries(tabs.value).map(([one, view]) => (
+              <li key={one} class={one === path ? "here" : ""}>
+                <a href={link(view, one)} title={one} aria-current={one === path ? "page" : undefined}>
+                  <PathName path={one.split("/").slice(-2).join("/")} />
                 </a>
-                <Button class="icon" aria-label={`Close ${one.path}`} act={() => closeTab(one.path)} words="×" />
+                <Button class="icon" aria-label={`Close ${one}`} act={() => closeTab(one)} words="×" />
               </li>
             ))}
           </ul>
@@ -153,21 +127,16 @@ function Share() {
   );
 }
 
-const palette = signal<typeof import("./workspace/palette") | null>(null);
 const isFinding = signal(false);
 const isMac = /Mac|iP/.test(navigator.platform);
-
-async function find(): Promise<void> {
-  palette.value ??= await import("./workspace/palette");
-  isFinding.value = true;
-}
+const find = () => (isFinding.value = true);
 
 /** Open the dialog on Ctrl K, Cmd K on a Mac. */
 function findOnKey(event: KeyboardEvent): void {
   if (event.key.toLowerCase() !== "k" || !(isMac ? event.metaKey : event.ctrlKey) || event.shiftKey || event.altKey)
     return;
   event.preventDefault();
-  void find();
+  find();
 }
 
 /** Forget the steps of another object. A description that got another name is the same one. */
@@ -185,8 +154,7 @@ function forgetOthers(): void {
 function Page() {
   const { view, path } = route.value;
   useFocus(route.value);
-  const Palette = palette.value?.Palette;
-  const Shown = loaded.value[shown.value.name];
+  const { View } = shown.value;
   const isEntry = !path && view in ENTRIES;
   return (
     <>
@@ -206,13 +174,13 @@ function Page() {
           <a href={link("studies")}>pneudrive</a>
         </h1>
         <span class="folder">{studies.value?.folder}</span>
-        <Button class="find" aria-keyshortcuts="Control+K Meta+K" act={() => find()}>
+        <Button class="find" aria-keyshortcuts="Control+K Meta+K" act={find}>
           Find <kbd>{isMac ? "⌘ K" : "Ctrl K"}</kbd>
         </Button>
         <Tray />
         <Share />
       </header>
-      {Palette && isFinding.value && <Palette close={() => (isFinding.value = false)} />}
+      {isFinding.value && <Palette close={() => (isFinding.value = false)} />}
       <ConnectionLine />
       {isOld.value && (
         <div class="banner" role="status">
@@ -225,7 +193,7 @@ function Page() {
           <Tabs />
           <main id="main" tabIndex={-1} data-view={view}>
             {connection.value !== "locked" && (
-              <Guarded at={link(view, path)}>{isEntry ? <Choose view={view} /> : Shown && <Shown />}</Guarded>
+              <Guarded at={link(view, path)}>{isEntry ? <Choose view={view} /> : <View />}</Guarded>
             )}
           </main>
           <footer>
@@ -238,9 +206,8 @@ function Page() {
   );
 }
 
-async function start(): Promise<void> {
-  arrangeTables();
-  if (await unlock()) {
+function start(): void {
+  if (unlock()) {
     void list().then(watchFolder); // the view that is asked for does not wait for the folder
     takeDrops();
     addEventListener("hashchange", follow);
@@ -253,6 +220,7 @@ async function start(): Promise<void> {
       const { view, path } = route.value;
       void changes.value; // a file that another program wrote is read again
       if (path && OF_A_DESCRIPTION.includes(view)) untracked(() => void open(path));
+      untracked(() => void followJobs());
       document.title = [path, shown.value.title, "pneudrive"].filter(Boolean).join(" · ");
       untracked(() => keepTab(route.value));
     });
@@ -260,4 +228,4 @@ async function start(): Promise<void> {
   render(<Page />, document.getElementById("page")!);
 }
 
-void start();
+start();

@@ -1,48 +1,34 @@
 /** The views of the page, one line each: address, name, component, kinds of files that it opens and uses. */
-import type { ComponentType } from "preact";
-
-export interface View {
-  name: string;
-  title: string; // as a verb of an object
-  load: () => Promise<{ default: ComponentType }>;
-  opens: string[]; // kinds of objects of which it is the first view
-  takes?: string[]; // other kinds of which it is a view
-}
+import { lazy } from "./workspace/fields";
 
 const DESCRIBED = ["drive", "circuit"];
 const TABLES = ["other", "formula", "tank", "regulator"];
 const RESULTS = ["fit", "friction map", "validation", "comparison", "sizing", "campaign"];
 
-export const VIEWS: View[] = [
-  { name: "studies", title: "Overview", load: () => import("./workspace/studies"), opens: [] },
-  { name: "drive", title: "Drive", load: () => import("./drive/drive"), opens: TABLES, takes: DESCRIBED },
-  { name: "simulate", title: "Simulate", load: () => import("./simulate/simulate"), opens: DESCRIBED },
-  { name: "recording", title: "Recording", load: () => import("./measured/recording"), opens: ["recording"] },
-  { name: "friction", title: "Friction", load: () => import("./measured/friction"), opens: ["friction map", "fit"] },
-  {
-    name: "control",
-    title: "Control",
-    load: () => import("./control/control"),
-    opens: ["comparison"],
-    takes: DESCRIBED,
-  },
-  {
-    name: "validation",
-    title: "Validate",
-    load: () => import("./measured/validation"),
-    opens: ["validation"],
-    takes: [...DESCRIBED, "recording"],
-  },
-  { name: "sizing", title: "Sizing", load: () => import("./drive/sizing"), opens: ["task", "sizing"] },
-  { name: "campaign", title: "Campaign", load: () => import("./measured/campaign"), opens: ["campaign", "protocol"] },
-  { name: "datasheet", title: "Data sheet", load: () => import("./drive/datasheet"), opens: [], takes: DESCRIBED },
-  { name: "handover", title: "Export", load: () => import("./drive/handover"), opens: ["fmu"], takes: DESCRIBED },
-  { name: "result", title: "Values", load: () => import("./workspace/result"), opens: [], takes: RESULTS },
+type Load = Parameters<typeof lazy>[0];
+/** A view with its title as a verb, the kinds of objects of which it is the first view, and others that it takes. */
+const view = (name: string, title: string, load: Load, opens: string[], takes: string[] = []) => {
+  return { name, title, View: lazy(load), opens, takes };
+};
+
+export const VIEWS = [
+  view("studies", "Overview", () => import("./workspace/studies"), []),
+  view("drive", "Drive", () => import("./drive/drive"), TABLES, DESCRIBED),
+  view("simulate", "Simulate", () => import("./simulate/simulate"), DESCRIBED),
+  view("recording", "Recording", () => import("./measured/recording"), ["recording"]),
+  view("friction", "Friction", () => import("./measured/friction"), ["friction map", "fit"]),
+  view("control", "Control", () => import("./control/control"), ["comparison"], DESCRIBED),
+  view("validation", "Validate", () => import("./measured/validation"), ["validation"], [...DESCRIBED, "recording"]),
+  view("sizing", "Sizing", () => import("./drive/sizing"), ["task", "sizing"]),
+  view("campaign", "Campaign", () => import("./measured/campaign"), ["campaign", "protocol"]),
+  view("datasheet", "Data sheet", () => import("./drive/datasheet"), [], DESCRIBED),
+  view("handover", "Export", () => import("./drive/handover"), ["fmu"], DESCRIBED),
+  view("result", "Values", () => import("./workspace/result"), [], RESULTS),
 ];
 
 /** Return the name of the first view of a kind: undefined for a kind without one. */
 export const viewOf = (kind: string): string | undefined => VIEWS.find((one) => one.opens.includes(kind))?.name;
 
 /** Return the views of an object: the present one, the first one of its kind, and those that take the kind too. */
-export const verbsOf = (view: string, kind: string): View[] =>
-  VIEWS.filter((one) => one.name === view || one.name === viewOf(kind) || one.takes?.includes(kind));
+export const verbsOf = (view: string, kind: string): typeof VIEWS =>
+  VIEWS.filter((one) => one.name === view || one.name === viewOf(kind) || one.takes.includes(kind));

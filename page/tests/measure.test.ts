@@ -1,6 +1,6 @@
 import { describe, expect, it } from "vitest";
-import { alike, marksOf, nextPlace, type Stroke, shiftOf, told } from "../src/measured/measure";
-import { enough } from "../src/measured/recording";
+import { alike, marksOf, nextPlace, shiftOf, told } from "../src/measured/measure";
+import type { Stroke } from "../src/server/generated";
 import { newest } from "../src/server/server";
 
 const stroke = (from: number, direction: number): Stroke => ({ from, to: from + 1, direction, speed: 0.1 * direction });
@@ -15,7 +15,8 @@ describe("two recordings", () => {
     expect(alike(own, [stroke(10, 1)])).toEqual([1, 1]); // none goes that way
   });
   it("are moved so that a time of the other one becomes one of this", () => {
-    expect(13 + shiftOf(own, other, [1, 2])).toBe(2);
+    expect(13 + shiftOf(own, other, [1, 2])!).toBe(2);
+    expect(shiftOf(own, other, [3, 1])).toBeUndefined(); // it has no such stroke
   });
 });
 
@@ -23,12 +24,7 @@ describe("the time of a cursor", () => {
   it("is told to the sample, on the clock of a computer too", () => {
     expect(told(1772000001.234, [1772000000, 1772000060])).toBe("1772000001.234");
     expect(told(12.3456, [0, 60])).toBe("12.3456");
-  });
-});
-
-describe("the ends of a view", () => {
-  it("are told apart, on the clock of a computer too, and of one time alone", () => {
-    expect([enough(0, 60), enough(1772000000, 1772000001), enough(0, 0), enough(3, 3)]).toEqual([7, 14, 7, 7]);
+    expect([told(1772000001, [1772000000, 1772000001]), told(3, [3, 3])]).toEqual(["1772000001", "3"]);
   });
 });
 

@@ -1,7 +1,7 @@
 import { expect, test, vi } from "vitest";
 import { count, isSevere, pretty, sentence } from "../src/plots/looks";
+import { pads } from "../src/workspace/fields";
 import { reached } from "../src/workspace/jobs";
-import { pads } from "../src/workspace/tables";
 
 test("decimal points of a column are below each other, whatever follows the number", () => {
   const texts = ["9.98", "12.1 mm", "-3 ± 1", "not determined", ""];

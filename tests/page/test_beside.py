@@ -73,13 +73,12 @@ def test_a_run_beside_others(server: Server, open_tab: Open, monkeypatch: pytest
     page.hover("figure.plot[data-plot=Position] .u-over", position={"x": 100, "y": 60})  # a plot is pointed at
     page.wait_for_selector(f".motion:not([data-row='{row}'])")
     page.check("label:has-text('energy') input")
-    page.wait_for_selector("[data-energy='Air/supply']")
+    page.wait_for_selector("[data-value='air given, litres ANR.supply']")
     page.click("text=Copy as command or Python")
     page.wait_for_selector("[data-copy=python]:has-text('energy_balance')")
     exec(page.inner_text("[data-copy=python]"), names)
-    assert (
-        float(page.get_attribute("[data-energy='Air/supply']", "data-si")) == names["energy"].air_litres_anr["supply"]
-    )
+    given = float(page.get_attribute("[data-value='air given, litres ANR.supply']", "data-si"))
+    assert given == names["energy"].air_litres_anr["supply"]
     assert violations(tab) == []
     page.locator(".energy").scroll_into_view_if_needed()
     tab.picture("simulate-energy")

@@ -91,10 +91,10 @@ def test_two_views_move_together_on_the_paper_of_the_notebook(browser: object, d
     page.wait_for_selector("figure.plot canvas")
     page.evaluate("void again()")
     page.wait_for_selector(".pneudrive >> nth=1 >> canvas >> nth=0")
-    marks = ".swatch"
-    assert "rgb(42, 80, 232)" in page.eval_on_selector(marks, "one => one.style.background")
+    marks = ".legend path"
+    assert page.get_attribute(marks, "stroke") == "#2a50e8"
     page.evaluate("document.body.style.color = 'oklch(0.95 0 0)'")
-    page.wait_for_function(f"() => document.querySelector('{marks}').style.background.includes('rgb(97, 135, 255)')")
+    page.wait_for_function(f"() => document.querySelector('{marks}').getAttribute('stroke') === '#6187ff'")
     page.locator("input[type=range]").first.focus()
     page.keyboard.press("ArrowLeft")
     page.wait_for_function("() => new Set([...document.querySelectorAll('output')].map((one) => one.value)).size === 1")

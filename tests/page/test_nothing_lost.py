@@ -113,6 +113,7 @@ def test_a_text_that_is_saved_while_another_one_is_opened(server: Server, open_t
     page.wait_for_selector(f"{EDITOR} >> text=20 N")
     with page.expect_response("**/api/file?path=axis.toml"):
         held[0].continue_()
+    page.unroute("**/api/file?path=axis.toml")
     page.wait_for_timeout(200)
     expect(page.locator("section[aria-label=Text] h2").first).to_have_text("other.toml", use_inner_text=True)
     go(page, "drive", "axis.toml")

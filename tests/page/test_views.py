@@ -117,8 +117,10 @@ FAULTS = """async (only) => {
 def faults(page: Any, only: list[str] | None = None) -> list[str]:
     """Return the faults of a view in a window of its whole height, where nothing scrolls below what stays in place."""
     size = page.viewport_size
-    page.set_viewport_size({"width": size["width"], "height": page.evaluate("document.documentElement.scrollHeight")})
-    page.evaluate(STEADY)
+    for _ in range(3):  # a column of the height of the window grows with it
+        high = page.evaluate("document.documentElement.scrollHeight")
+        page.set_viewport_size({"width": size["width"], "height": high})
+        page.evaluate(STEADY)
     found = page.evaluate(FAULTS, only)
     page.set_viewport_size(size)
     return found

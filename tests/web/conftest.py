@@ -29,7 +29,7 @@ from pneudrive.web.workspace import Workspace, built_page
 
 #: Door -> form of its answer in `answers.pyi`.
 FORMS = {
-    "GET /api/studies": "Studies", "GET /api/file": "CheckedFile", "GET /api/lineage": "Lineage",
+    "GET /api/studies": "Studies", "GET /api/file": "TextFile", "GET /api/lineage": "Lineage",
     "GET /api/stale": "Stale", "POST /api/check": "Checked", "POST /api/parts": "Parts", "GET /api/view": "SentView",
     "GET /api/forms": "dict[str, Form]", "POST /api/work": "Copied", "POST /api/jobs": "Job", "GET /api/jobs": "Jobs",
     "POST /api/campaigns": "Job", "POST /api/comparisons": "Job", "GET /api/kinds": "Kinds",

@@ -151,8 +151,8 @@ def test_a_map_at_one_speed_is_friction_over_pressure(maps: Served, monkeypatch:
     assert found["chamber"] == "b"
     (group,) = found["groups"]
     assert {round(point["speed"], 9) for point in group["points"]} == {0.03}  # the level beside, and no other
-    assert {round(point["gauge"]) for point in group["points"]} == {0, 200000, 400000}
-    gauge, friction = np.array(group["curve"]["gauge"]), np.array(group["curve"]["friction"])
+    assert {round(point["x"]) for point in group["points"]} == {0, 200000, 400000}
+    gauge, friction = np.array(group["curve"]["x"]), np.array(group["curve"]["y"])
     assert np.all(np.abs(friction - stribeck(np.full(len(gauge), 0.0305), gauge)) < 0.3)
     assert np.ptp(friction) == pytest.approx(3e-5 * 4e5, rel=0.05)
     assert np.all(group["curve"]["low"] <= friction)
@@ -197,4 +197,4 @@ def test_each_seal_of_many_has_its_curves_and_the_python_names_its_fit(
     names = run_python(cut["python"])
     assert [group["assembly"] for group in cut["groups"]] == [f"S{number}" for number in range(10)]
     for group, said in zip(cut["groups"], names["found"], strict=True):
-        assert list(said.friction_n) == group["curve"]["friction"]
+        assert list(said.friction_n) == group["curve"]["y"]

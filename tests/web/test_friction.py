@@ -59,21 +59,21 @@ def test_a_map_and_its_fit_are_shown_as_they_are(measured: Served) -> None:
 
     found = get(measured, "/api/map", path="results/o-rings/map.parquet")
     points = [point for group in found["groups"] for point in group["points"]]
-    assert sorted(one["friction"] for one in points) == sorted(table["friction_n"].to_numpy())
+    assert sorted(one["y"] for one in points) == sorted(table["friction_n"].to_numpy())
     assert len(found["groups"]) == 2  # two pressures in chamber b
     assert found["recordings"] == {"O-ring_1bar": NAMES[0], "O-ring_5bar": NAMES[1]}
     for group in found["groups"]:
         curve = group["curve"]
-        predicted = fit.predict(np.array(curve["speed"]), *group["gauges"])
-        assert np.allclose(curve["friction"], predicted.friction_n, rtol=1e-12)
-        assert np.all(np.array(curve["low"]) <= curve["friction"])
-        assert np.all(np.array(curve["high"]) >= curve["friction"])
+        predicted = fit.predict(np.array(curve["x"]), *group["gauges"])
+        assert np.allclose(curve["y"], predicted.friction_n, rtol=1e-12)
+        assert np.all(np.array(curve["low"]) <= curve["y"])
+        assert np.all(np.array(curve["high"]) >= curve["y"])
 
     assert found["seals"] == {"O-ring": "results/o-rings/fit.toml"}
     (over,) = get(measured, "/api/slice", path="results/o-rings/map.parquet", speed="all")["groups"]
     assert len(over["points"]) == len(points)  # of every speed
-    gauge, speed = np.array(over["curve"]["gauge"]), np.full(len(over["curve"]["gauge"]), over["speed"])
-    assert np.allclose(over["curve"]["friction"], fit.predict(speed, 0.0, gauge).friction_n, rtol=1e-3)
+    gauge, speed = np.array(over["curve"]["x"]), np.full(len(over["curve"]["x"]), over["speed"])
+    assert np.allclose(over["curve"]["y"], fit.predict(speed, 0.0, gauge).friction_n, rtol=1e-3)
 
     shown = get(measured, "/api/view", path="results/o-rings/fit.toml")
     values = {one["key"]: one for one in shown["rows"]}
@@ -107,8 +107,8 @@ def test_a_map_is_fitted_again_by_command_and_by_python(
     refused = measured.client.get("/api/map", params=given, headers=measured.headers)
     assert (refused.status_code, "no fit results/o-rings/third.toml" in refused.text) == (400, True)
     for group in shown["groups"]:
-        predicted = fit.predict(np.array(group["curve"]["speed"]), *group["gauges"])
-        assert np.array_equal(group["curve"]["friction"], predicted.friction_n)
+        predicted = fit.predict(np.array(group["curve"]["x"]), *group["gauges"])
+        assert np.array_equal(group["curve"]["y"], predicted.friction_n)
     for wrong in ({"law": "x"}, {"pressure": 3}, {"name": "../x"}, {"map": "../map.csv"}, {"map": "map.csv"}):
         assert post(measured, "/api/jobs", asked | wrong, 400)["problems"]
 

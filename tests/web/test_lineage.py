@@ -176,7 +176,8 @@ def test_a_law_of_its_own_that_changed_is_a_change_of_the_drive(served: Served) 
     )
     pn.save(pn.simulate(pn.Drive.load(served.folder / "own.toml"), "0.3", "20 ms"), served.folder / RUN)
     assert states(get(served, "/api/lineage", path=RUN)["inputs"]) == {"own.toml": "same"}
-    shown = get(served, "/api/file", path="own.toml", checked="1")["checked"]["values"]
+    asked = {"path": "own.toml", "text": get(served, "/api/file", path="own.toml")["text"]}
+    shown = served.client.post("/api/check", json=asked, headers=served.headers).json()["values"]
     assert {one["key"]: one["kind"] for one in shown}["friction.law"] == "given"
     law = served.folder / LAW.name
     law.write_text(law.read_text().replace("(v/stribeck_velocity)^2", "(v/stribeck_velocity)^4"))
@@ -305,7 +306,7 @@ def test_a_campaign_is_watched_killed_and_resumed(served: Served) -> None:
 def test_a_campaign_that_was_begun_anew_in_its_folder_shows_its_own_points(served: Served) -> None:
     def speeds() -> list[float]:
         groups = get(served, "/api/campaign", path=NAME)["groups"]
-        return sorted(round(one["speed"], 4) for group in groups for one in group["points"])
+        return sorted(round(one["x"], 4) for group in groups for one in group["points"])
 
     (served.folder / "speeds.toml").write_text(PROTOCOL)
     run_campaign(served.folder / "speeds.toml", "default", served.folder / NAME)

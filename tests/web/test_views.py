@@ -349,9 +349,7 @@ def test_the_drawing_has_every_component_and_no_markup(served: Served) -> None:
     hostile = DRIVE.replace("my axis", "<img src=x onerror=alert(1)>")
     found = post(served, "/api/drawing", {"path": "axis.toml", "text": hostile})
     assert {"supply", "valve", "cylinder"} <= {one["component"] for one in found["shapes"]}
-    assert "<img src=x onerror=alert(1)>" in [
-        one["text"] for one in found["shapes"]
-    ]  # text, which the page shows as text
+    assert found["words"][0] == "<img src=x onerror=alert(1)>"  # text, which the page shows as text
 
 
 @pytest.mark.parametrize("kind", ["rodless", "single-rod", "through-rod"])
@@ -439,19 +437,6 @@ def test_arrays_that_are_drawn_take_32_bits_and_lose_nothing_that_is_seen() -> N
     for name in ("pressure", "time"):
         off = np.nanmax(np.abs(drawn[name] - values[name]))
         assert off <= 2.0**-25 * np.nanmax(values[name]) - 2.0**-25 * np.nanmin(values[name]) + np.spacing(1e6)
-
-
-def test_a_file_is_checked_as_it_is_read(served: Served) -> None:
-    def got(**query: str) -> dict:
-        return served.client.get("/api/file", params={"path": "axis.toml", **query}, headers=served.headers).json()
-
-    found = got(checked="1")
-    asked = {"path": "axis.toml", "text": found["text"]}
-    assert found["checked"] == served.client.post("/api/check", json=asked, headers=served.headers).json()
-    assert found["checked"]["name"] == "my axis"
-    assert "checked" not in got()
-    (served.folder / "axis.toml").write_text(DRIVE.replace("28 N", "28 bar"))
-    assert got(checked="1")["checked"]["problems"][0]["line"] == 5
 
 
 def test_a_law_in_a_file_is_read_as_it_is_now(served: Served) -> None:

@@ -4,32 +4,27 @@ import { signal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
 import { opened } from "../drive/opened";
 import { FigureView } from "../plots/figure";
-import { digits, withUnit } from "../plots/looks";
+import { digits, MM, withUnit } from "../plots/looks";
 import { curvesOf, Plot, pixelsOfPlots, zooming } from "../plots/plot";
 import { type StripRow, stripFigure } from "../plots/points";
-import { inCatalogue, isToml, link, route } from "../routes";
+import { inCatalogue, isToml, link, route, undoable } from "../routes";
 import type { Frame } from "../server/frame";
 import type { Choices, Gain, ControlHead as Head } from "../server/generated";
-import { ask, attempts, read, write } from "../server/server";
-import { undoable } from "../undo";
-import { isShowable, useLive } from "../workspace/answers";
-import { Button, Fold, type Option, Remarks } from "../workspace/fields";
-import { cataloguePaths, filesOf, freeName, list, pathsOf } from "../workspace/files";
-import { JobForm, requestOf } from "../workspace/form";
-import { follow } from "../workspace/jobs";
-import { Copied, InFolder, NumberField, Problems, Select, SliderRow, TextField, Unsaved } from "../workspace/parts";
+import { ask, attempts, isShowable, read, useLive, write } from "../server/server";
+import { Button, Fold, type Option, Remarks, Select } from "../workspace/fields";
+import { cataloguePaths, freeName, list, pathsOf } from "../workspace/files";
+import { FormField, type Input, JobForm, requestOf } from "../workspace/jobs";
+import { Files, isOverMain } from "../workspace/listed";
+import { Copied, Problems, SliderRow, TextField, Unsaved } from "../workspace/parts";
 import { Answer, Values } from "../workspace/result";
-import { isOverMain } from "../workspace/tree";
-import { GoalField, goalOf, MEASURE, MM, ScoreCard, Told } from "./score";
+import { GoalField, goalOf, MEASURE, ScoreCard, Told } from "./score";
+
+/** What is run, besides the drive. */
+const START = { law: "nmpc", gains: {} as Record<string, number>, reference: "", setup: "real", mismatch: "" };
+const run = undoable(signal({ ...START, seed: 1, duration: "" }));
+const change = (values: Partial<typeof run.value>): void => void (run.value = { ...run.value, ...values });
 
 const drive = signal("");
-const law = undoable(signal("nmpc"));
-const gains = undoable(signal<Record<string, number>>({}));
-const reference = undoable(signal(""));
-const setup = undoable(signal("real"));
-const mismatch = undoable(signal(""));
-const seed = undoable(signal(1));
-const duration = undoable(signal(""));
 const choices = signal<Choices | null>(null);
 const answer = signal<Frame<Head> | null>(null);
 /** Gains that follow from the drive: the initial values of the sliders. */
@@ -41,31 +36,19 @@ const zoom = signal<[number, number] | null>(null); // the part of the time that
 function request(): Record<string, unknown> | null {
   if (!drive.value || !choices.value) return null;
   const units = new Map(tuned.peek().map((one) => [one.key, one.unit]));
-  return {
-    what: "control",
-    path: drive.value,
-    law: law.value,
-    gains: Object.fromEntries(
-      Object.entries(gains.value).map(([key, value]) => [key, withUnit(value, units.get(key))]),
-    ),
-    reference: reference.value,
-    setup: setup.value,
-    mismatch: mismatch.value,
-    seed: seed.value,
-    duration: duration.value,
-    pixels: pixelsOfPlots(),
-  };
+  const texts = Object.entries(run.value.gains).map(([key, value]) => [key, withUnit(value, units.get(key))]);
+  const gains = Object.fromEntries(texts);
+  return { ...run.value, what: "control", path: drive.value, gains, pixels: pixelsOfPlots() };
 }
 
 async function choose(path: string): Promise<void> {
   drive.value = path;
-  gains.value = {};
-  choices.value = zoom.value = null;
-  answer.value = null;
+  choices.value = zoom.value = answer.value = null;
   await attempt(async () => {
     const found = await read<Choices>("/api/control", { path });
     if (drive.value !== path) return;
-    reference.value = found.references.find((one) => one.name === "R3")?.text ?? found.references[0]?.text ?? "";
+    const usual = found.references.find((one) => one.name === "R3") ?? found.references[0];
+    change({ gains: {}, reference: usual?.text ?? "" });
     answer.value = null; // of the drive before, which may have been answered meanwhile
     choices.value = found;
   });
@@ -84,7 +67,6 @@ function Start({ path }: { path: string }) {
     const first = path || (opened.value && all.includes(opened.value.path) ? opened.value.path : all[0]);
     if (first && (path ? path !== drive.value : !all.includes(drive.value))) void choose(first);
   }, [all.join(), path]);
-  useEffect(() => void follow(), []);
   useLive<Head>(
     () => {
       const asked = request();
@@ -96,7 +78,7 @@ function Start({ path }: { path: string }) {
       if (!isShowable(frame, wrong)) return;
       answer.value = frame;
       const before = new Map(tuned.peek().map((one) => [one.key, one]));
-      tuned.value = frame.head.gains.map((one) => (one.key in gains.peek() && before.get(one.key)) || one);
+      tuned.value = frame.head.gains.map((one) => (one.key in run.peek().gains && before.get(one.key)) || one);
     },
   );
   return (
@@ -118,31 +100,24 @@ function Start({ path }: { path: string }) {
           />
           <Select
             label="Law"
-            value={law.value}
-            put={(one) => ((gains.value = {}), (tuned.value = []), (law.value = one))}
+            value={run.value.law}
+            put={(law) => ((tuned.value = []), change({ law, gains: {} }))}
             options={[...(choices.value?.laws ?? []), ...pathsOf("controller")]}
           />
         </div>
         <Unsaved path={drive.value} />
         <ReferenceField />
         <div class="twin">
-          <Select label="Setup" of={setup} options={[...(choices.value?.setups ?? []), ...pathsOf("setup")]} />
-          <Select
-            label="True drive"
-            of={mismatch}
-            options={[["", "as described"], ...(choices.value?.mismatches ?? [])]}
-          />
-          <label class="choice">
-            Seed <NumberField low={0} high={Number.MAX_SAFE_INTEGER} whole of={seed} />
-          </label>
-          <label class="choice">
-            Duration{" "}
-            <TextField placeholder="reference's" value={duration.value} put={(text) => (duration.value = text)} />
-          </label>
+          {inputs(choices.value).map((field) => {
+            const key = field.key as keyof typeof run.value;
+            return (
+              <FormField key={key} field={field} value={run.value[key]} put={(value) => change({ [key]: value })} />
+            );
+          })}
         </div>
         <Goal />
         <GainSliders />
-        {!isToml(law.value) && (
+        {!isToml(run.value.law) && (
           <p class="row">
             <Button disabled={!answer.value} act={() => saveController()} words="Save the controller" />
             <a class="button" href={link("handover", drive.value)}>
@@ -158,11 +133,24 @@ function Start({ path }: { path: string }) {
       <div class="after">
         <Details />
         <Compare />
-        <InFolder files={filesOf("comparison")} title="Comparisons" view="control" />
+        <Files title="Comparisons in the folder" kinds={["comparison"]} />
       </div>
     </div>
   );
 }
+
+/** Inputs of a run beside its drive, law and reference. */
+const inputs = (found: Choices | null): Input[] => [
+  { key: "setup", label: "Setup", kind: "choice", choices: [...(found?.setups ?? []), ...pathsOf("setup")] },
+  {
+    key: "mismatch",
+    label: "True drive",
+    kind: "choice",
+    choices: [["", "as described"], ...(found?.mismatches ?? [])],
+  },
+  { key: "seed", label: "Seed", kind: "number", least: 0 },
+  { key: "duration", label: "Duration", kind: "text", hint: "reference's" },
+];
 
 /** The run against the goal in one sentence, with its leading values. */
 function Met() {
@@ -189,14 +177,14 @@ const savedAs = signal("");
 /** Write law and gains as a controller file, which runs and comparisons offer as a law. */
 const saveController = (): Promise<void> =>
   attempt(async () => {
-    const gainsText = answer.value!.head.gains.map((gain) => {
-      const value = gains.value[gain.key] ?? gain.number;
-      return `${gain.key} = ${JSON.stringify(withUnit(value, gain.unit))}`;
-    });
+    const { law, gains } = run.value;
+    const lines = answer.value!.head.gains.map(
+      ({ key, number, unit }) => `${key} = ${JSON.stringify(withUnit(gains[key] ?? number, unit))}`,
+    );
     const stem = drive.value.replace(/^catalogue:|\.toml$/gi, "");
     const used = pathsOf("controller").map((one) => one.replace(/\.toml$/, ""));
-    const file = `${freeName(`${stem}-${law.value}`, used)}.toml`;
-    await write(file, ["schema = 1", `law = "${law.value}"`, "", "[gains]", ...gainsText, ""].join("\n"), "");
+    const file = `${freeName(`${stem}-${law}`, used)}.toml`;
+    await write(file, ["schema = 1", `law = "${law}"`, "", "[gains]", ...lines, ""].join("\n"), "");
     savedAs.value = `Saved ${file}.`;
     await list();
   });
@@ -240,7 +228,7 @@ function ReferenceField() {
   return (
     <>
       <label class="choice">
-        Reference <TextField value={reference.value} put={(text) => (reference.value = text)} />
+        Reference <TextField value={run.value.reference} put={(reference) => change({ reference })} />
       </label>
       <p class="row" role="group" aria-label="Standard references">
         {usual.map((one) => (
@@ -248,8 +236,8 @@ function ReferenceField() {
             class="link"
             key={one.name}
             title={one.text}
-            aria-pressed={reference.value === one.text}
-            act={() => (reference.value = one.text)}
+            aria-pressed={run.value.reference === one.text}
+            act={() => change({ reference: one.text })}
             words={one.name}
           />
         ))}
@@ -259,12 +247,13 @@ function ReferenceField() {
 }
 
 function GainSliders() {
-  if (isToml(law.value)) return <p class="note">The gains come from the file.</p>;
+  if (isToml(run.value.law)) return <p class="note">The gains come from the file.</p>;
+  const { gains } = run.value;
   return (
     <>
       {tuned.value.map((gain) => {
-        const value = gains.value[gain.key] ?? gain.number;
-        const isChanged = gain.key in gains.value;
+        const value = gains[gain.key] ?? gain.number;
+        const isChanged = gain.key in gains;
         return (
           <SliderRow
             key={gain.key}
@@ -276,13 +265,13 @@ function GainSliders() {
             shown={isChanged ? value : digits(value)}
             kind={isChanged ? "changed" : ""}
             state={isChanged ? "changed" : "follows"}
-            put={(next) => (gains.value = { ...gains.value, [gain.key]: next })}
+            put={(next) => change({ gains: { ...gains, [gain.key]: next } })}
           />
         );
       })}
-      {Object.keys(gains.value).length > 0 && (
+      {Object.keys(gains).length > 0 && (
         <p>
-          <Button class="link" act={() => (gains.value = {})}>
+          <Button class="link" act={() => change({ gains: {} })}>
             Reset all gains to the values that follow from the drive
           </Button>
         </p>
@@ -349,31 +338,25 @@ function Compare() {
   const found = choices.value;
   if (!found) return null;
   const isSpread = Boolean(requestOf("control").spread);
+  const usual = found.references.map(({ name }) => name);
   const spreads: Option[] = [["", "none: seeds of noise"], ...found.spreads];
   const own = {
     title: "Compare",
     door: "/api/comparisons",
     fields: [
       { key: "laws", label: "Laws", kind: "several", choices: [...found.laws, ...pathsOf("controller")] },
-      {
-        key: "along",
-        label: "Standard references",
-        kind: "several",
-        choices: found.references.map(({ name }) => name),
-      },
+      { key: "along", label: "Standard references", kind: "several", choices: usual },
       { key: "other", label: "And along", kind: "text", hint: "a reference of your own" },
       { key: "spread", label: "Spread of drives", kind: "choice", choices: spreads },
       { key: "count", label: isSpread ? "Members" : "Seeds", kind: "number", most: MOST_MEMBERS },
       { key: "name", label: "Into results/", kind: "name" },
     ],
-    body: ({ laws, along, other, spread, count, name }: Record<string, unknown>) => ({
+    body: ({ along = [], other, spread, ...others }: Record<string, unknown>) => ({
+      ...others,
       drive: drive.value,
-      setup: setup.value,
-      laws,
-      count,
-      name,
-      references: [...((along as string[] | undefined) ?? []), ...(String(other ?? "").trim() ? [other] : [])],
-      ...(spread ? { spread } : { mismatch: mismatch.value }),
+      setup: run.value.setup,
+      references: [along, String(other ?? "").trim()].flat().filter(Boolean),
+      ...(spread ? { spread } : { mismatch: run.value.mismatch }),
     }),
   };
   return (
@@ -381,7 +364,7 @@ function Compare() {
       <h2>Compare laws</h2>
       <p class="note">
         With the drive, the setup and the true drive chosen above
-        {Object.keys(gains.value).length > 0 &&
+        {Object.keys(run.value.gains).length > 0 &&
           ", not with the gains changed there: the copied command writes these to a controller file, which can be compared"}
         .
       </p>

@@ -1,24 +1,20 @@
 /** Score card of a benchmark: controllers and reference tracks, all runs, overlaid tracks, measured and true values. */
 
-import { signal, useSignal } from "@preact/signals";
+import { signal } from "@preact/signals";
 import { useEffect, useRef } from "preact/hooks";
 import { FigureView } from "../plots/figure";
-import { look, pretty } from "../plots/looks";
-import { curveOf, Plot, zooming } from "../plots/plot";
+import { MM, pretty } from "../plots/looks";
+import { curveOf, LineSample, Plot, zooming } from "../plots/plot";
 import { stripFigure } from "../plots/points";
-import { kept, link } from "../routes";
+import { kept, link, undoable } from "../routes";
 import type { Frame } from "../server/frame";
 import type { Card, SentView, Tracks } from "../server/generated";
-import { ask, attempts, frame, read } from "../server/server";
-import { undoable } from "../undo";
-import { useAnswer } from "../workspace/answers";
-import { Button, Fold } from "../workspace/fields";
+import { ask, attempts, frame, LOOK_MS, read, useAnswer, useWatched } from "../server/server";
+import { Button, type Cell, Fold, Select, Table } from "../workspace/fields";
 import { follow, JobList, jobs } from "../workspace/jobs";
-import { Copied, NumberField, Problems, ReportOf, Select } from "../workspace/parts";
+import { Copied, NumberField, Problems, ReportOf } from "../workspace/parts";
 import { Answer, Findings, Notes, useView, Values } from "../workspace/result";
-import { type Cell, Table } from "../workspace/table";
 
-export const MM = 1e-3;
 /** Measure that the goal limits. */
 export const MEASURE = "max_error_m";
 
@@ -26,22 +22,15 @@ export const MEASURE = "max_error_m";
 const goal = kept("goal");
 export const goalOf = (): number => Number(goal.value) || 0.2;
 
-export const GoalField = () => (
-  <label>
-    Goal{" "}
-    <NumberField
-      label="Largest error allowed, mm"
-      low={1e-6}
-      value={goalOf()}
-      put={(value) => (goal.value = String(value))}
-    />{" "}
-    mm largest error
-  </label>
-);
+export function GoalField() {
+  const put = (value: number) => (goal.value = String(value));
+  return (
+    <label>
+      Goal <NumberField label="Largest error allowed, mm" low={1e-6} value={goalOf()} put={put} /> mm largest error
+    </label>
+  );
+}
 
-type MeasuredCard = Card & { measure: string }; // that its cells and runs are of
-
-const LOOK_MS = 1000; // between two looks at a comparison that runs
 const measure = undoable(signal(MEASURE));
 const along = undoable(signal(""));
 const zoom = signal<[number, number] | null>(null); // the part of the time that is shown
@@ -51,30 +40,20 @@ const STILL_MS = 10_000; // without a run of another process: it has ended, or i
 
 export function ScoreCard({ path }: { path: string }) {
   const job = jobs.value.find((one) => one.out === path);
-  const round = useSignal(0);
-  const [found, problems] = useAnswer(
+  const [found, problems] = useWatched(
     path,
-    async () => ({
-      ...(await read<Card>("/api/comparison", { path, measure: measure.value })),
-      measure: measure.value,
-    }),
-    [measure.value, job?.state, round.value],
+    () => read<Card>("/api/comparison", { path, measure: measure.value }),
+    (last) => (job?.state === "running" || last?.finished === false ? LOOK_MS : 0), // whatever process does its runs
+    [measure.value, job?.state],
   );
   const view = useView(found?.finished ? path : "");
   const reference = (found?.references.find(({ name }) => name === along.value) ?? found?.references[0])?.name ?? "";
-  const isUnfinished = found?.finished === false; // whatever process does its runs, they come in
-  useEffect(() => {
-    [notResumed.value, grownAt.value] = [[], 0];
-    void follow();
-  }, [path]);
+  useEffect(() => void ([notResumed.value, grownAt.value] = [[], 0]), [path]);
   const runs = useRef(0);
   useEffect(() => {
     if (found && found.done > runs.current && runs.current) grownAt.value = Date.now();
     runs.current = found?.done ?? 0;
-    if (job?.state !== "running" && !isUnfinished) return;
-    const timer = setTimeout(() => (round.value += 1), LOOK_MS); // the next look waits for the answer
-    return () => clearTimeout(timer);
-  }, [found, job?.state]);
+  }, [found]);
   /* During a benchmark, the tracks of a controller appear after its first run along the reference. */
   const ready = new Set(found?.each.filter((run) => run.reference === reference).map((run) => run.law)).size;
   const [tracks] = useAnswer(
@@ -123,24 +102,20 @@ export function ScoreCard({ path }: { path: string }) {
   );
 }
 
+/** Continuation of a benchmark that nothing runs. */
 function Unfinished({ path, state }: { path: string; state: string | undefined }) {
-  const isRunning = state === "running";
   const isElsewhere = !state && Date.now() - grownAt.value < STILL_MS; // asked again at each look
-  const resume = () =>
-    resuming(async () => {
-      await ask("/api/comparisons", { resume: path });
-      await follow();
-    });
+  const resume = () => resuming(async () => (await ask("/api/comparisons", { resume: path }), follow()));
   return (
     <p class="row" role="status">
       Not finished: runs that are done are kept.{" "}
-      {!isRunning && isElsewhere && "A process that this server did not start continues them."}
-      {!isRunning && !isElsewhere && <Button act={() => resume()}>Resume</Button>}
+      {isElsewhere && "A process that this server did not start continues them."}
+      {state !== "running" && !isElsewhere && <Button act={resume}>Resume</Button>}
     </p>
   );
 }
 
-function Matrix({ found, reference }: { found: MeasuredCard; reference: string }) {
+function Matrix({ found, reference }: { found: Card; reference: string }) {
   const now = found.measures.find((one) => one.name === found.measure)!;
   const headOf = ({ name, text }: Card["references"][number]) => ({
     text: <Button class="link" aria-pressed={reference === name} act={() => (along.value = name)} words={name} />,
@@ -167,7 +142,7 @@ function Matrix({ found, reference }: { found: MeasuredCard; reference: string }
         heads={[now.title, ...found.references.map(headOf)]}
         rows={found.laws.map((law, index) => [
           <>
-            <Mark index={index} /> {law}
+            <LineSample index={index} /> {law}
           </>,
           ...found.references.map(({ name }) =>
             cellOf(found.cells.find((cell) => cell.law === law && cell.reference === name)),
@@ -193,34 +168,16 @@ function cellOf(cell: Card["cells"][number] | undefined): Cell {
   return { text, data };
 }
 
-/** Line style of a controller. */
-function Mark({ index }: { index: number }) {
-  const { color, dash } = look(index);
-  return (
-    <svg viewBox="0 0 34 8" width="34" height="8" aria-hidden="true">
-      <line x1="0" y1="4" x2="34" y2="4" stroke={color} stroke-width="2.2" stroke-dasharray={dash.join(" ")} />
-    </svg>
-  );
-}
-
-function Along({ found, reference, now }: { found: MeasuredCard; reference: string; now: Frame<Tracks> | null }) {
+function Along({ found, reference, now }: { found: Card; reference: string; now: Frame<Tracks> | null }) {
   const text = found.references.find((one) => one.name === reference)?.text;
   const measured = found.measures.find((one) => one.name === found.measure)!;
   const runs = found.each.filter((run) => run.reference === reference && run.value !== null);
-  const rows = found.laws.map((name) => ({
-    name,
-    values: runs
-      .filter((run) => run.law === name)
-      .map((run) => ({
-        value: run.value! / measured.size,
-        of: `${name}, ${found.spread ? "member" : "seed"} ${run.seed}`,
-      })),
-  }));
-  const tracks = (column: string) =>
-    now!.head.laws.map((law) => ({ ...curve(now!, law, column, law), look: found.laws.indexOf(law) }));
-  const references = (now?.head.laws ?? [])
-    .slice(0, 1)
-    .map((law) => ({ ...curve(now!, law, "reference_m", "reference"), look: found.laws.length }));
+  const kind = found.spread ? "member" : "seed";
+  const rows = found.laws.map((name) => {
+    const own = runs.filter((run) => run.law === name);
+    const values = own.map(({ value, seed }) => ({ value: value! / measured.size, of: `${name}, ${kind} ${seed}` }));
+    return { name, values };
+  });
   const limit = measured.name === MEASURE ? (goalOf() * MM) / measured.size : undefined;
   return (
     <section aria-label={`Along ${reference}`}>
@@ -238,27 +195,29 @@ function Along({ found, reference, now }: { found: MeasuredCard; reference: stri
         Along {reference}
         {text !== reference && `: ${text}`}
       </h2>
-      {now && (
-        <div class="plots">
-          <Plot
-            title="Tracks"
-            unit="mm"
-            size={MM}
-            height={110}
-            bare
-            {...zooming(zoom)}
-            curves={[...tracks("position_m"), ...references]}
-          />
-          <Plot title="Errors" {...now.head.error} height={110} {...zooming(zoom)} curves={tracks("error_m")} />
-        </div>
-      )}
+      {now && <Overlay now={now} laws={found.laws} />}
       {now && <p class="note">First run of each controller. Error: reference minus true position.</p>}
     </section>
   );
 }
 
-const curve = (of: Frame<Tracks>, law: string, column: string, label: string) =>
-  curveOf(of.arrays, of.arrays.get(`${law}/time_s`)!, `${law}/${column}`, label);
+/** Tracks and errors of the laws above each other. */
+function Overlay({ now: { head, arrays }, laws }: { now: Frame<Tracks>; laws: string[] }) {
+  const curve = (law: string, column: string, label = law) => ({
+    ...curveOf(arrays, arrays.get(`${law}/time_s`)!, `${law}/${column}`, label),
+    look: label === law ? laws.indexOf(law) : laws.length,
+  });
+  const tracks = head.laws.map((law) => curve(law, "position_m"));
+  const reference = head.laws.slice(0, 1).map((law) => curve(law, "reference_m", "reference"));
+  const errors = head.laws.map((law) => curve(law, "error_m"));
+  const shared = { height: 110, ...zooming(zoom) };
+  return (
+    <div class="plots">
+      <Plot title="Tracks" unit="mm" size={MM} bare {...shared} curves={[...tracks, ...reference]} />
+      <Plot title="Errors" {...head.error} {...shared} curves={errors} />
+    </div>
+  );
+}
 
 /** The drive as laws assume it, and the deviations of the true one. */
 export const Told = ({ view }: { view: SentView }) => (

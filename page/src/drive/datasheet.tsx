@@ -4,9 +4,8 @@ import { signal } from "@preact/signals";
 import { pretty, sentence } from "../plots/looks";
 import { route } from "../routes";
 import { folderOf, nameOf } from "../workspace/files";
-import { JobForm } from "../workspace/form";
-import { jobs } from "../workspace/jobs";
-import { useHeadlines } from "../workspace/lineage";
+import { JobForm, jobs } from "../workspace/jobs";
+import { useHeadlines } from "../workspace/listed";
 import { ReportOf } from "../workspace/parts";
 import { Circuit } from "./circuit";
 import { useDrawing, valid } from "./opened";
@@ -18,6 +17,7 @@ export default function DatasheetView() {
   const state = jobs.value.find((one) => one.out === out.value)?.state;
   const shapes = useDrawing();
   const line = useHeadlines()[path];
+  const name = path ? `${nameOf(path).replace(/^catalogue:|\.toml$/g, "")}-datasheet` : "datasheet";
   const now = path && valid.value?.kind ? valid.value : null;
   return (
     <section aria-label="Data sheet">
@@ -32,14 +32,7 @@ export default function DatasheetView() {
         The sheet holds the circuit, each characteristic with its standard and interval, the curves, and the values with
         their sources.
       </p>
-      <JobForm
-        kind="datasheet"
-        start={{
-          drive: path,
-          name: path ? `${nameOf(path).replace(/^catalogue:|\.toml$/g, "")}-datasheet` : "datasheet",
-        }}
-        after={(job) => void (out.value = job.out)}
-      />
+      <JobForm kind="datasheet" start={{ drive: path, name }} after={(job) => void (out.value = job.out)} />
       {state === "done" && <ReportOf folder={folderOf(out.value)} changed={state} />}
     </section>
   );

@@ -1,22 +1,52 @@
-/** View of a description: circuit, fields and text side by side. The text is the truth. */
+/** View of a description: circuit, fields and text side by side, each for changes. The text is the truth. */
 
 import { signal, useSignal } from "@preact/signals";
+import { useEffect } from "preact/hooks";
 import { count } from "../plots/looks";
-import { route } from "../routes";
+import { future, past, route, step } from "../routes";
 import type { Frame } from "../server/frame";
-import type { Field, RunHead as Head, Part, Problem } from "../server/generated";
-import { ask } from "../server/server";
+import type { Field, RunHead as Head, Kinds, Part, Problem } from "../server/generated";
+import { ask, attempts, isShowable, typed, useLive, useRequest } from "../server/server";
 import { pin, pinned, request, Sliders } from "../simulate/simulate";
-import { isShowable, useLive } from "../workspace/answers";
-import { Breakable, Button, Fold, Options, Remarks, Tick } from "../workspace/fields";
+import { Breakable, Button, Fold, Options, Remarks, Table, Tick } from "../workspace/fields";
 import { Problems, TextField } from "../workspace/parts";
-import { type Motion, notesOf, whole, ZoomedCircuit } from "./circuit";
-import { endsOf, MovingCircuit } from "./moving";
-import { drawing, opened, problems, set, setNumber, takePart, useDrawing, valid } from "./opened";
-import { chosen, keys, portChoice, Structure } from "./structure";
+import { type Drawing, endsOf, type Motion, MovingCircuit, type PortChoice, whole, ZoomedCircuit } from "./circuit";
+import { opened, problems, restructure, set, takePart, useDrawing, valid } from "./opened";
 import { useOpenText } from "./text";
 
 const name = signal("");
+const isEditing = signal(false); // components are added, joined and removed in the drawing, and the text follows
+/** Selected component and selected port. */
+const chosen = signal("");
+const port = signal("");
+const kind = signal(""); // of the component to add; empty: the first one
+
+const forget = (component = ""): void => void ([port.value, chosen.value] = ["", component]);
+
+/** Change the structure; nothing is selected after it. */
+const act = (change: Parameters<typeof restructure>[0]): void => restructure(change, () => forget());
+const remove = (one: string): void => act({ act: "remove", one });
+
+/** The ports of the drawing while it is edited: the first one is selected, and the second one is joined with it. */
+function portChoice(): PortChoice | undefined {
+  if (!isEditing.value || valid.value?.kind !== "circuit") return undefined;
+  return {
+    port: port.value,
+    onPort: (one) => {
+      if (port.value === one) port.value = "";
+      else if (port.value) act({ act: "join", one: port.value, other: one });
+      else port.value = one;
+    },
+  };
+}
+
+/** Keys of the drawing while it is edited. */
+function keys(event: KeyboardEvent): void {
+  if (event.key === "Escape") port.value = "";
+  else if (event.key === "Delete" && isEditing.value && chosen.value && valid.value?.kind === "circuit")
+    remove(chosen.value);
+}
+
 const isNarrow = globalThis.matchMedia?.("(max-width: 40rem)").matches;
 const belongs = (field: Field): boolean => !chosen.value || field.component === chosen.value;
 
@@ -27,8 +57,70 @@ const line = signal(-1); // that the pointer is on
 
 const HOW_LINES = "Lines: the stronger the colour, the higher the pressure. Point at a line for its pressure and flow.";
 
+/** Buttons below the drawing. */
+function Structure() {
+  useEffect(() => forget(), [opened.value?.path]);
+  const kinds = useRequest<Kinds>("/api/kinds", isEditing.value ? {} : null)[0]?.kinds ?? [];
+  const toAdd = kind.value || (kinds[0]?.[0] ?? "");
+  const isCircuit = valid.value?.kind === "circuit";
+  const blocked = problems.value.length > 0;
+  return (
+    <div role="group" aria-label="Edit the circuit">
+      <p class="row">
+        <Button
+          aria-pressed={isRun.value}
+          title="With the command, the duration and the sliders of Simulate"
+          act={() => (isRun.value = !isRun.value)}
+          words="Run in the drawing"
+        />
+        <Button aria-pressed={isEditing.value} act={() => ((isEditing.value = !isEditing.value), (port.value = ""))}>
+          Edit the circuit
+        </Button>
+        <Button disabled={!past.value.length} act={() => step(past, future)} words="Undo" />
+        <Button disabled={!future.value.length} act={() => step(future, past)} words="Redo" />
+        {isEditing.value && isCircuit && chosen.value && (
+          <Button disabled={blocked} act={() => remove(chosen.value)} words={`Remove ${chosen.value}`} />
+        )}
+      </p>
+      {isEditing.value && !isCircuit && (
+        <p class="row">
+          <span>A drive has a fixed structure. As a circuit, each component can be added, joined and removed.</span>
+          <Button disabled={blocked} act={() => act({ act: "open" })} words="Open it as a circuit" />
+        </p>
+      )}
+      {isEditing.value && isCircuit && !port.value && (
+        <p class="note">
+          Click a port to add a component there or to join it with another port. Click a symbol to remove it.
+        </p>
+      )}
+      {isEditing.value && isCircuit && port.value && (
+        <p class="row">
+          <b>Port {port.value}</b>
+          <select
+            aria-label="Component to add"
+            value={toAdd}
+            onChange={(event) => (kind.value = event.currentTarget.value)}>
+            <Options of={kinds} />
+          </select>
+          <Button
+            class="primary"
+            disabled={blocked}
+            act={() => restructure({ act: "add", one: port.value, kind: toAdd }, forget)}
+            words="Add here"
+          />
+          <Button disabled={blocked} act={() => act({ act: "cut", one: port.value })} words="Cut its line" />
+          <span class="note">Click another port to join it.</span>
+        </p>
+      )}
+      {isEditing.value && blocked && (
+        <p class="note">The drawing shows the last valid text: undo, or correct the text.</p>
+      )}
+    </div>
+  );
+}
+
 /** The drawing, at rest or in a run. The run follows each change of the text. */
-function Running() {
+function Running({ shapes }: { shapes: Drawing }) {
   const answer = useSignal<Frame<Head> | null>(null);
   const wrong = useSignal<Problem[]>([]);
   useLive<Head>(
@@ -42,8 +134,6 @@ function Running() {
     },
     [isRun.value],
   );
-  const shapes = drawing.value;
-  if (!shapes) return null;
   const now = isRun.value ? answer.value : null;
   const props = {
     drawing: shapes,
@@ -53,30 +143,18 @@ function Running() {
     onLine: (net: number) => void (line.value = net),
   };
   const pins = shapes.nets[line.value];
-  const shown = (motion: Motion | undefined, words: string) => (
+  const atRest = pins ? endsOf(pins) : "Click a symbol to see only its values.";
+  const shown = (motion?: Motion) => (
     <>
       <ZoomedCircuit {...props} motion={motion} />
-      <p class="note pointed">{words}</p>
+      <p class="note pointed">{motion ? (motion.lines[line.value]?.said ?? HOW_LINES) : atRest}</p>
     </>
   );
   return (
     <>
-      {now ? (
-        <MovingCircuit now={now} drawing={shapes}>
-          {(motion) => shown(motion, motion.lines[line.value]?.said ?? HOW_LINES)}
-        </MovingCircuit>
-      ) : (
-        shown(undefined, pins ? endsOf(pins) : "Click a symbol to see only its values.")
-      )}
+      {now ? <MovingCircuit now={now} drawing={shapes} children={shown} /> : shown()}
       {isRun.value && <Problems of={wrong.value} />}
-      <Structure>
-        <Button
-          aria-pressed={isRun.value}
-          title="With the command, the duration and the sliders of Simulate"
-          act={() => (isRun.value = !isRun.value)}
-          words="Run in the drawing"
-        />
-      </Structure>
+      <Structure />
       {isRun.value && pinned.value.length > 0 && (
         <div class="pinned">
           <Sliders />
@@ -101,8 +179,8 @@ export default function DriveView() {
             Drawing the circuit.
           </p>
         )}
-        <Running key={now.path} />
-        {shapes && <p class="note">{notesOf(shapes)}</p>}
+        {shapes && <Running key={now.path} shapes={shapes} />}
+        <p class="note">{shapes?.words.slice(1).join(" ")}</p>
         <Remarks of={valid.value?.notes ?? []} />
       </section>
       <div>
@@ -134,9 +212,8 @@ function Units({ field }: { field: Field }) {
 
 /** Return the table of a key, and the key within it: `components.valve_1.overlap` is `overlap` of `valve_1`. */
 function split(key: string): [table: string, own: string] {
-  const parts = key.split(".");
-  const at = parts[0] === "components" && parts.length > 2 ? 2 : Math.min(1, parts.length - 1);
-  return [parts.slice(at === 2 ? 1 : 0, at).join("."), parts.slice(at).join(".")];
+  const [, table = "", own = key] = /^(?:components\.(?=[^.]+\.))?([^.]+)\.(.+)$/.exec(key) ?? [];
+  return [table, own];
 }
 
 /** Text of a value without its unit if a menu shows the unit. */
@@ -146,7 +223,7 @@ const bare = ({ text, unit, units }: Field): string =>
 /** Put a typed value into the text. A number alone has the unit of the menu. */
 function put({ key, unit }: Field, value: string): void {
   const isNumber = value.trim() && Number.isFinite(Number(value));
-  if (unit === "") void setNumber(key, value);
+  if (unit === "") void attempts(problems)[1](async () => set(key, typed(key, value)));
   else void set(key, unit && isNumber ? `${value.trim()} ${unit}` : value);
 }
 
@@ -164,13 +241,11 @@ const MAIN: [end: string, name: string][] = [
   ["coulomb", "Friction"],
 ];
 
-const isEnd = (key: string, end: string): boolean => key === end || key.endsWith(`.${end}`);
-
 /** Return the first value of each of the main names. The pressure of the surroundings is not the supply. */
 function mainOf(fields: Field[]): Map<string, string> {
-  const shown = fields.filter((field) => !field.key.startsWith("ambient."));
-  const found = MAIN.map(([end, name]) => [shown.find((field) => isEnd(field.key, end))?.key, name] as const);
-  return new Map(found.filter((pair): pair is [string, string] => pair[0] !== undefined));
+  const own = fields.map((field) => field.key).filter((key) => !key.startsWith("ambient."));
+  const found = MAIN.map(([end, name]) => [own.find((key) => `.${key}`.endsWith(`.${end}`)) ?? "", name] as const);
+  return new Map(found.filter(([key]) => key));
 }
 
 function Fields() {
@@ -178,6 +253,7 @@ function Fields() {
   const main = mainOf(fields);
   const rest = fields.filter((field) => !main.has(field.key));
   const assumed = rest.filter((field) => field.kind === "assumed").length;
+  const badge = <span class="pill open">{assumed} assumed</span>;
   return (
     <>
       <h2>
@@ -191,12 +267,9 @@ function Fields() {
         <>
           <FieldTable fields={fields.filter((field) => main.has(field.key))} names={main} />
           {rest.length > 0 && (
-            <details>
-              <summary>
-                {count(rest.length, "other value")} {assumed > 0 && <span class="pill open">{assumed} assumed</span>}
-              </summary>
+            <Fold title={[`${count(rest.length, "other value")} `, assumed > 0 && badge]}>
               <FieldTable fields={rest} />
-            </details>
+            </Fold>
           )}
         </>
       )}
@@ -206,19 +279,16 @@ function Fields() {
 
 /** Menus that take cylinder and valve from the catalogue. */
 function Parts() {
-  const fields = valid.value?.values ?? [];
-  const isDrive = valid.value?.kind === "drive";
-  const tables = ["cylinder", "valve"].flatMap((family) => {
-    const key = isDrive
+  const keyOf = (family: string) =>
+    valid.value?.kind === "drive"
       ? `${family}.kind`
-      : fields.find((field) => field.key.endsWith(".kind") && field.text.startsWith(`${family}/`))?.key;
-    return key ? [{ family, table: key.slice(0, -".kind".length) }] : [];
-  });
+      : valid.value?.values?.find(({ key, text }) => key.endsWith(".kind") && text.startsWith(`${family}/`))?.key;
   return (
     <div class="twin">
-      {tables.map(({ family, table }) => (
-        <PartMenu key={family} family={family} table={table} />
-      ))}
+      {["cylinder", "valve"].map((family) => {
+        const key = keyOf(family);
+        return key && <PartMenu key={family} family={family} table={key.slice(0, -".kind".length)} />;
+      })}
     </div>
   );
 }
@@ -257,48 +327,26 @@ const originOf = ({ kind, origin, copies }: Field): string =>
 
 /** Rows of values: their names, or their keys under the names of their tables. */
 function FieldTable({ fields, names }: { fields: Field[]; names?: Map<string, string> }) {
+  const rows = fields.map((field) => [
+    <span title={field.key}>
+      {names?.get(field.key) ?? <Breakable words={split(field.key)[1]} />}{" "}
+      <span class={`kind ${field.kind}`}>{originOf(field)}</span>
+    </span>,
+    <TextField key={field.key} aria-label={field.key} value={bare(field)} put={(value) => put(field, value)} />,
+    field.units && field.units.length > 1 && <Units field={field} />,
+    field.low !== undefined && (
+      <Tick
+        label=""
+        name={`Slider for ${field.key} in Simulate`}
+        value={pinned.value.includes(field.key)}
+        put={() => pin(field.key)}
+      />
+    ),
+  ]);
+  const tables = fields.map(({ key }) => (names ? "" : split(key)[0]));
+  const headed = rows.flatMap((row, k) => (tables[k] === (tables[k - 1] ?? "") ? [row] : [[tables[k]], row]));
+  const heads = ["Key", "Value", "Unit", { text: "Slider", data: { title: "Slider in Simulate" } }];
   return (
-    <table class="fields">
-      <thead>
-        <tr>
-          {["Key", "Value", "Unit", "Slider"].map((head) => (
-            <th scope="col" key={head} title={head === "Slider" ? "Slider in Simulate" : undefined}>
-              {head}
-            </th>
-          ))}
-        </tr>
-      </thead>
-      <tbody>
-        {fields.map((field, k) => [
-          !names && split(field.key)[0] !== (k ? split(fields[k - 1]!.key)[0] : "") && (
-            <tr class="table" key={`table ${split(field.key)[0]}`}>
-              <th colSpan={4} scope="rowgroup">
-                {split(field.key)[0]}
-              </th>
-            </tr>
-          ),
-          <tr key={field.key}>
-            <th scope="row" title={field.key}>
-              {names?.get(field.key) ?? <Breakable words={split(field.key)[1]} />}{" "}
-              <span class={`kind ${field.kind}`}>{originOf(field)}</span>
-            </th>
-            <td>
-              <TextField aria-label={field.key} value={bare(field)} put={(value) => put(field, value)} />
-            </td>
-            <td>{field.units && field.units.length > 1 && <Units field={field} />}</td>
-            <td>
-              {field.low !== undefined && (
-                <Tick
-                  label=""
-                  name={`Slider for ${field.key} in Simulate`}
-                  value={pinned.value.includes(field.key)}
-                  put={() => pin(field.key)}
-                />
-              )}
-            </td>
-          </tr>,
-        ])}
-      </tbody>
-    </table>
+    <Table class="fields" frame="wide" label={names ? "Main values" : "Other values"} heads={heads} rows={headed} />
   );
 }

@@ -4,14 +4,13 @@ import { useEffect } from "preact/hooks";
 import { download } from "../plots/saving";
 import { link, route } from "../routes";
 import type { Fmu } from "../server/generated";
-import { attempts, bytes } from "../server/server";
-import { useRequest } from "../workspace/answers";
+import { attempts, bytes, useRequest } from "../server/server";
 import { Button, Fold, Lines } from "../workspace/fields";
-import { filesOf, nameOf, studies } from "../workspace/files";
-import { JobForm } from "../workspace/form";
-import { InFolder, Problems } from "../workspace/parts";
+import { nameOf, studies } from "../workspace/files";
+import { JobForm } from "../workspace/jobs";
+import { Files, isOverMain } from "../workspace/listed";
+import { Problems } from "../workspace/parts";
 import { Notes, Values } from "../workspace/result";
-import { isOverMain } from "../workspace/tree";
 
 const [wrong, attempt] = attempts();
 
@@ -31,7 +30,19 @@ export default function HandoverView() {
         <a href={link("handover")}>A new export, and all exports</a>
       </p>
       <Problems of={[...problems, ...wrong.value]} />
-      {fmu && <Seen now={fmu} />}
+      {fmu && (
+        <section data-sha256={fmu.sha256} aria-label="Description of the FMU">
+          <p class="lead">{fmu.view.title}.</p>
+          <Notes of={fmu.view.notes} />
+          <h2>Three lines run it in FMPy</h2>
+          <Lines data-copy="fmpy" name="Python with FMPy, in the folder of the workspace">
+            {fmu.fmpy}
+          </Lines>
+          <Fold open={!isOverMain()} title="Inputs, outputs and parameters">
+            <Values view={{ ...fmu.view, notes: [] }} />
+          </Fold>
+        </section>
+      )}
     </div>
   );
 }
@@ -46,23 +57,7 @@ function Start({ path }: { path: string }) {
         another system, export the drive there.
       </p>
       <JobForm kind="export" start={{ ...(path && { drive: path }), name: "drive" }} />
-      <InFolder files={filesOf("fmu")} title="FMUs" view="handover" />
+      <Files title="FMUs in the folder" kinds={["fmu"]} />
     </>
-  );
-}
-
-function Seen({ now: { view, sha256, fmpy } }: { now: Fmu }) {
-  return (
-    <section data-sha256={sha256} aria-label="Description of the FMU">
-      <p class="lead">{view.title}.</p>
-      <Notes of={view.notes} />
-      <h2>Three lines run it in FMPy</h2>
-      <Lines data-copy="fmpy" name="Python with FMPy, in the folder of the workspace">
-        {fmpy}
-      </Lines>
-      <Fold open={!isOverMain()} title="Inputs, outputs and parameters">
-        <Values view={{ ...view, notes: [] }} />
-      </Fold>
-    </section>
   );
 }

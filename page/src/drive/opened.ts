@@ -1,10 +1,9 @@
 /** The open description: its text, and the last answer of the server about this text. */
 import { effect, signal, untracked } from "@preact/signals";
-import { useEffect } from "preact/hooks";
-import { link, route } from "../routes";
-import type { Checked, CheckedFile as Found, Problem } from "../server/generated";
-import { answering, ask, isAnswering, newest, problemsOf, Refused, read, typed, write } from "../server/server";
-import { remember, type Source } from "../undo";
+import { useEffect, useRef } from "preact/hooks";
+import { link, remember, route, type Source } from "../routes";
+import type { Checked, TextFile as Found, Problem } from "../server/generated";
+import { answering, ask, isAnswering, newest, problemsOf, Refused, read, useAnswer, write } from "../server/server";
 import type { Drawing } from "./circuit";
 
 export interface Opened {
@@ -17,68 +16,57 @@ export interface Opened {
 
 export const opened = signal<Opened | null>(null);
 export const problems = signal<Problem[]>([]);
-/** Last valid answer, kept while the text is wrong. */
-export const valid = signal<Checked | null>(null);
-export const drawing = signal<Drawing | null>(null);
+/** Last valid answer with its text, kept while the text is wrong. */
+export const valid = signal<(Checked & Pick<Opened, "path" | "text">) | null>(null);
 export const said = signal("");
 /** Text on disk, if it differs from the text that the page started from and the page has unsaved changes. */
 export const onDisk = signal<Found | null>(null);
 
-/** Descriptions that were left with unsaved text. */
-const drafts = new Map<string, Opened>();
-const isSaved = (one: Opened | null): boolean => !one || one.text === one.saved;
+/** Texts that were left, as they were then. */
+const left = new Map<string, Opened>();
+const isSaved = (one: Opened | null | undefined): boolean => !one || one.text === one.saved;
 
 /** Return whether the page has unsaved text of a description. Runs that read the file do not see this text. */
 export const isUnsaved = (path: string): boolean =>
-  opened.value?.path === path ? !isSaved(opened.value) : drafts.has(path);
+  !isSaved(opened.value?.path === path ? opened.value : left.get(path));
 
 globalThis.addEventListener?.("beforeunload", (event) => {
-  if (!isSaved(opened.value) || drafts.size) event.preventDefault();
+  if (![opened.value, ...left.values()].every(isSaved)) event.preventDefault();
 });
 
 let asked = 0;
 
 const openText: Source = { read: () => opened.value?.text ?? "", write: (text: string) => void put(text) };
 
-/** Read a file with its check. A task without a name begins with the text of the server. */
-async function readFile(path: string, isTask: boolean): Promise<Found> {
-  if (!isTask) return read<Found>("/api/file", { path, checked: "1" });
-  const { text, sha256 = null } = path
-    ? await read<Pick<Found, "text" | "sha256">>("/api/file", { path })
-    : await ask<{ text: string; sha256?: null }>("/api/task", {});
-  return { text, sha256, checked: await ask<Checked>("/api/task", { text }) };
-}
+/** Read a file. A task without a name begins with the text of the server. */
+const readText = (path: string): Promise<Found> =>
+  path ? read<Found>("/api/file", { path }) : ask<Found>("/api/task", {});
 
 /** Open a file as a description or a task, or check whether the open one still equals the file on disk. */
 export async function open(path: string, isTask = false): Promise<void> {
   const before = opened.value;
   const isOpen = before?.path === path && before.isTask === isTask;
-  if (before && !isOpen) {
-    if (isSaved(before)) drafts.delete(before.path);
-    else drafts.set(before.path, before);
-  }
-  const draft = isOpen ? before : drafts.get(path);
   if (!isOpen) {
+    if (before) left.set(before.path, before);
     said.value = "";
     problems.value = [];
-    onDisk.value = valid.value = drawing.value = null;
+    onDisk.value = valid.value = null;
   }
+  const draft = isOpen ? before : left.get(path);
   const mine = isOpen ? asked : ++asked;
   try {
-    const found = await readFile(path, isTask);
+    const { text, sha256 } = await readText(path);
     if (mine !== asked) return;
     if (isOpen && opened.value?.sha256 !== before.sha256) return; // it was saved meanwhile
-    const own = draft && (isSaved(draft) ? null : draft);
-    if (isOpen && (found.sha256 ?? "") === before.sha256) {
+    const found = { text, sha256: sha256 ?? "" };
+    if (isOpen && found.sha256 === before.sha256) {
       if (said.value !== wasSaved(path)) said.value = ""; // it may have been away
       return;
     }
-    onDisk.value = own && own.sha256 !== (found.sha256 ?? "") ? found : null;
-    if (!own) return show({ path, isTask }, found, mine);
-    if (isOpen) return;
-    drafts.delete(path);
-    opened.value = { ...own, isTask };
-    await check();
+    const own = draft && !isSaved(draft) ? draft : null;
+    onDisk.value = own && own.sha256 !== found.sha256 ? found : null;
+    if (!own) return show({ path, isTask, ...found, saved: text });
+    if (!isOpen) await show({ ...own, isTask });
   } catch (error) {
     if (mine !== asked || !(error instanceof Refused)) return;
     if (isOpen) said.value = `${path} cannot be read any more: ${error.message}.`;
@@ -88,14 +76,19 @@ export async function open(path: string, isTask = false): Promise<void> {
 
 /** Replace the page's text by the text on disk. */
 export function takeFromDisk(): void {
-  if (opened.value && onDisk.value) show(opened.value, onDisk.value, ++asked);
+  if (!opened.value || !onDisk.value) return;
+  const { text, sha256 } = onDisk.value;
+  onDisk.value = null;
+  void show({ ...opened.value, text, saved: text, sha256: sha256 ?? "" });
 }
 
-function show({ path, isTask }: Pick<Opened, "path" | "isTask">, found: Found, mine: number): void {
+/** Show a text, and check it. */
+function show(text: Opened): Promise<void> {
   said.value = "";
-  onDisk.value = null;
-  opened.value = { path, isTask, text: found.text, saved: found.text, sha256: found.sha256 ?? "" };
-  take(found.checked!, mine, opened.value);
+  left.delete(text.path);
+  opened.value = text;
+  asked += 1;
+  return check();
 }
 
 /** Replace the text of the open file and check it. `typed`: keys that follow one another are one step of undo. */
@@ -112,15 +105,6 @@ async function put(text: string): Promise<void> {
   await check();
 }
 
-/** Show the server's answer to a text, and then its drawing. Only the newest answer counts. */
-function take(found: Checked, mine: number, { path, text, isTask }: Pick<Opened, "path" | "text" | "isTask">): void {
-  if (mine !== asked) return;
-  problems.value = found.problems;
-  if (found.problems.length) return;
-  valid.value = found;
-  if (!isTask) toDraw.value = { mine, path, text };
-}
-
 function refused(error: unknown, mine: number): void {
   const found = problemsOf(error);
   if (mine === asked) problems.value = found;
@@ -132,7 +116,10 @@ const check = newest(async () => {
   if (!now) return; // it was left meanwhile
   const { path, text, isTask } = now;
   try {
-    take(await ask<Checked>(isTask ? "/api/task" : "/api/check", { path, text }), mine, now);
+    const found = await ask<Checked>(isTask ? "/api/task" : "/api/check", { path, text });
+    if (mine !== asked) return;
+    problems.value = found.problems;
+    if (!found.problems.length) valid.value = { ...found, path, text };
   } catch (error) {
     refused(error, mine);
   }
@@ -142,33 +129,17 @@ effect(() => {
   if (isAnswering()) untracked(() => void check()); // what was typed while the server did not answer
 });
 
-const toDraw = signal({ mine: 0, path: "", text: "" }); // the last text without a problem
-let drawn = 0; // text that the drawing shows, or was asked for
-const draw = newest(async () => {
-  const { mine, path, text } = toDraw.value;
-  if (mine === drawn) return;
-  drawn = mine;
-  try {
-    const shapes = await ask<Drawing>("/api/drawing", { path, text });
-    if (mine === asked) drawing.value = shapes;
-  } catch (error) {
-    drawn = 0;
-    refused(error, mine);
-  }
-});
+const QUIET_MS = 100; // without a change of the text, before it is drawn again
 
-const viewers = signal(0); // that show the drawing: nobody else waits for the server to make it
-effect(() => {
-  if (viewers.value && toDraw.value.mine) untracked(() => void draw());
-});
-
-/** The drawing of the open description, for as long as it is shown. */
+/** The drawing of the last valid text, for as long as it is shown: nobody else waits for the server to make it. */
 export function useDrawing(): Drawing | null {
-  useEffect(() => {
-    viewers.value += 1;
-    return () => void (viewers.value -= 1);
-  }, []);
-  return drawing.value;
+  const { kind, path = "", text } = valid.value ?? {};
+  const question = () => ask<Drawing>("/api/drawing", { path, text });
+  const isDrawn = useRef(false);
+  const [drawing, wrong] = useAnswer(kind ? path : "", question, [valid.value], isDrawn.current ? QUIET_MS : 0);
+  isDrawn.current = drawing !== null;
+  useEffect(() => void (wrong.length && (problems.value = wrong)), [wrong]);
+  return drawing;
 }
 
 let edits = Promise.resolve();
@@ -212,22 +183,6 @@ async function edit(into: string | undefined, address: string, what: object, the
   }
 }
 
-/** Set a value that is not in a unit. */
-export async function setNumber(key: string, text: string): Promise<void> {
-  try {
-    await set(key, typed(key, text));
-  } catch (error) {
-    refused(error, asked);
-  }
-}
-
-/** The description was left during the save. Text typed since then is still unsaved. */
-function leave({ path, text }: Opened, now: Pick<Opened, "saved" | "sha256">): void {
-  const left = drafts.get(path);
-  if (left?.text === text) drafts.delete(path);
-  else if (left) drafts.set(path, { ...left, ...now });
-}
-
 export const wasSaved = (path: string): string => `Saved ${path}.`;
 
 /** Save the text. A file that changed on disk since then is not overwritten. */
@@ -238,8 +193,13 @@ export async function save(path: string): Promise<void> {
   if (!now || now.path !== before) return;
   try {
     const { sha256 } = await write(path, now.text, path === now.path ? now.sha256 : "");
-    if (opened.value?.path !== now.path) return leave(now, { saved: now.text, sha256 });
-    opened.value = { ...opened.value!, path, saved: now.text, sha256 };
+    const saved = { saved: now.text, sha256 };
+    if (opened.value?.path !== now.path) {
+      const text = left.get(now.path); // it was left during the save, and may have been typed on before
+      if (text) left.set(now.path, { ...text, ...saved });
+      return;
+    }
+    opened.value = { ...opened.value, ...saved, path };
     onDisk.value = null;
     said.value = wasSaved(path);
     void check(); // what was wrong with another name is not wrong with the text

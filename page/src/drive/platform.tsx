@@ -2,88 +2,83 @@
 
 import type { ComponentChildren } from "preact";
 import { useMemo, useRef, useState } from "preact/hooks";
-import { digits } from "../plots/looks";
+import { BAR, digits } from "../plots/looks";
 import { endsOf } from "../plots/scale";
 import { onZoom, viewKeys } from "../plots/turning";
 import { useWidth } from "../plots/width";
 import { kept } from "../routes";
 import type { Frame, Numbers } from "../server/frame";
 import type { Finding, RunHead, SentLeg, SentPlatform } from "../server/generated";
-import { Button } from "../workspace/fields";
+import { Button, Table } from "../workspace/fields";
 import { Answer } from "../workspace/result";
-import { Table } from "../workspace/table";
 
 type Point = [x: number, y: number, z: number];
 type Flat = [x: number, y: number];
-
 /** Direction of view: turn about z and lift over the floor, degrees, and zoom. */
-interface Camera {
-  turn: number;
-  lift: number;
-  zoom: number;
-}
+type Camera = [turn: number, lift: number, zoom: number];
 
-const FREE: Camera = { turn: -35, lift: 22, zoom: 1 };
-const VIEWS: Record<string, Camera> = {
-  Front: { turn: -90, lift: 0, zoom: 1 },
-  Top: { turn: -90, lift: 90, zoom: 1 },
-  Free: FREE,
-};
+const FREE: Camera = [-35, 22, 1];
+const VIEWS = Object.entries<Camera>({ Front: [-90, 0, 1], Top: [-90, 90, 1], Free: FREE });
 const STEP = 5; // degrees of a key
 const CLOSER = 1.15;
 const DRAG = 0.4; // degrees of a pixel
 const SHARE = 0.62; // height over width of a view
 const MOST_HIGH = 440;
-const BAR = 1e5;
 
 const camera = kept("view3d");
 
 /** Return the camera in the address. */
 function cameraOf(words: string): Camera {
-  const [turn, lift, zoom] = words.split(",").map(Number);
-  const isRight = [turn, lift, zoom].every((one) => one !== undefined && Number.isFinite(one));
-  return isRight ? { turn: turn!, lift: lift!, zoom: zoom! } : FREE;
+  const numbers = words.split(",").map(Number);
+  return numbers.length === 3 && numbers.every(Number.isFinite) ? (numbers as Camera) : FREE;
 }
 
-const limited = ({ turn, lift, zoom }: Camera): Camera => ({
-  turn: Math.round(((turn + 540) % 360) - 180),
-  lift: Math.round(Math.min(Math.max(lift, -90), 90)),
-  zoom: Math.min(Math.max(Number(zoom.toFixed(2)), 0.5), 4),
-});
+const within = (value: number, low: number, high: number): number => Math.min(Math.max(value, low), high);
+
+const limited = ([turn, lift, zoom]: Camera): Camera => [
+  Math.round(((turn + 540) % 360) - 180),
+  Math.round(within(lift, -90, 90)),
+  within(Number(zoom.toFixed(2)), 0.5, 4),
+];
 
 /** Return a projection without perspective: `flat` gives pixels, `depth` grows towards the reader. */
-function projection({ turn, lift, zoom }: Camera, box: Box, width: number, height: number) {
+function projection([turn, lift, zoom]: Camera, box: Box, width: number, height: number) {
   const [a, e] = [(turn * Math.PI) / 180, (lift * Math.PI) / 180];
   const scale = (zoom * Math.min(width, 1.05 * height)) / (2 * box.radius);
   const [cx, cy, cz] = box.centre;
+  const near = ([x, y]: Point) => (x - cx) * Math.cos(a) + (y - cy) * Math.sin(a);
   return {
     flat: ([x, y, z]: Point): Flat => {
-      const [right, near] = [
-        (y - cy) * Math.cos(a) - (x - cx) * Math.sin(a),
-        (x - cx) * Math.cos(a) + (y - cy) * Math.sin(a),
-      ];
-      return [width / 2 + scale * right, height / 2 - scale * ((z - cz) * Math.cos(e) - near * Math.sin(e))];
+      const right = (y - cy) * Math.cos(a) - (x - cx) * Math.sin(a);
+      const up = (z - cz) * Math.cos(e) - near([x, y, z]) * Math.sin(e);
+      return [width / 2 + scale * right, height / 2 - scale * up];
     },
-    depth: ([x, y, z]: Point) => (x * Math.cos(a) + y * Math.sin(a)) * Math.cos(e) + z * Math.sin(e),
+    depth: (point: Point) => near(point) * Math.cos(e) + point[2] * Math.sin(e),
   };
 }
 
 type Box = ReturnType<typeof boxOf>;
 type Projected = ReturnType<typeof projection>["flat"];
 
-/** Return the box around all points of a run. The radius of its sphere keeps the scale while the view turns. */
-function boxOf(platform: SentPlatform, points: Numbers) {
-  const others = [...platform.parts.flatMap((part) => part.points), ...platform.reach];
-  const ends = [0, 1, 2].map((axis) =>
-    endsOf([...Array.from(points).filter((_, k) => k % 3 === axis), ...others.map((point) => point[axis]!)]),
+/** Return the points of a run by sample: those of the moving parts, the origin of the platform, and the traced point. */
+function samplesOf(platform: SentPlatform, points: Numbers): Point[][] {
+  const count = platform.parts.reduce((sum, part) => sum + part.moving, 2);
+  const at = (k: number): Point => [points[3 * k]!, points[3 * k + 1]!, points[3 * k + 2]!];
+  return Array.from({ length: points.length / (3 * count) }, (_, sample) =>
+    Array.from({ length: count }, (_, k) => at(sample * count + k)),
   );
-  const [low, high] = [ends.map(([least]) => least) as Point, ends.map(([, most]) => most) as Point];
-  const centre = low.map((value, axis) => (value + high[axis]!) / 2) as Point;
-  return { centre, low, high, radius: Math.hypot(...low.map((value, axis) => (high[axis]! - value) / 2)) || 1 };
+}
+
+/** Return the box around all points of a run. The radius of its sphere keeps the scale while the view turns. */
+function boxOf(platform: SentPlatform, samples: Point[][]) {
+  const all = [...samples.flat(), ...platform.parts.flatMap((part) => part.points), ...platform.reach];
+  const ends = [0, 1, 2].map((axis) => endsOf(all.map((point) => point[axis]!)));
+  const centre = ends.map(([low, high]) => (low + high) / 2) as Point;
+  return { centre, ends, radius: Math.hypot(...ends.map(([low, high]) => (high - low) / 2)) || 1 };
 }
 
 /** Return the outline of points in the plane: their convex hull. */
-export function outline(points: Flat[]): Flat[] {
+function outline(points: Flat[]): Flat[] {
   const sorted = [...points].sort((a, b) => a[0] - b[0] || a[1] - b[1]);
   const half = (of: Flat[]) => {
     const out: Flat[] = [];
@@ -101,53 +96,37 @@ export function outline(points: Flat[]): Flat[] {
 
 const text = (points: Flat[]): string => points.map(([x, y]) => `${x.toFixed(1)},${y.toFixed(1)}`).join(" ");
 
-/** Moving and resting points of a run by part, and the path of the traced point. */
-function pointsOf(platform: SentPlatform, points: Numbers) {
-  const stride = 3 * (2 + platform.parts.reduce((sum, part) => sum + part.moving, 0));
-  const at = (offset: number): Point => [points[offset]!, points[offset + 1]!, points[offset + 2]!];
-  const samples = points.length / stride;
-  return {
-    traced: Array.from({ length: samples }, (_, sample) => at((sample + 1) * stride - 3)),
-    origin: (sample: number) => at((sample + 1) * stride - 6),
-    parts: (sample: number) => {
-      let offset = sample * stride;
-      return platform.parts.map((part) => {
-        const own = Array.from({ length: part.moving }, (_, k) => at(offset + 3 * k));
-        offset += 3 * part.moving;
-        return { ...part, points: [...part.points, ...own] };
-      });
-    },
-  };
-}
-
 const FLOOR = 6; // squares along the floor
 
 function Floor({ box, flat }: { box: Box; flat: Projected }) {
-  const [half, [x, y]] = [0.7 * Math.max(box.high[0] - box.low[0], box.high[1] - box.low[1]), box.centre];
-  const lines = Array.from({ length: FLOOR + 1 }, (_, k) => half * ((2 * k) / FLOOR - 1)).flatMap((d) => [
-    [flat([x + d, y - half, box.low[2]]), flat([x + d, y + half, box.low[2]])],
-    [flat([x - half, y + d, box.low[2]]), flat([x + half, y + d, box.low[2]])],
-  ]);
-  return <path class="floor" d={lines.map((ends) => `M${text(ends).replace(" ", "L")}`).join("")} />;
+  const [[left, right], [back, front], [low]] = box.ends as [Flat, Flat, Flat];
+  const [half, [x, y]] = [0.7 * Math.max(right - left, front - back), box.centre];
+  const line = (...ends: Flat[]) => `M${text(ends.map(([u, v]) => flat([x + u, y + v, low])))}`;
+  const steps = Array.from({ length: FLOOR + 1 }, (_, k) => half * ((2 * k) / FLOOR - 1));
+  const lines = steps.map((d) => line([d, -half], [d, half]) + line([-half, d], [half, d]));
+  return <path class="floor" d={lines.join("")} />;
 }
+
+const AXIS = 44; // longest axis, pixels
 
 function Axes({ flat, height }: { flat: Projected; height: number }) {
   const [x, y] = flat([0, 0, 0]);
-  const ends = (["x", "y", "z"] as const).map((name, axis) => {
-    const [u, v] = flat([0, 1, 2].map((k) => (k === axis ? 1 : 0)) as Point);
-    const long = Math.hypot(...flat([1, 1, 1]).map((value, k) => value - [x, y][k]!)) || 1;
-    return { name, at: [(44 * (u - x)) / long, (44 * (v - y)) / long] as Flat };
-  });
+  const along = (...end: Point): Flat => [flat(end)[0] - x, flat(end)[1] - y];
+  const long = Math.hypot(...along(1, 1, 1)) || 1;
+  const ends = Object.entries({ x: along(1, 0, 0), y: along(0, 1, 0), z: along(0, 0, 1) });
   return (
-    <g class="axes" transform={`translate(44 ${Math.min(60, height / 4)})`}>
-      {ends.map(({ name, at: [u, v] }) => (
-        <g key={name}>
-          <path d={`M0 0L${u} ${v}`} />
-          <text x={1.3 * u} y={1.3 * v + 4} text-anchor="middle">
-            {name}
-          </text>
-        </g>
-      ))}
+    <g class="axes" transform={`translate(${AXIS} ${Math.min(60, height / 4)})`}>
+      {ends.map(([name, end]) => {
+        const [u, v] = end.map((value) => (AXIS * value) / long) as Flat;
+        return (
+          <g key={name}>
+            <path d={`M0 0L${u} ${v}`} />
+            <text x={1.3 * u} y={1.3 * v + 4} text-anchor="middle">
+              {name}
+            </text>
+          </g>
+        );
+      })}
     </g>
   );
 }
@@ -157,7 +136,7 @@ const signed = (force: number): string => `${force < 0 ? "−" : "+"}${digits(Ma
 /** Bar of a force, from the largest pull to the largest push that the supply pressure gives at rest. */
 function ForceBar({ force, limits: [low, high], width }: { force: number; limits: SentLeg["limits"]; width: number }) {
   const most = Math.max(Math.abs(low ?? force), Math.abs(high ?? force), 1e-9);
-  const end = (value: number) => (width / 2) * (1 + Math.max(-1, Math.min(1, value / most)));
+  const end = (value: number) => (width / 2) * (1 + within(value / most, -1, 1));
   const [from, to] = [Math.min(end(0), end(force)), Math.max(end(0), end(force))];
   const isOver = (high !== null && force > high) || (low !== null && force < low);
   return (
@@ -180,95 +159,89 @@ interface SceneProps {
 /** The lines of the platform at a sample, the farthest first. */
 function Scene({ now, platform, sample, shown, width }: SceneProps) {
   const points = now.arrays.get(`platform/${platform.name}`)!;
-  const own = useMemo(() => pointsOf(platform, points), [points]);
-  const box = useMemo(() => boxOf(platform, points), [points]);
+  const samples = useMemo(() => samplesOf(platform, points), [points]);
+  const box = useMemo(() => boxOf(platform, samples), [points]);
   const height = Math.min(MOST_HIGH, SHARE * width);
   const { flat, depth } = projection(shown, box, width, height);
-  const parts = own.parts(sample);
-  const legOf = (number: number) => parts.filter((part) => part.leg === number);
+  const moving = samples[sample]!;
+  const [origin, tip] = moving.slice(-2) as [Point, Point];
+  const traced = samples.map((each) => each.at(-1)!);
+  let at = 0;
+  const parts = platform.parts.map((part) => {
+    const own = moving.slice(at, (at += part.moving));
+    return { ...part, points: [...part.points, ...own] };
+  });
+  const line = (look: string, ...of: Point[]) => <polyline class={look} points={text(of.map(flat))} />;
+  const linesOf = (of: typeof parts) => of.map((part) => line(part.part, ...part.points));
   const mean = (of: typeof parts) => {
     const all = of.flatMap((part) => part.points.map(depth));
     return all.reduce((sum, value) => sum + value, 0) / all.length;
   };
-  const forceOf = (leg: SentLeg) => now.arrays.get(`motion/${leg.force}`)![sample]!;
-  const thick = Math.max(0.5, width / 720) * shown.zoom;
-  const line = (part: (typeof parts)[number], key: number) => (
-    <polyline key={key} class={part.part} points={text(part.points.map(flat))} />
-  );
-  const tip = own.traced[sample]!;
-  const body = parts.filter((part) => part.part === "platform");
-  const groups = [
-    ...platform.legs.map((leg, k) => {
-      const of = legOf(k + 1);
-      const barrel = of.find((part) => part.part === "barrel")?.points;
-      const piston = of.find((part) => part.part === "piston")?.points;
-      const gas = barrel && piston ? [barrel[0]!, piston[0]!] : [];
-      return {
-        depth: mean(of),
-        drawn: (
-          <g key={leg.name} data-leg={leg.name}>
-            {of.filter((part) => part.part !== "piston").map(line)}
-            {gas.length > 0 && (
-              <>
-                <polyline class="inside" points={text(barrel!.map(flat))} />
-                <polyline class={forceOf(leg) < 0 ? "gas pull" : "gas push"} points={text(gas.map(flat))} />
-              </>
-            )}
-            {of.filter((part) => part.part === "piston").map(line)}
-          </g>
-        ),
-      };
-    }),
-    {
-      depth: mean(body),
-      drawn: (
-        <g key="platform">
-          {body.map(line)}
-          <polyline class="normal" points={text([own.origin(sample), tip].map(flat))} />
-        </g>
-      ),
-    },
-  ].sort((a, b) => a.depth - b.depth);
-  const labels = platform.legs.map((leg, k) => {
-    const { part, points } = legOf(k + 1)[0]!; // a rod from the frame, or the guide of a carriage
-    const [x, y] = flat(points[part === "guide" ? 1 : 0]!);
-    return { leg, x: Math.min(Math.max(x, 90), width - 90), y, side: x < width / 2 ? -1 : 1 };
+  const legs = platform.legs.map((leg, k) => {
+    const of = parts.filter((part) => part.leg === k + 1);
+    return { ...leg, of, now: now.arrays.get(`motion/${leg.force}`)![sample]! };
   });
+  const body = parts.filter((part) => part.part === "platform");
+  const groups = legs.map((leg) => {
+    const barrel = leg.of.find((part) => part.part === "barrel")?.points;
+    const piston = leg.of.find((part) => part.part === "piston")?.points;
+    const drawn = (
+      <g key={leg.name} data-leg={leg.name}>
+        {linesOf(leg.of.filter((part) => part.part !== "piston"))}
+        {barrel && piston && line("inside", ...barrel)}
+        {barrel && piston && line(leg.now < 0 ? "gas pull" : "gas push", barrel[0]!, piston[0]!)}
+        {linesOf(leg.of.filter((part) => part.part === "piston"))}
+      </g>
+    );
+    return { depth: mean(leg.of), drawn };
+  });
+  const plate = (
+    <g key="platform">
+      {linesOf(body)}
+      {line("normal", origin, tip)}
+    </g>
+  );
+  const all = [...groups, { depth: mean(body), drawn: plate }].sort((a, b) => a.depth - b.depth);
   return (
     <svg
       role="img"
       width={width}
       height={height}
-      style={{ "--thick": thick }}
+      style={{ "--thick": Math.max(0.5, width / 720) * shown[2] }}
       aria-label={`Platform ${platform.name} in three dimensions. The table of legs has its values.`}>
       <Floor box={box} flat={flat} />
       {platform.reach.length > 2 && <polygon class="reach" points={text(outline(platform.reach.map(flat)))} />}
-      {parts.filter((part) => part.part === "frame").map(line)}
-      {groups.map((group) => group.drawn)}
+      {linesOf(parts.filter((part) => part.part === "frame"))}
+      {all.map((group) => group.drawn)}
       {platform.paths.map((path, k) => {
-        const [x, y] = flat(path.points[path.points.length - 1]!);
+        const [x, y] = flat(path.points.at(-1)!);
         return (
           <g key={path.label} class={`other other-${k % 3}`} data-path={path.label}>
-            <polyline points={text(path.points.map(flat))} />
+            {line("", ...path.points)}
             <text x={x + 8} y={y - 8}>
               {path.label}
             </text>
           </g>
         );
       })}
-      <polyline class="whole-path" points={text(own.traced.map(flat))} />
-      <polyline class="path" points={text(own.traced.slice(0, sample + 1).map(flat))} />
+      {line("whole-path", ...traced)}
+      {line("path", ...traced.slice(0, sample + 1))}
       <circle class="tip" cx={flat(tip)[0]} cy={flat(tip)[1]} r={5} />
       <Axes flat={flat} height={height} />
-      {labels.map(({ leg, x, y, side }) => (
-        <g key={leg.name} transform={`translate(${x + (side < 0 ? -82 : 22)} ${Math.min(y, height - 30)})`}>
-          <text class="name">{leg.name.replace(/_/g, " ")}</text>
-          <text y={16}>{signed(forceOf(leg))}</text>
-          <g transform="translate(0 22)">
-            <ForceBar force={forceOf(leg)} limits={leg.limits} width={60} />
+      {legs.map((leg) => {
+        const { part, points } = leg.of[0]!; // a rod from the frame, or the guide of a carriage
+        const [x, y] = flat(points[part === "guide" ? 1 : 0]!);
+        const left = within(x, 90, width - 90) + (x < width / 2 ? -82 : 22);
+        return (
+          <g key={leg.name} transform={`translate(${left} ${Math.min(y, height - 30)})`}>
+            <text class="name">{leg.name.replace(/_/g, " ")}</text>
+            <text y={16}>{signed(leg.now)}</text>
+            <g transform="translate(0 22)">
+              <ForceBar force={leg.now} limits={leg.limits} width={60} />
+            </g>
           </g>
-        </g>
-      ))}
+        );
+      })}
     </svg>
   );
 }
@@ -286,7 +259,7 @@ function Legs({ now, platform, sample }: { now: Frame<RunHead>; platform: SentPl
         <>
           <svg class="stroke" viewBox="0 0 100 14" preserveAspectRatio="none" aria-hidden="true">
             <rect y="5" width="100" height="4" />
-            <rect class="at" x={96 * Math.min(Math.max(x / cylinder.stroke_m, 0), 1)} width="4" height="14" />
+            <rect class="at" x={96 * within(x / cylinder.stroke_m, 0, 1)} width="4" height="14" />
           </svg>
           {digits(1000 * x, 4)} of {digits(1000 * cylinder.stroke_m, 4)} mm
         </>
@@ -333,7 +306,7 @@ function Pose({ now, platform, sample }: { now: Frame<RunHead>; platform: SentPl
 }
 
 /** The view of a platform with what turns it. `children` moves the time. */
-export function PlatformAt(props: {
+export default function PlatformAt(props: {
   now: Frame<RunHead>;
   platform: SentPlatform;
   sample: number;
@@ -345,12 +318,8 @@ export function PlatformAt(props: {
   const from = useRef<{ x: number; y: number; camera: Camera } | null>(null);
   const [place, width] = useWidth<HTMLDivElement>();
   const shown = turning ?? cameraOf(camera.value);
-  const put = (next: Camera) => {
-    const { turn, lift, zoom } = limited(next);
-    camera.value = `${turn},${lift},${zoom}`;
-  };
-  const by = (turn: number, lift: number, zoom = 1) =>
-    put({ turn: shown.turn + turn, lift: shown.lift + lift, zoom: shown.zoom * zoom });
+  const put = (next: Camera) => (camera.value = limited(next).join());
+  const by = (turn: number, lift: number, zoom = 1) => put([shown[0] + turn, shown[1] + lift, shown[2] * zoom]);
   const zoom = (way: 1 | -1) => by(0, 0, CLOSER ** way);
   const keys = viewKeys({ zoom, reset: () => put(FREE), step: (right, down) => by(-STEP * right, -STEP * down) });
   const end = () => {
@@ -370,7 +339,7 @@ export function PlatformAt(props: {
             <span class="note" id={`keys-${platform.name}`}>
               Drag or press the arrow keys to turn, + and − to zoom.
             </span>
-            {Object.entries(VIEWS).map(([name, view]) => (
+            {VIEWS.map(([name, view]) => (
               <Button key={name} act={() => put(view)} words={name} />
             ))}
           </div>
@@ -379,7 +348,7 @@ export function PlatformAt(props: {
             class="turned"
             tabIndex={0}
             role="group"
-            aria-label={`View of ${platform.name}, turned ${Math.round(shown.turn)} degrees, lifted ${Math.round(shown.lift)} degrees`}
+            aria-label={`View of ${platform.name}, turned ${Math.round(shown[0])} degrees, lifted ${Math.round(shown[1])} degrees`}
             aria-describedby={`keys-${platform.name}`}
             onKeyDown={keys}
             onWheel={onZoom(zoom)}
@@ -392,9 +361,9 @@ export function PlatformAt(props: {
             onPointerMove={(event) => {
               const start = from.current;
               if (!start) return;
-              const { turn, lift, zoom } = start.camera;
+              const [turn, lift, zoom] = start.camera;
               const [right, down] = [event.clientX - start.x, event.clientY - start.y];
-              turnTo(limited({ turn: turn - DRAG * right, lift: lift + DRAG * down, zoom }));
+              turnTo(limited([turn - DRAG * right, lift + DRAG * down, zoom]));
             }}>
             {width > 0 && <Scene now={now} platform={platform} sample={sample} shown={shown} width={width} />}
           </div>

@@ -1,21 +1,18 @@
 /** View of sizing: text and check of the task, the search as a job, and its answer with the candidates against their limits. */
 
-import { computed, signal, useSignal } from "@preact/signals";
-import { useEffect, useLayoutEffect, useRef } from "preact/hooks";
+import { computed, signal } from "@preact/signals";
+import { useEffect, useLayoutEffect } from "preact/hooks";
 import { FigureView } from "../plots/figure";
 import { count, digits } from "../plots/looks";
-import { isToml, link, route } from "../routes";
-import type { Candidate, Field, Finding, Limit, Sizing } from "../server/generated";
-import { ask, attempts, read } from "../server/server";
-import { undoable } from "../undo";
-import { useAnswer } from "../workspace/answers";
-import { Button, Fold, toggled } from "../workspace/fields";
-import { changesOf, filesOf } from "../workspace/files";
-import { JobForm } from "../workspace/form";
-import { Cancel, follow, JobList, jobs, reached } from "../workspace/jobs";
-import { InFolder, Problems, ReportOf, Select, useCopied } from "../workspace/parts";
+import { isToml, link, route, undoable } from "../routes";
+import type { Candidate, Field, Finding, Job, Limit, Sizing } from "../server/generated";
+import { ask, attempts, LOOK_MS, read, useWatched } from "../server/server";
+import { Button, Fold, Select, Table, toggled } from "../workspace/fields";
+import { changesOf } from "../workspace/files";
+import { follow, JobForm, JobList, jobs, Progress } from "../workspace/jobs";
+import { Files } from "../workspace/listed";
+import { Problems, ReportOf, useCopied } from "../workspace/parts";
 import { Answer, Notes } from "../workspace/result";
-import { Table } from "../workspace/table";
 import { open, opened, problems, set, valid } from "./opened";
 import { useOpenText } from "./text";
 
@@ -27,7 +24,6 @@ const orderBy = undoable(signal("Rank"));
 const path = computed(() => (route.value.view === "sizing" ? route.value.path : ""));
 const isFile = computed(() => isToml(path.value));
 
-const LOOK_MS = 500;
 /** Request that continues the search of a folder as it was begun. */
 const again = (folder: string, { task, draws, asked }: Sizing) => {
   return { kind: "size", task, draws, ...asked, name: "sizing", resume: folder };
@@ -39,26 +35,17 @@ const resume = (folder: string, now: Sizing): Promise<void> =>
 export default function SizingView() {
   const folder = isFile.value ? "" : path.value;
   const state = jobs.value.find((one) => one.out === folder)?.state;
-  const round = useSignal(0);
-  const [answer, problems] = useAnswer(folder, () => read<Sizing | { waits: true }>("/api/sizing", { path: folder }), [
-    state,
-    round.value,
-  ]);
-  const now = answer && !("waits" in answer) ? answer : null;
-  const searched = useRef(""); // folder of a search that runs anywhere, also while an answer is refused
-  if (now) searched.current = now.searched ? folder : "";
-  useLayoutEffect(() => {
-    [wrong.value, pinned.value] = [[], []];
-    void follow();
-  }, [path.value]);
+  const [answer, problems] = useWatched(
+    folder,
+    () => read<Sizing & { waits?: true }>("/api/sizing", { path: folder }),
+    (last) => (state === "running" || last?.searched ? LOOK_MS : 0), // by any process
+    [state],
+  );
+  const now = answer?.waits ? null : answer;
+  useLayoutEffect(() => void ([wrong.value, pinned.value] = [[], []]), [path.value]);
   useEffect(() => {
     if (!folder) void open(path.value, true);
   }, [path.value, changesOf(path.value)]);
-  useEffect(() => {
-    if (!folder || (state !== "running" && searched.current !== folder)) return;
-    const timer = setTimeout(() => (round.value += 1), LOOK_MS); // the next look waits for the answer
-    return () => clearTimeout(timer);
-  }, [answer, problems, state]);
   if (!path.value || isFile.value) return <TaskView />;
   return (
     <div class="sizing">
@@ -119,7 +106,7 @@ function TaskView() {
           after={({ out }) => void (location.hash = link("sizing", out))}>
           {!isSaved && <span class="note">Save the task first.</span>}
         </JobForm>
-        <InFolder files={filesOf("sizing")} title="Sizings" view="sizing" />
+        <Files title="Sizings in the folder" kinds={["sizing"]} />
       </section>
     </>
   );
@@ -206,30 +193,14 @@ function Result({ now, folder }: { now: Sizing; folder: string }) {
 const withoutFigures = (title: string): string => title.replace(/: [\d.]+ s of .*?(; limited by|$)/, "$1");
 
 /** Progress of a search, and its continuation. */
-function Search(props: { now: Sizing; folder: string; running: (typeof jobs.value)[number] | undefined }) {
-  const { now, folder, running } = props;
-  const { done = 0, total = 1 } = running?.progress ?? {};
-  if (running)
-    return (
-      <p class="row">
-        <progress aria-label="Progress of the search" value={done} max={Math.max(total, 1)} />
-        {reached(running)}
-        <Cancel job={running}>Cancel the search</Cancel>
-      </p>
-    );
+function Search({ now, folder, running }: { now: Sizing; folder: string; running: Job | undefined }) {
+  if (running) return <Progress job={running} name="the search" />;
   if (now.searched) return <p class="note">A process that this server did not start searches in this folder.</p>;
   if (now.done) return null;
-  if (!now.task)
-    return (
-      <p>
-        The search was stopped early. It continues once the folder has its task again: {folder}/sizing.json has the
-        values.
-      </p>
-    );
+  const noTask = `It continues once the folder has its task again: ${folder}/sizing.json has the values.`;
   return (
     <p class="row">
-      The search was stopped early.
-      <Button act={() => resume(folder, now)}>Resume</Button>
+      The search was stopped early. {now.task ? <Button act={() => resume(folder, now)}>Resume</Button> : noTask}
     </p>
   );
 }
@@ -264,11 +235,8 @@ async function amend(task: string, pairs: string[][]): Promise<void> {
 function DataSheet({ folder }: { folder: string }) {
   const own = `${folder.slice(folder.lastIndexOf("/") + 1)}-sheet`;
   const job = jobs.value.find((one) => one.out === `results/${own}/report.html`);
-  const start = () =>
-    attempt(async () => {
-      await ask("/api/jobs", { kind: "datasheet", drive: `${folder}/01.toml`, name: own });
-      void follow();
-    });
+  const asked = { kind: "datasheet", drive: `${folder}/01.toml`, name: own };
+  const start = () => attempt(async () => (await ask("/api/jobs", asked), void follow()));
   return (
     <div class="row" data-sheet={job?.state ?? "none"}>
       <Button disabled={job?.state === "running"} act={() => start()}>
@@ -286,10 +254,8 @@ const PERCENT = 100;
 function columnsOf(every: Candidate[]): Candidate[] {
   const first = every.filter((one, k) => every.findIndex((other) => other.cylinder === one.cylinder) === k);
   const isPinned = (one: Candidate) => pinned.value.includes(one.name);
-  return [...every.filter(isPinned), ...first.filter((one) => !isPinned(one))].slice(
-    0,
-    Math.max(MOST_COLUMNS, pinned.value.length),
-  );
+  const most = Math.max(MOST_COLUMNS, pinned.value.length);
+  return [...every.filter(isPinned), ...first.filter((one) => !isPinned(one))].slice(0, most);
 }
 
 /** Candidates side by side: the range of each value against its limit. */
@@ -340,22 +306,17 @@ function Ranges({ now }: { now: Sizing }) {
   );
 }
 
-const WIDTH = 100;
-
 /** The range of a value as a bar, with the value, its mark and its limit. */
 function Range({ of, most, isCommon }: { of: Limit; most: number; isCommon: boolean }) {
   const { value, limit, unit, margin, interval } = of;
-  const at = (one: number | null) => (WIDTH * Math.min(Math.max(one ?? most, 0), most)) / most;
+  const at = (one: number | null) => `${(PERCENT * Math.min(Math.max(one ?? most, 0), most)) / most}%`;
   const [low, high] = interval ?? [value, value];
   const isMissed = limit !== null && (margin === null || margin < 0);
+  const end = limit === null ? "-9in" : at(limit);
+  const places = { "--low": at(low), "--high": at(high), "--mark": at(value), "--limit": end };
   return (
     <span class={isMissed ? "range missed" : "range"}>
-      <svg viewBox={`0 0 ${WIDTH} 16`} preserveAspectRatio="none" aria-hidden="true">
-        <path class="rail" d={`M0 8H${WIDTH}`} />
-        <rect x={at(low)} y={4} width={Math.max(at(high) - at(low), 1)} height={8} />
-        <path class="mark" d={`M${at(value)} 1V15`} />
-        {limit !== null && <path class="limit" d={`M${at(limit)} 0V16`} />}
-      </svg>
+      <i style={places} />
       <b>{value === null ? "does not end" : `${digits(value)} ${unit}`}</b>
       {limit !== null && !isCommon && <small>limit {digits(limit)}</small>}
       {isMissed && <small>above its limit</small>}
@@ -403,11 +364,9 @@ function Choices({ now: { candidates: every, view } }: { now: Sizing }) {
                   words={isPinned ? "unpin" : "pin"}
                 />
               </>,
-              ...COLUMNS.map(([, column, shown]) => (
-                <span data-column={column} data-si={shown(one)}>
-                  {digits(shown(one))}
-                </span>
-              )),
+              ...COLUMNS.map(([, column, shown]) => {
+                return { text: digits(shown(one)), data: { "data-column": column, "data-si": shown(one) } };
+              }),
               <span class={one.misses ? "missed" : ""}>{one.binding}</span>,
               one.setting,
             ],

@@ -1,47 +1,14 @@
 /** Text of a file, in an editor that is loaded when it is shown. */
 import type { Signal } from "@preact/signals";
 import type { ComponentChildren } from "preact";
-import { useEffect, useRef } from "preact/hooks";
+import { useRef } from "preact/hooks";
 import { inCatalogue } from "../routes";
-import type { Problem } from "../server/generated";
-import { Button, TextInput } from "../workspace/fields";
+import { Button, lazy, TextInput } from "../workspace/fields";
 import { list } from "../workspace/files";
 import { isIn, Problems } from "../workspace/parts";
-import type { Editor } from "./editor";
 import { change, onDisk, opened, problems, said, save, takeFromDisk, wasSaved } from "./opened";
 
-/** Return the editor of a text, and a function that goes to a line of it. Another file (`of`) has another editor. */
-function useEditor(
-  of: string,
-  text: string,
-  problems: Problem[],
-  type: (text: string) => void,
-): [ComponentChildren, (line: number) => void] {
-  const place = useRef<HTMLDivElement>(null);
-  const editor = useRef<Editor | null>(null);
-  const newest = useRef({ text, problems });
-  newest.current = { text, problems };
-  const show = () => editor.current?.show(newest.current.text, newest.current.problems);
-  useEffect(() => {
-    if (!of) return;
-    let isGone = false;
-    void import("./editor").then(({ edit }) => {
-      if (isGone || !place.current) return;
-      editor.current = edit(place.current, newest.current.text, (next) => {
-        newest.current.text = next; // before the next render: an older text would replace what is typed
-        type(next);
-      });
-      show();
-    });
-    return () => {
-      isGone = true;
-      editor.current?.end();
-      editor.current = null;
-    };
-  }, [of]);
-  useEffect(show, [text, JSON.stringify(problems)]);
-  return [<div ref={place} class="editor" />, (line) => editor.current?.go(line)];
-}
+const Editor = lazy(() => import("./editor"));
 
 /**
  * Return the editor of the open text, and its name, state and problems. A text of another path is not shown; a new file
@@ -53,7 +20,12 @@ export function useOpenText(path: string, name: Signal<string>): [editor: Compon
   const own = now?.isTask ? "task" : fileName; // as the server calls the text
   const inText = problems.value.filter((one) => isIn(one, own));
   const type = (text: string) => void change(text, true);
-  const [editor, goTo] = useEditor(now ? `text ${now.path}` : "", now?.text ?? "", inText, type);
+  const goTo = useRef((_line: number) => {});
+  const editor = (
+    <div class="editor">
+      {now && <Editor key={`text ${now.path}`} text={now.text} problems={inText} type={type} goTo={goTo} />}
+    </div>
+  );
   const isSaved = !now || now.text === now.saved;
   const isOld = !isSaved && said.value === wasSaved(path); // it was typed on since
   const state = (
@@ -77,7 +49,7 @@ export function useOpenText(path: string, name: Signal<string>): [editor: Compon
           <Button act={takeFromDisk}>Drop these changes and show the file</Button>
         </p>
       )}
-      <Problems of={problems.value} own={own} onLine={goTo} />
+      <Problems of={problems.value} own={own} onLine={(line) => goTo.current(line)} />
       {now && !problems.value.length && <p class="note">No problems.</p>}
     </>
   );

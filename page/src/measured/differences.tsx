@@ -1,10 +1,11 @@
-/** Differences between two drives, or between two fits of one kind. */
+/** Comparison of two drives, or of two results of one kind. */
 
 import { FigureView } from "../plots/figure";
 import { digits, pretty } from "../plots/looks";
 import type { Compared } from "../server/generated";
-import { Fold, Lines } from "../workspace/fields";
-import { Table } from "../workspace/table";
+import { usePosted } from "../server/server";
+import { Fold, Lines, Table } from "../workspace/fields";
+import { Copied, Problems } from "../workspace/parts";
 
 /** Return whether two intervals such as "0.5 … 3.3" overlap. */
 function isAlike(some: string, others: string): boolean {
@@ -14,7 +15,7 @@ function isAlike(some: string, others: string): boolean {
 }
 
 /** Sentence, figure and table of the differences between two files. */
-export function Differences({ sentence, figure, values, lines, names: [before, after] }: Compared) {
+function Differences({ sentence, figure, values, lines, names: [before, after] }: Compared) {
   if (!values.length && !figure) return <p role="status">{sentence}</p>;
   return (
     <section aria-label="Differences">
@@ -43,5 +44,18 @@ export function Differences({ sentence, figure, values, lines, names: [before, a
         </Fold>
       )}
     </section>
+  );
+}
+
+/** Differences between two files, asked for again when `again` changes. */
+export default function Comparison({ before, after, again }: { before: string; after: string; again?: unknown }) {
+  const [compared, problems] = usePosted<Compared>("/api/compare", { before, after }, [again]);
+  return (
+    <>
+      <Problems of={problems} />
+      {!problems.length && !compared && <p role="status">Comparing.</p>}
+      {compared && <Differences {...compared} />}
+      {compared && <Copied of="the difference" {...compared} />}
+    </>
   );
 }

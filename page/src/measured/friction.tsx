@@ -1,43 +1,23 @@
 /** View of friction maps with the curves of their fits, of comparisons of seals, and of fits of every kind. */
 
-import { signal } from "@preact/signals";
+import { type Signal, signal, useSignal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
 import { FigureView } from "../plots/figure";
-import { digits } from "../plots/looks";
+import { digits, MM } from "../plots/looks";
 import { type Group, isWide, MOST_SERIES, pointsFigure } from "../plots/points";
 import { isToml, kept, link, route } from "../routes";
-import type {
-  Compared,
-  FrictionCurve as Curve,
-  Finding,
-  FrictionMap,
-  FrictionPoint as Point,
-  SentView,
-  ShownFigure,
-  Slice,
-} from "../server/generated";
-import { usePosted, useRequest } from "../workspace/answers";
-import { Button, Fold, type Option, Tick } from "../workspace/fields";
+import type { BehindFit, Finding, FrictionMap, NextPoints, SentView, ShownFigure, Slice } from "../server/generated";
+import { useRequest } from "../server/server";
+import { Button, Fold, type Option, Select, Table, Tick } from "../workspace/fields";
 import { changesOf, filesOf, folderOf, nameOf, pathsOf, studies } from "../workspace/files";
-import { JobForm } from "../workspace/form";
-import { follow } from "../workspace/jobs";
-import { Copied, Problems, ReportOf, Select } from "../workspace/parts";
-import { Answer, Findings, Shown, useView, Values } from "../workspace/result";
-import { Table } from "../workspace/table";
-import { Differences } from "./differences";
-import { Behind, showBehind } from "./fit";
+import { follow, JobForm, requestOf } from "../workspace/jobs";
+import { Copied, Problems, ReportOf } from "../workspace/parts";
+import { Answer, Figures, Findings, Shown, useView, Values } from "../workspace/result";
+import Comparison from "./differences";
 
-/** Points of one seal and pressure, with the curve of the fit; `assembly` is seal, mounting and drive. */
-interface Part<Key extends string> {
-  label: string;
-  assembly: string;
-  points: (Point & Record<Key, number>)[];
-  curve?: Curve & Record<Key, number[]>;
-}
+type Groups = FrictionMap["groups"];
 
 const MOST_ROWS = 300;
-const MM = 1000; // mm in a metre
-const BAR = 1e5; // Pa
 const NEAR = 0.05; // speeds that differ by less, relatively, are one level
 const NARROW = 3; // ratio of speeds below which pressure is the axis
 const ALL = "all, side by side";
@@ -54,48 +34,36 @@ export function levels(speeds: number[]): number[] {
   return [...speeds].sort((a, b) => a - b).filter((speed, k, all) => k === 0 || speed > all[k - 1]! * (1 + NEAR));
 }
 
-/** Return a group over an axis of size `size`, from points and a curve whose abscissa is named `key`. */
-function groupOver<Key extends "speed" | "gauge">(key: Key, size: number, part: Part<Key>): Group {
-  const { label, assembly, points, curve } = part;
-  const runs = [...new Set(points.map((point) => point.recording))];
-  const runOf = (recording: string) => (key === "speed" ? runs.indexOf(recording) : 0);
-  return {
-    label: label.replace(`${assembly}: `, ""),
-    points: points.map((point) => ({
-      x: size * point[key],
-      y: point.friction,
-      spread: point.spread,
-      run: runOf(point.recording),
-    })),
-    curve: curve && {
-      x: curve[key].map((at) => size * at),
-      y: curve.friction,
-      low: curve.low,
-      high: curve.high,
-      measured: curve.measured.map((at) => size * (at ?? Number.NaN)),
-    },
-  };
-}
-
-/** Return the panels of a figure: one for each seal. */
-const panelsOf = <Key extends "speed" | "gauge">(key: Key, size: number, parts: Part<Key>[]) =>
-  [...new Set(parts.map((part) => part.assembly))].map((title, _, all) => ({
-    title: all.length > 1 ? title : "",
-    groups: parts.filter((part) => part.assembly === title).map((part) => groupOver(key, size, part)),
+/** Return the panels of a figure: one for each seal. Over speed, points of later recordings are open. */
+const panelsOf = (parts: (Groups | Slice["groups"])[number][], isOverSpeed = false) =>
+  [...new Set(parts.map((part) => part.assembly))].map((seal, _, all) => ({
+    title: all.length > 1 ? seal : "",
+    groups: parts
+      .filter((part) => part.assembly === seal)
+      .map(
+        ({ label, points, curve }): Group => ({
+          label: label.replace(`${seal}: `, ""),
+          points: isOverSpeed ? points.map((point) => ({ ...point, run: point.recording })) : points,
+          curve,
+        }),
+      ),
   }));
+
+/** Whether speeds are drawn on a logarithmic axis: as chosen, or because they need it. */
+const isLogOf = (groups: Groups): boolean => isLog.value ?? isWide(groups);
 
 /** Friction over the pressure of a chamber, with a panel for each seal. */
 export function overPressure({ chamber, groups }: Slice, caption: string): ShownFigure {
-  const panels = panelsOf("gauge", 1 / BAR, groups);
+  const panels = panelsOf(groups);
   if (groups.length === panels.length) for (const panel of panels) panel.groups[0]!.label = ""; // one pressure alone
-  const x = `chamber ${chamber}, bar gauge`;
-  return pointsFigure({ name: "Friction over pressure", caption, x, y: "friction, N", panels, isFromZero: true });
+  const axes = { x: [`chamber ${chamber}, bar gauge`, 1e5] as [string, number], y: "friction, N" };
+  return pointsFigure({ name: "Friction over pressure", caption, ...axes, panels, isFromZero: true });
 }
 
 /** Whether the axis is pressure: as chosen, or because pressure was varied more than speed, as a map of one seal shows. */
-function isOverPressure(groups: FrictionMap["groups"]): boolean {
+function isOverPressure(groups: Groups): boolean {
   if (axis.value) return axis.value === "pressure";
-  const speeds = groups.flatMap((group) => group.points.map((point) => point.speed));
+  const speeds = groups.flatMap((group) => group.points.map((point) => point.x));
   const counts = groups.map((group) => groups.filter((one) => one.assembly === group.assembly).length);
   return Math.max(...counts) > 1 && Math.max(...speeds) < NARROW * Math.min(...speeds);
 }
@@ -106,6 +74,8 @@ export default function FrictionView() {
   const [view, problems] = useRequest<SentView>("/api/view", isFit ? { path } : null, [changesOf(path)]);
   const beside = [folderOf(path), "map.parquet"].filter(Boolean).join("/");
   const hasMap = studies.value?.files.some((file) => file.path === beside);
+  const behind = useSignal("");
+  const out = path.replace(/(fit)?\.toml$/, "identified.toml");
   if (!isFit) return <MapView key={path} path={path} fit="" />;
   if (view && hasMap && !view.figures.length && !view.curves.length)
     return <MapView key={path} path={beside} fit={path} />;
@@ -115,14 +85,10 @@ export default function FrictionView() {
       <Problems of={problems} />
       {view && <Shown view={view} label="Fit" />}
       <ReportOf folder={folderOf(path)} />
-      {view && <Behind path={path} />}
+      {view && <Behind path={path} of={behind} />}
       {view && !hasMap && (
         <Fold title="Apply it to a drive">
-          <JobForm
-            kind="apply"
-            given={{ fit: path }}
-            start={{ out: path.replace(/(fit)?\.toml$/, "identified.toml") }}
-          />
+          <JobForm kind="apply" given={{ fit: path }} start={{ out }} />
         </Fold>
       )}
     </div>
@@ -135,15 +101,30 @@ function MapView({ path, fit: opened }: { path: string; fit: string }) {
   useEffect(() => void (isLog.value = null), []);
   const [found, problems] = useRequest<FrictionMap>("/api/map", { path, fit: drawn }, [studies.value]);
   const whole = useView(path);
+  const behind = useSignal("");
   const names = Object.keys(found?.seals ?? {});
   const ofFit = names.find((name) => opened && found!.seals[name] === opened);
   const now = [...names, ALL].includes(seal.value)
     ? seal.value
     : (ofFit ?? (names.length > 1 ? ALL : (names[0] ?? "")));
+  const groups = found?.groups.filter((group) => now === ALL || group.assembly === now) ?? [];
+  const isOver = found !== null && isOverPressure(found.groups);
   const fit = drawn || (found?.seals[now] ?? "");
+  const seals = names.filter((name) => name !== now && found!.seals[name] && found!.seals[now]);
+  const others = [...seals, ...pathsOf("friction map").filter((file) => file !== path)];
   const fitted = useView(fit);
   const name = nameOf(folderOf(path)) || nameOf(path);
   const answer = fitted ?? (fit ? null : whole);
+  const remedy = ({ state }: Finding) =>
+    fit && state !== "good" ? (
+      <p>
+        <Button act={() => (behind.value = fit)}>Plan the next points</Button>
+      </p>
+    ) : null;
+  const again = async (job: { number: number; out: string }) => {
+    await follow(job.number);
+    if (route.value.path === path) chosenFit.value = job.out;
+  };
   return (
     <div class="friction">
       <h2>
@@ -155,66 +136,63 @@ function MapView({ path, fit: opened }: { path: string; fit: string }) {
       {found && !other.value && answer && <Answer view={answer} withFindings={false} />}
       {found && (
         <>
-          <Choices path={path} found={found} names={names} now={now} drawn={drawn} />
+          <p class="row">
+            {names.length > 1 && (
+              <Select
+                label="Seal or mounting"
+                value={now}
+                options={[ALL, ...names]}
+                put={(name) => ([seal.value, other.value, level.value] = [name, "", ""])}
+              />
+            )}
+            <Axes isOver={isOver} groups={groups} />
+            {others.length > 0 && <Select label="Compare with" of={other} options={[["", "nothing"], ...others]} />}
+            {found.fits.length > 0 && names.length === 1 && (
+              <Select
+                label="Curves of"
+                value={fit}
+                options={fit ? found.fits : [["", "choose"], ...found.fits]}
+                put={(file) => (chosenFit.value = file)}
+              />
+            )}
+          </p>
           <div class="result">
             <div class="result-figures">
               {other.value ? (
-                <Comparison path={path} fit={fit} found={found} />
+                <div class="panel">
+                  <Comparison {...pairOf(path, fit, found)} again={found} />
+                </div>
               ) : (
-                <MapFigure path={path} fit={drawn} found={found} now={now} />
+                <MapFigure path={path} fit={drawn} found={found} groups={groups} isOver={isOver} />
               )}
             </div>
             <aside>
-              <Aside path={path} fit={fit} views={[fitted, whole]} />
+              {(fitted ?? whole) && (
+                <section class="panel" aria-label="Findings">
+                  <h3>What these data cannot tell</h3>
+                  <Findings of={[...(fitted?.findings ?? []), ...(whole?.findings ?? [])]} remedy={remedy} />
+                  <ReportOf folder={folderOf(path)} />
+                </section>
+              )}
+              {fitted && <Values view={fitted} />}
+              <Fold title="Fit another law">
+                <JobForm kind="fit" given={{ map: path }} jobs={["fit", "design"]} after={again} />
+              </Fold>
             </aside>
           </div>
-          <Points found={found} now={now} />
-          {fit && <Behind path={fit} />}
+          <Points found={found} groups={groups} />
+          {fit && <Behind path={fit} of={behind} />}
         </>
       )}
     </div>
   );
 }
 
-/** Open findings, the values of the fit, the report, and another fit. */
-function Aside({ path, fit, views: [fitted, whole] }: { path: string; fit: string; views: (SentView | null)[] }) {
-  const remedy = ({ state }: Finding) =>
-    fit && state !== "good" ? (
-      <p>
-        <Button act={() => showBehind(fit)}>Plan the next points</Button>
-      </p>
-    ) : null;
-  const again = async (job: { number: number; out: string }) => {
-    await follow(job.number);
-    if (route.value.path === path) chosenFit.value = job.out;
-  };
-  return (
-    <>
-      {(fitted ?? whole) && (
-        <section class="panel" aria-label="Findings">
-          <h3>What these data cannot tell</h3>
-          <Findings of={[...(fitted?.findings ?? []), ...(whole?.findings ?? [])]} remedy={remedy} />
-          <ReportOf folder={folderOf(path)} />
-        </section>
-      )}
-      {fitted && <Values view={fitted} />}
-      <Fold title="Fit another law">
-        <JobForm kind="fit" given={{ map: path }} jobs={["fit", "design"]} after={again} />
-      </Fold>
-    </>
+/** Choices of the axis and of a part of the points; the address keeps them. */
+function Axes({ isOver, groups }: { isOver: boolean; groups: Groups }) {
+  const speeds = levels(groups.flatMap((group) => group.points.map((point) => point.x))).map(
+    (speed): Option => [String(speed), `${digits(speed / MM, 3)} mm/s`],
   );
-}
-
-/** Choices of the figure; the address keeps them. */
-function Choices(props: { path: string; found: FrictionMap; names: string[]; now: string; drawn: string }) {
-  const { path, found, names, now, drawn } = props;
-  const groups = found.groups.filter((group) => now === ALL || group.assembly === now);
-  const isOver = isOverPressure(found.groups);
-  const speeds = levels(groups.flatMap((group) => group.points.map((point) => point.speed))).map(
-    (speed): Option => [String(speed), `${digits(MM * speed, 3)} mm/s`],
-  );
-  const maps = pathsOf("friction map").filter((file) => file !== path);
-  const seals = names.filter((name) => name !== now && found.seals[name] && found.seals[now]);
   const over = (name: string) => (
     <Button
       aria-pressed={(name === "pressure") === isOver}
@@ -223,15 +201,7 @@ function Choices(props: { path: string; found: FrictionMap; names: string[]; now
     />
   );
   return (
-    <p class="row">
-      {names.length > 1 && (
-        <Select
-          label="Seal or mounting"
-          value={now}
-          options={[ALL, ...names]}
-          put={(name) => ([seal.value, other.value, level.value] = [name, "", ""])}
-        />
-      )}
+    <>
       <span role="group" aria-label="Friction over">
         over {over("pressure")} {over("speed")}
       </span>
@@ -240,53 +210,44 @@ function Choices(props: { path: string; found: FrictionMap; names: string[]; now
       ) : (
         <>
           <Select label="At one pressure" of={level} options={[["", "all"], ...groups.map(({ label }) => label)]} />
-          <Tick
-            label="speed on a logarithmic scale"
-            value={isLog.value ?? isWide(groups.map((group) => groupOver("speed", MM, group)))}
-            put={(isIn) => (isLog.value = isIn)}
-          />
+          <Tick label="speed on a logarithmic scale" value={isLogOf(groups)} put={(isIn) => (isLog.value = isIn)} />
         </>
       )}
-      {(seals.length > 0 || maps.length > 0) && (
-        <Select label="Compare with" of={other} options={[["", "nothing"], ...seals, ...maps]} />
-      )}
-      {found.fits.length > 0 && names.length === 1 && (
-        <Select
-          label="Curves of"
-          value={drawn || found.seals[now] || ""}
-          options={drawn || found.seals[now] ? found.fits : [["", "choose"], ...found.fits]}
-          put={(file) => (chosenFit.value = file)}
-        />
-      )}
-    </p>
+    </>
   );
 }
 
 const BARS =
   "Bars: U (k = 2), statistical and systematic. Bands: 95 % of the fitted curve; dotted beyond the measured range.";
 
-function MapFigure({ path, fit, found, now }: { path: string; fit: string; found: FrictionMap; now: string }) {
-  const isOver = isOverPressure(found.groups);
+/** Groups are those of the shown seals. */
+interface ShownMap {
+  found: FrictionMap;
+  groups: Groups;
+}
+
+function MapFigure(props: ShownMap & { path: string; fit: string; isOver: boolean }) {
+  const { path, fit, found, isOver } = props;
   const speed = level.value || "all";
   const [slice, problems] = useRequest<Slice>("/api/slice", isOver ? { path, fit, speed } : null, [found]);
-  const isIn = ({ assembly }: { assembly: string }) => now === ALL || assembly === now;
-  const groups = found.groups.filter((group) => isIn(group) && (!level.value || group.label === level.value));
-  const shown = slice && { ...slice, groups: slice.groups.filter(isIn) };
-  const at = shown?.groups.length === 1 ? ` at ${digits(MM * shown.groups[0]!.speed, 3)} mm/s` : "";
+  const groups = props.groups.filter((group) => !level.value || group.label === level.value);
+  const seals = new Set(props.groups.map((group) => group.assembly));
+  const shown = slice && { ...slice, groups: slice.groups.filter((group) => seals.has(group.assembly)) };
+  const at = shown?.groups.length === 1 ? ` at ${digits(shown.groups[0]!.speed / MM, 3)} mm/s` : "";
   const words = shown && (level.value ? "" : ` Curves hold at the mean speed of the seal${at}.`);
   const isOpen = groups.some((group) => new Set(group.points.map((point) => point.recording)).size > 1);
-  const most = Math.max(...panelsOf("speed", MM, groups).map((panel) => panel.groups.length), 0);
+  const most = Math.max(...panelsOf(groups, true).map((panel) => panel.groups.length), 0);
   const hints = `${isOpen ? " Open: later runs." : ""}${most > MOST_SERIES ? " Grey: other pressures; choose one above." : ""}`;
   const figure = isOver
     ? shown && overPressure(shown, `${BARS}${words} ${found.fit}`)
     : pointsFigure({
         name: "Friction over speed",
         caption: `${BARS}${hints} ${found.fit}`,
-        x: "speed, mm/s",
+        x: ["speed, mm/s", 1e-3],
         y: "friction, N",
-        panels: panelsOf("speed", MM, groups),
+        panels: panelsOf(groups, true),
         isFromZero: true,
-        isLog: isLog.value ?? isWide(groups.map((group) => groupOver("speed", MM, group))),
+        isLog: isLogOf(groups),
       });
   return (
     <div class="panel">
@@ -301,24 +262,14 @@ function MapFigure({ path, fit, found, now }: { path: string; fit: string; found
   );
 }
 
-/** Two seals of the map or two maps, by their fits where both have one. */
-function Comparison({ path, fit, found }: { path: string; fit: string; found: FrictionMap }) {
+/** Return the files to compare: two seals of the map or two maps, by their fits where both have one. */
+function pairOf(path: string, fit: string, { seals }: FrictionMap): { before: string; after: string } {
   const beside = [folderOf(other.value), "fit.toml"].filter(Boolean).join("/");
-  const fitOfOther = found.seals[other.value] ?? (filesOf("fit").some((file) => file.path === beside) && beside);
-  const pair = fit && fitOfOther ? { before: fit, after: fitOfOther } : { before: path, after: other.value };
-  const [compared, problems] = usePosted<Compared>("/api/compare", pair, [found]);
-  return (
-    <div class="panel">
-      <Problems of={problems} />
-      {!problems.length && !compared && <p role="status">Comparing.</p>}
-      {compared && <Differences {...compared} />}
-      {compared && <Copied of="the difference" command={compared.command} python={compared.python} />}
-    </div>
-  );
+  const fitOfOther = seals[other.value] ?? (filesOf("fit").some((file) => file.path === beside) && beside);
+  return fit && fitOfOther ? { before: fit, after: fitOfOther } : { before: path, after: other.value };
 }
 
-function Points({ found, now }: { found: FrictionMap; now: string }) {
-  const groups = found.groups.filter((group) => now === ALL || group.assembly === now);
+function Points({ found, groups }: ShownMap) {
   const points = groups.flatMap((group) => group.points.map((point) => ({ ...point, group: group.label })));
   return (
     <Fold title="Measured points">
@@ -331,13 +282,13 @@ function Points({ found, now }: { found: FrictionMap; now: string }) {
             cells: [
               file ? <a href={link("recording", file)}>{point.recording}</a> : point.recording,
               point.direction > 0 ? "+x" : "-x",
-              digits(MM * point.speed),
-              digits(point.friction),
+              digits(point.x / MM),
+              digits(point.y),
               digits(point.spread, 2),
               point.group,
               point.flags.replaceAll(",", ", ").replaceAll("_", " "),
             ],
-            data: { "data-si": point.friction },
+            data: { "data-si": point.y },
           };
         })}
       />
@@ -346,5 +297,55 @@ function Points({ found, now }: { found: FrictionMap; now: string }) {
       )}
       {found.left_out > 0 && <p class="note">{found.left_out} points are in the file only.</p>}
     </Fold>
+  );
+}
+
+/** Residuals, profiles, ellipses and next points of a fit, read when they are opened. `of` is the fit that is opened. */
+function Behind({ path, of }: { path: string; of: Signal<string> }) {
+  const [found, problems] = useRequest<BehindFit>("/api/behind", of.value === path ? { path } : null);
+  useEffect(() => {
+    if (found) document.getElementById("behind")?.scrollIntoView();
+  }, [found]);
+  return (
+    <section id="behind" aria-label="Behind the fit">
+      <Problems of={problems} />
+      {!found ? (
+        <p class="row">
+          <Button act={() => (of.value = path)}>Residuals, profiles and next points of {path}</Button>
+        </p>
+      ) : (
+        <>
+          {found.view.title && <p class="note">{found.view.title}</p>}
+          <Figures view={found.view} />
+          {found.python && <Copied of="behind the fit" command={found.command} python={found.python} />}
+          {found.designs && <Next path={path} />}
+        </>
+      )}
+    </section>
+  );
+}
+
+/** Points that a new campaign measures best, and the form that writes them as a protocol. */
+function Next({ path }: { path: string }) {
+  const { points } = requestOf("design");
+  const given: Record<string, string> = { path, ...(points ? { points: String(points) } : {}) };
+  const proposed = useSignal<typeof given | null>(null); // what was asked for
+  const [found, problems] = useRequest<NextPoints>("/api/next", proposed.value);
+  return (
+    <>
+      <h2>Next points to measure</h2>
+      <JobForm kind="design" given={{ fit: path }}>
+        <Button act={() => (proposed.value = given)}>Propose on the simulated rig</Button>
+        <a href={link("campaign")}>Plan a campaign</a>
+      </JobForm>
+      <Problems of={problems} />
+      {found && (
+        <>
+          <p>{found.view.title}</p>
+          <Values view={found.view} />
+          <Copied of="next points" command={found.command} python={found.python} />
+        </>
+      )}
+    </>
   );
 }

@@ -1,25 +1,22 @@
 /** Recordings of the overview: friction of their seals, a row for each seal, and actions on all chosen ones. */
 
 import { signal } from "@preact/signals";
+import type { ComponentChildren } from "preact";
 import { FigurePanel } from "../plots/figure";
-import { count, digits } from "../plots/looks";
+import { BAR, count, digits, MM } from "../plots/looks";
 import { saveRows } from "../plots/saving";
 import { link } from "../routes";
 import type { Form, FrictionMap, Listed, Slice } from "../server/generated";
-import { useRequest } from "../workspace/answers";
+import { useRequest } from "../server/server";
 import { Button, Tick } from "../workspace/fields";
 import { folderOf, nameOf, studies } from "../workspace/files";
-import { JobForm } from "../workspace/form";
-import { stale, trace, useHeadlines } from "../workspace/lineage";
+import { JobForm } from "../workspace/jobs";
+import { ObjectLink, pair, partsOf, Rename, stale, trace, useHeadlines } from "../workspace/listed";
 import { Findings, useView } from "../workspace/result";
-import { comparePair, partsOf, Rename } from "../workspace/studies";
-import { ObjectLink } from "../workspace/tree";
 import { overPressure } from "./friction";
 
 const MOST_OPEN = 8; // recordings whose names are shown at once
 const MOST = 200; // names of a row; the search of the tree finds the others
-const BAR = 1e5; // Pa
-const MM = 1000; // mm in a metre
 const SPARK = { width: 120, height: 36, room: 4 };
 
 type Part = Slice["groups"][number];
@@ -27,10 +24,14 @@ type Part = Slice["groups"][number];
 const chosen = signal<string[]>([]);
 const verb = signal(""); // command whose form is open for the chosen recordings
 
-const choose = (paths: string[], isIn: boolean): void => {
-  const others = chosen.value.filter((path) => !paths.includes(path));
-  chosen.value = isIn ? [...others, ...paths] : others;
-};
+/** Box that chooses some recordings; without a label, it has a name. */
+function Choose({ paths, ...looks }: { paths: string[]; label: ComponentChildren; name: string; class?: string }) {
+  const choose = (isIn: boolean) => {
+    const others = chosen.value.filter((path) => !paths.includes(path));
+    chosen.value = isIn ? [...others, ...paths] : others;
+  };
+  return <Tick {...looks} value={paths.every((path) => chosen.value.includes(path))} put={choose} />;
+}
 
 /** The newest characterisation of the folder: its points over speed and over pressure. */
 function useFriction(files: Listed[]) {
@@ -44,7 +45,7 @@ function useFriction(files: Listed[]) {
 }
 
 /** Recordings by seal, mounting and drive, or by folder where nothing tells them. */
-export function Recordings({ files: all }: { files: Listed[] }) {
+export default function Recordings({ files: all }: { files: Listed[] }) {
   const lines = useHeadlines();
   const { path, map, slice } = useFriction(all);
   const parts = partsOf(all);
@@ -58,7 +59,8 @@ export function Recordings({ files: all }: { files: Listed[] }) {
     <section class="group" aria-label="Recordings">
       {map && slice && <Friction path={path} map={map} slice={slice} />}
       <div class="panel by-label">
-        <Tick
+        <Choose
+          paths={paths}
           class="folder-head"
           name={`Choose all ${paths.length} recordings`}
           label={
@@ -69,8 +71,6 @@ export function Recordings({ files: all }: { files: Listed[] }) {
               <span class="note">{`${count(files.length, "recording")}, ${count(labels.length, "group")}`}</span>
             </>
           }
-          value={paths.every((file) => chosen.value.includes(file))}
-          put={(isIn) => choose(paths, isIn)}
         />
         <ul>
           {labels.map((label) => (
@@ -78,7 +78,7 @@ export function Recordings({ files: all }: { files: Listed[] }) {
               key={label}
               label={label}
               files={files.filter((file) => labelOf(file) === label)}
-              part={slice?.groups.filter((group) => group.assembly === label && isOf(group, map!, paths))[0]}
+              part={slice?.groups.find((group) => group.assembly === label && isOf(group, map!, paths))}
               all={slice?.groups ?? []}
               fit={(lines[map?.seals[label] ?? ""] ?? "").replace(/: [a-z ]+$/, "")}
               isOpen={isOpen}
@@ -103,8 +103,8 @@ const isOf = ({ points }: Part, { recordings }: FrictionMap, paths: string[]): b
 function Friction({ path, map, slice }: { path: string; map: FrictionMap; slice: Slice }) {
   const open = useView(path)?.findings.filter((finding) => finding.state !== "good") ?? [];
   const seals = Object.keys(map.seals).length;
-  const speeds = map.groups.flatMap((group) => group.points.map((point) => MM * point.speed));
-  const gauges = slice.groups.flatMap((group) => group.points.map((point) => point.gauge / BAR));
+  const speeds = map.groups.flatMap((group) => group.points.map((point) => point.x / MM));
+  const gauges = slice.groups.flatMap((group) => group.points.map((point) => point.x / BAR));
   const recordings = count(Object.keys(map.recordings).length, "recording");
   return (
     <>
@@ -128,26 +128,27 @@ function Friction({ path, map, slice }: { path: string; map: FrictionMap; slice:
 /** Friction over pressure of a seal on the axes of all seals, small. */
 function Spark({ part, all }: { part: Part; all: Part[] }) {
   const points = all.flatMap((group) => group.points);
-  const most = {
-    gauge: Math.max(...points.map((point) => point.gauge), 1),
-    friction: Math.max(...points.map((point) => point.friction)),
-  };
+  const widest = Math.max(...points.map((point) => point.x), 1);
+  const highest = Math.max(...points.map((point) => point.y));
   const { width, height, room } = SPARK;
-  const x = (gauge: number) => room + (Math.max(gauge, 0) / most.gauge) * (width - 2 * room);
-  const y = (friction: number) => height - room - (friction / most.friction) * (height - 2 * room);
-  const { curve } = part;
-  const line = curve?.gauge.map((gauge, k) => `${x(gauge).toFixed(1)} ${y(curve.friction[k] ?? 0).toFixed(1)}`);
+  const at = (gauge: number, friction: number) => [
+    room + (Math.max(gauge, 0) / widest) * (width - 2 * room),
+    height - room - (friction / highest) * (height - 2 * room),
+  ];
+  const line = part.curve?.x.map((gauge, k) => at(gauge, part.curve!.y[k] ?? 0).join(" "));
   return (
     <svg width={width} height={height} role="img" aria-label={`Friction of ${part.assembly} over pressure`}>
       <path d={`M0 ${height - 1}H${width}`} stroke="var(--grid)" />
       {line && <path d={`M${line.join("L")}`} fill="none" stroke="var(--fig-blue)" />}
-      {part.points.map((point, k) => (
-        <circle key={k} cx={x(point.gauge)} cy={y(point.friction)} r="2.2" fill="var(--fig-blue)" />
-      ))}
+      {part.points.map(({ x: gauge, y: friction }) => {
+        const [x, y] = at(gauge, friction);
+        return <circle cx={x} cy={y} r="2.2" fill="var(--fig-blue)" />;
+      })}
     </svg>
   );
 }
 
+/** A seal with its friction and its recordings, each with its box, its origin and another name. */
 function Row(props: {
   label: string;
   files: Listed[];
@@ -159,19 +160,41 @@ function Row(props: {
   const { label, files, part, all, fit, isOpen } = props;
   const paths = files.map((file) => file.path);
   const flags = [...new Set(part?.points.flatMap((point) => point.flags.split(",").filter(Boolean)))];
-  const friction = part?.points.map((point) => point.friction) ?? [];
+  const friction = part?.points.map((point) => point.y) ?? [];
   const old = paths.filter((path) => stale.value.stale[path]);
+  const names = (
+    <>
+      <ul class="chips">
+        {paths.slice(0, MOST).map((path) => (
+          <li key={path}>
+            <Choose paths={[path]} label="" name={`Choose ${path}`} />
+            <ObjectLink path={path} view="recording" name={nameOf(path)} />
+            {stale.value.stale[path] && (
+              <b class="missed" data-stale={path}>
+                out of date
+              </b>
+            )}
+            <details class="chip-menu">
+              <summary aria-label={`More of ${path}`}>⋯</summary>
+              <Button class="link" aria-label={`Made from: ${path}`} act={() => trace(path)} words="made from" />{" "}
+              <Rename path={path} />
+            </details>
+          </li>
+        ))}
+      </ul>
+      {paths.length > MOST && <p class="note">{paths.length - MOST} more: search for them in the tree.</p>}
+    </>
+  );
   return (
     <li data-label={label}>
-      <Tick
+      <Choose
+        paths={paths}
         name={`Choose all of ${label}`}
         label={
           <>
             <b>{label}</b> <span class="note">{count(files.length, "recording")}</span>
           </>
         }
-        value={paths.every((path) => chosen.value.includes(path))}
-        put={(isIn) => choose(paths, isIn)}
       />
       <span>{part && <Spark part={part} all={all} />}</span>
       <span class="holds">
@@ -192,46 +215,14 @@ function Row(props: {
         {old.length > 0 && <b class="missed"> out of date</b>}
       </span>
       {isOpen ? (
-        <Names paths={paths} />
+        names
       ) : (
         <details>
           <summary aria-label={`Recordings of ${label}`}>recordings</summary>
-          <Names paths={paths} />
+          {names}
         </details>
       )}
     </li>
-  );
-}
-
-/** Recordings of a row, each with its box, its origin and another name. */
-function Names({ paths }: { paths: string[] }) {
-  return (
-    <>
-      <ul class="chips">
-        {paths.slice(0, MOST).map((path) => (
-          <li key={path}>
-            <Tick
-              label=""
-              name={`Choose ${path}`}
-              value={chosen.value.includes(path)}
-              put={(isIn) => choose([path], isIn)}
-            />
-            <ObjectLink path={path} view="recording" name={nameOf(path)} />
-            {stale.value.stale[path] && (
-              <b class="missed" data-stale={path}>
-                out of date
-              </b>
-            )}
-            <details class="chip-menu">
-              <summary aria-label={`More of ${path}`}>⋯</summary>
-              <Button class="link" aria-label={`Made from: ${path}`} act={() => trace(path)} words="made from" />{" "}
-              <Rename path={path} />
-            </details>
-          </li>
-        ))}
-      </ul>
-      {paths.length > MOST && <p class="note">{paths.length - MOST} more: search for them in the tree.</p>}
-    </>
   );
 }
 
@@ -256,7 +247,7 @@ function Chosen(props: { paths: string[]; map: FrictionMap | null; slice: Slice 
       ["recording", "group", "direction", "pressure, bar gauge", "speed, mm/s", "friction, N", "U (k = 2), N", "flags"],
       ...points.map((point) => [
         ...[point.recording, point.label, point.direction > 0 ? "+x" : "-x"],
-        ...[point.gauge / BAR, MM * point.speed, point.friction, point.spread].map((value) => digits(value, 6)),
+        ...[point.x / BAR, point.speed / MM, point.y, point.spread].map((value) => digits(value, 6)),
         point.flags,
       ]),
     ]);
@@ -274,7 +265,7 @@ function Chosen(props: { paths: string[]; map: FrictionMap | null; slice: Slice 
             {`Compare ${seals.join(" and ")}`}
           </a>
         )}
-        {seals.length !== 2 && paths.length === 2 && <Button act={() => comparePair(paths)}>Compare</Button>}
+        {seals.length !== 2 && paths.length === 2 && <Button act={() => (pair.value = paths)}>Compare</Button>}
         {drive.length > 0 && (
           <Button act={() => (verb.value = "validate")}>{`Validate a drive on ${drive.length}`}</Button>
         )}

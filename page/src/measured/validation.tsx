@@ -3,90 +3,48 @@
  * each value.
  */
 
-import { computed, signal } from "@preact/signals";
-import { Fragment } from "preact";
+import { type Signal, signal, useComputed, useSignal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
 import { open as openDrive, valid } from "../drive/opened";
 import { changed, digits, instant } from "../plots/looks";
-import { curveOf, Plot } from "../plots/plot";
-import { inCatalogue, link, route } from "../routes";
+import { curveOf, Plot, zooming } from "../plots/plot";
+import { inCatalogue, link, route, undoable } from "../routes";
 import type { Frame } from "../server/frame";
-import type { Compared, Field, ValidationHead as Head, ValidatedRecord, Validation } from "../server/generated";
-import { ask, attempts, problemsOf, read } from "../server/server";
-import { undoable } from "../undo";
-import { isShowable, useLive } from "../workspace/answers";
-import { Button, Fold, type Option } from "../workspace/fields";
-import { filesOf, folderOf, kindOf, list } from "../workspace/files";
-import { JobForm, requestOf, useHeldOut } from "../workspace/form";
-import { follow, jobs } from "../workspace/jobs";
-import { InFolder, Problems, ReportOf, Select, SliderRow } from "../workspace/parts";
+import type { Field, ValidationHead as Head, Problem, ValidatedRecord, Validation } from "../server/generated";
+import { isShowable, useLive, useRequest } from "../server/server";
+import { Button, Fold, type Option, Select, Table } from "../workspace/fields";
+import { folderOf, kindOf, list } from "../workspace/files";
+import { follow, JobForm, jobs, requestOf, useHeldOut } from "../workspace/jobs";
+import { Files } from "../workspace/listed";
+import { Problems, ReportOf, SliderRow } from "../workspace/parts";
 import { Answer, useView, Values } from "../workspace/result";
-import { Table } from "../workspace/table";
-import { Differences } from "./differences";
+import Comparison from "./differences";
 
-const found = signal<Validation | null>(null);
-const [wrong, attempt] = attempts();
-const frame = signal<Frame<Head> | null>(null);
-const record = signal(0);
-const span = signal<[number, number]>([0, 1]);
+const INPUTS = ["drive", "circuit", "fit", "recording"];
+/** Value that the slider moves, and its number; null: that of the drive. */
 const key = undoable(signal(""));
 const number = undoable(signal<number | null>(null));
 
-const INPUTS = ["drive", "circuit", "fit", "recording"];
-const path = computed(() =>
-  route.value.view === "validation" && !INPUTS.includes(kindOf(route.value.path)) ? route.value.path : "",
-);
 /** Values that can have a slider: those of the file, and those that a cause names but the file lacks. */
-const fields = computed(() =>
-  [...(found.value?.suspects ?? []), ...(valid.value?.values ?? [])].filter((one) => one.number !== undefined),
-);
-const field = computed(() => fields.value.find((one) => one.key === key.value));
-const changes = computed(() =>
-  field.value && number.value !== null ? changed([field.value], { [key.value]: number.value }) : {},
-);
-
-async function load(at: string): Promise<void> {
-  found.value = frame.value = number.value = difference.value = null;
-  wrong.value = [];
-  record.value = 0;
-  try {
-    const one = await read<Validation>("/api/validation", { path: at });
-    if (path.value !== at) return;
-    frame.value = null; // of the one before, which may have been answered meanwhile
-    found.value = one;
-    span.value = one.record[0]!.span;
-    key.value = one.diagnosis.culprit?.find((cause) => cause.free.length)?.free[0] ?? "";
-    if (one.editable) await openDrive(one.drive);
-  } catch (error) {
-    const problems = problemsOf(error);
-    if (path.value === at) wrong.value = problems;
-  }
-}
-
-function request(): Record<string, unknown> | null {
-  if (!found.value || !path.value) return null;
-  const shown = { path: path.value, record: record.value, span: span.value, pixels: 1000 };
-  return { what: "validation", ...shown, changes: changes.value, drive: found.value.drive };
-}
+const fieldsOf = ({ suspects }: Validation): Field[] =>
+  [...suspects, ...(valid.value?.values ?? [])].filter((one) => one.number !== undefined);
 
 export default function ValidationView() {
-  useEffect(() => void follow(), []);
-  useLive<Head>(request, (answer) => isShowable(answer, wrong) && (frame.value = answer));
-  useEffect(() => {
-    if (path.value) void load(path.value);
-  }, [path.value]);
-  if (!path.value) return <Start />;
+  const { path: object } = route.value;
+  const path = INPUTS.includes(kindOf(object)) ? "" : object;
+  const [found, problems] = useRequest<Validation>("/api/validation", path ? { path } : null);
+  if (!path) return <Start />;
   return (
     <div class="validation">
       <h2>
-        {found.value ? `Does ${found.value.name} hold?` : path.value}{" "}
+        {found ? `Does ${found.name} hold?` : path}{" "}
         <a class="note" href={link("validation")}>
           A new validation, and all of them
         </a>
       </h2>
-      <Problems of={wrong.value} />
-      {!found.value && !wrong.value.length && <p role="status">Reading {path.value}.</p>}
-      {found.value && <Result now={found.value} />}
+      <Problems of={problems} />
+      {!found && !problems.length && <p role="status">Reading {path}.</p>}
+      {found && <Result key={path} path={path} now={found} />}
     </div>
   );
 }
@@ -99,9 +57,7 @@ function Start() {
   const held = offered.filter((file) => !made.includes(file));
   const begin = isRecording
     ? { recordings: [object] }
-    : object
-      ? { drive: object, ...(made.length && { recordings: held }) }
-      : {};
+    : { ...(object && { drive: object }), ...(made.length && { recordings: held }) };
   const here = route.value;
   const after = async (job: { number: number; out: string }) => {
     await follow(job.number);
@@ -122,16 +78,39 @@ function Start() {
         </p>
       )}
       <JobForm kind="validate" start={{ name: "validation", ...begin }} after={after} />
-      <InFolder files={filesOf("validation")} title="Validations" view="validation" />
+      <Files title="Validations in the folder" kinds={["validation"]} />
     </>
   );
 }
 
-function Result({ now }: { now: Validation }) {
-  const one = now.record[record.value] ?? now.record[0]!;
-  const view = useView(path.value);
+/** A validation. Its state begins anew with each one. */
+function Result({ path, now }: { path: string; now: Validation }) {
+  const record = useSignal(0);
+  const one = now.record[record.value]!;
+  const zoom = useSignal<[number, number] | null>(null); // the part of the time that is shown
+  const frame = useSignal<Frame<Head> | null>(null);
+  const wrong = useSignal<Problem[]>([]);
+  const view = useView(path);
+  const changes = useComputed(() => {
+    const field = fieldsOf(now).find((each) => each.key === key.value);
+    return field && number.value !== null ? changed([field], { [key.value]: number.value }) : {};
+  });
+  useEffect(() => {
+    [key.value, number.value] = [now.diagnosis.culprit?.find((cause) => cause.free.length)?.free[0] ?? "", null];
+    if (now.editable) void openDrive(now.drive);
+  }, []);
+  useLive<Head>(
+    () => {
+      const span = zoom.value ?? now.record[record.value]!.span;
+      const shown = { path, record: record.value, span, pixels: 1000 };
+      return { what: "validation", ...shown, changes: changes.value, drive: now.drive };
+    },
+    (answer) => isShowable(answer, wrong) && (frame.value = answer),
+  );
+  const show = (index: number) => ([record.value, zoom.value] = [index, null]);
   return (
     <>
+      <Problems of={wrong.value} />
       {view && <Answer view={view} withFindings={false} />}
       {now.synthetic && <p class="banner">Synthetic: the recordings were simulated.</p>}
       {!now.drive && (
@@ -140,15 +119,19 @@ function Result({ now }: { now: Validation }) {
         </p>
       )}
       <div class="result">
-        <Runs now={now} one={one} />
+        <Runs now={now} one={one} frame={frame} zoom={zoom} />
         <aside>
           <div class="panel">
-            <RecordingsOf now={now} />
+            <RecordingsOf now={now} shown={record.value} show={show} />
+            {now.drive && (
+              <p>Drive: {inCatalogue(now.drive) ? now.drive : <a href={link("drive", now.drive)}>{now.drive}</a>}.</p>
+            )}
+            <ReportOf folder={folderOf(path)} />
           </div>
           <div class="panel">
             <Why now={now} />
-            <Fits now={now} one={one} />
-            <Suspect now={now} />
+            <Fits now={now} one={one} frame={frame} />
+            <Suspect now={now} folder={folderOf(path)} />
           </div>
         </aside>
       </div>
@@ -163,53 +146,40 @@ function Result({ now }: { now: Validation }) {
 }
 
 /** The recordings with their badges; one of them is drawn. */
-function RecordingsOf({ now }: { now: Validation }) {
-  const show = (index: number) => ([record.value, span.value] = [index, now.record[index]!.span]);
+function RecordingsOf({ now, shown, show }: { now: Validation; shown: number; show: (index: number) => void }) {
   return (
-    <>
-      <Table
-        label="Recordings of the validation"
-        heads={["Recording", "Position, fit %", "Pressures, NRMSE %"]}
-        rows={now.record.map((each, index) => {
-          const channels = now.channels.map(({ column }) => each[column]);
-          const pressures = channels.slice(1).map(({ free }) => free.nrmse ?? 0);
-          return [
-            <>
-              <Button class="link" aria-pressed={index === record.value} act={() => show(index)}>
-                {each.name}
-              </Button>{" "}
-              {each.badge && <b class={`badge ${each.badge === "held out" ? "good" : "open"}`}>{each.badge}</b>}{" "}
-              {each.file && (
-                <a class="note" href={link("recording", each.file)} aria-label={`Open the recording ${each.name}`}>
-                  open
-                </a>
-              )}
-            </>,
-            digits(channels[0]!.free.fit_percent, 4),
-            digits(100 * Math.max(...pressures), 3),
-          ];
-        })}
-      />
-      {now.drive && (
-        <p>Drive: {inCatalogue(now.drive) ? now.drive : <a href={link("drive", now.drive)}>{now.drive}</a>}.</p>
-      )}
-      <ReportOf folder={folderOf(path.value)} />
-    </>
+    <Table
+      label="Recordings of the validation"
+      heads={["Recording", "Position, fit %", "Pressures, NRMSE %"]}
+      rows={now.record.map((each, index) => {
+        const [position, ...pressures] = now.channels.map(({ column }) => each[column].free);
+        return [
+          <>
+            <Button class="link" aria-pressed={index === shown} act={() => show(index)} words={each.name} />{" "}
+            {each.badge && <b class={`badge ${each.badge === "held out" ? "good" : "open"}`}>{each.badge}</b>}{" "}
+            {each.file && (
+              <a class="note" href={link("recording", each.file)} aria-label={`Open the recording ${each.name}`}>
+                open
+              </a>
+            )}
+          </>,
+          digits(position!.fit_percent, 4),
+          digits(100 * Math.max(...pressures.map(({ nrmse }) => nrmse ?? 0)), 3),
+        ];
+      })}
+    />
   );
 }
 
 function Why({ now }: { now: Validation }) {
   const { culprit = [], clean, left } = now.diagnosis;
+  const words = clean
+    ? "The balances close: the residuals are sensor noise and less than 1 % of the terms."
+    : "The balances do not close, but none of the known causes explains the residuals.";
   return (
     <section aria-label="Why the model is off">
       <h2>{clean && !culprit.length ? "The model at the measured states" : "Why the model is off"}</h2>
-      {!culprit.length && (
-        <p>
-          {clean
-            ? "The balances close: the residuals are sensor noise and less than 1 % of the terms."
-            : "The balances do not close, but none of the known causes explains the residuals."}
-        </p>
-      )}
+      {!culprit.length && <p>{words}</p>}
       {culprit.map((cause) => (
         <div key={cause.what} class="cause" data-cause={cause.what}>
           <p>{cause.text}</p>
@@ -228,19 +198,49 @@ function Why({ now }: { now: Validation }) {
   );
 }
 
-function Runs({ now, one }: { now: Validation; one: ValidatedRecord }) {
-  const shown = frame.value;
-  const { off_s: off } = one[now.channels[0]!.column];
+interface ShownRun {
+  now: Validation;
+  one: ValidatedRecord;
+  frame: Signal<Frame<Head> | null>;
+}
+
+const HEIGHTS = { position_m: 120, residual: 48, pressure: 60 };
+
+/** Measured and simulated values of each channel, and their differences. */
+function Runs({ now, one, frame, zoom }: ShownRun & { zoom: Signal<[number, number] | null> }) {
+  const [low, high] = one.span;
+  const [from, to] = zoom.value ?? one.span;
+  const { window_s: window, channels } = now;
+  const { off_s: off } = one[channels[0]!.column];
+  const plot = ({ column, label, size, unit }: Validation["channels"][number], isResidual: boolean, bare: boolean) => {
+    const { head, arrays } = frame.value!;
+    const first = isResidual ? ["restarted", `from states, ${digits(window)} s`] : ["measured", "measured"];
+    const runs = [first, ["free", "free run"], ...(head.fit ? [["changed", "changed"]] : [])];
+    const columnOf = (run: string) => `${column}.${run}${isResidual ? ".residual" : ""}`;
+    const height = column === "position_m" ? HEIGHTS.position_m : HEIGHTS.pressure;
+    return (
+      <Plot
+        key={`${column} ${isResidual}`}
+        title={isResidual ? `residual of ${label}` : label}
+        curves={runs.map(([run, words]) => curveOf(arrays, arrays.get("time_s")!, columnOf(run!), words!))}
+        height={isResidual ? HEIGHTS.residual : height}
+        unit={unit}
+        size={size}
+        bare={bare}
+        {...zooming(zoom)}
+      />
+    );
+  };
   return (
-    <section class="panel" aria-label="Runs beside the recording" data-from={span.value[0]} data-to={span.value[1]}>
+    <section class="panel" aria-label="Runs beside the recording" data-from={from} data-to={to}>
       <h3>
         {one.name} {one.badge && <b class="badge">{one.badge}</b>}{" "}
         <span class="note">
           {off === undefined ? (
             "Drag in a plot to zoom. "
           ) : (
-            <Button class="link" act={() => (span.value = near(off, now.window_s, one.span))}>
-              Zoom to {instant(off, now.window_s / 100)} s, where the position deviates
+            <Button class="link" act={() => (zoom.value = [Math.max(off - window, low), Math.min(off + window, high)])}>
+              Zoom to {instant(off, window / 100)} s, where the position deviates
             </Button>
           )}
           {one.start_s
@@ -248,24 +248,18 @@ function Runs({ now, one }: { now: Validation; one: ValidatedRecord }) {
             : ""}
         </span>
       </h3>
-      {!shown ? (
+      {!frame.value ? (
         <p role="status">Reading the runs.</p>
       ) : (
         <>
           <div class="plots">
-            {now.channels.map((channel, index) => (
-              <Fragment key={channel.column}>
-                <ChannelPlot channel={channel} of={one} isOff={false} bare={index < now.channels.length - 1} />
-                {index === 0 && <ChannelPlot channel={channel} of={one} isOff bare window={now.window_s} />}
-              </Fragment>
-            ))}
+            {channels.flatMap((channel, index) => [
+              plot(channel, false, index < channels.length - 1),
+              ...(index === 0 ? [plot(channel, true, true)] : []),
+            ])}
           </div>
           <Fold title="Residuals of the pressures">
-            <div class="plots">
-              {now.channels.slice(1).map((channel) => (
-                <ChannelPlot key={channel.column} channel={channel} of={one} isOff bare={false} window={now.window_s} />
-              ))}
-            </div>
+            <div class="plots">{channels.slice(1).map((channel) => plot(channel, true, false))}</div>
           </Fold>
         </>
       )}
@@ -273,83 +267,38 @@ function Runs({ now, one }: { now: Validation; one: ValidatedRecord }) {
   );
 }
 
-/** Return the span of a window to both sides of a time. */
-const near = (time: number, window: number, [low, high]: [number, number]): [number, number] => [
-  Math.max(time - window, low),
-  Math.min(time + window, high),
-];
-
-const HEIGHTS = { first: 120, off: 48, other: 60 };
-
-/** Measured and simulated values of a channel, or their difference. */
-function ChannelPlot(props: {
-  channel: Validation["channels"][number];
-  of: ValidatedRecord;
-  isOff: boolean;
-  bare: boolean;
-  window?: number;
-}) {
-  const { channel, of, isOff, bare, window = 0 } = props;
-  const { column, label, size, unit } = channel;
-  const { arrays, head } = frame.value!;
-  const x = arrays.get("time_s")!;
-  const first = isOff ? ["restarted", `from states, ${digits(window)} s`] : ["measured", "measured"];
-  const runs = [first, ["free", "free run"], ...(head.fit ? [["changed", "changed"]] : [])];
-  const curves = runs.map(([run, words]) => curveOf(arrays, x, `${column}.${run}${isOff ? ".residual" : ""}`, words!));
-  const [from, to] = span.value;
-  return (
-    <Plot
-      title={isOff ? `residual of ${label}` : label}
-      curves={curves}
-      height={isOff ? HEIGHTS.off : column === "position_m" ? HEIGHTS.first : HEIGHTS.other}
-      unit={unit}
-      size={size}
-      bare={bare}
-      range={span.value}
-      onZoom={(low, high) => (span.value = [low, high])}
-      onReset={from <= of.span[0] && to >= of.span[1] ? undefined : () => (span.value = of.span)}
-    />
-  );
-}
-
 /** Agreement of the free run in each channel, also with the changed value. */
-function Fits({ now, one }: { now: Validation; one: ValidatedRecord }) {
+function Fits({ now, one, frame }: ShownRun) {
   const changed = frame.value?.head.fit;
   return (
-    <p role="group" aria-label="Fit of the free run">
-      {now.channels.map(({ column, label }) => {
-        const fit = one[column].free.fit_percent;
-        return (
-          <span key={column}>
-            {label}{" "}
-            <b data-fit={column} data-si={fit}>
-              {digits(fit)} %
-            </b>
-            {changed && (
-              <>
-                {" → "}
-                <b data-changed={column} data-si={changed[column]}>
-                  {digits(changed[column])} %
-                </b>
-              </>
-            )}{" "}
-          </span>
-        );
+    <Table
+      label="Fit of the free run"
+      heads={["Fit of the free run", "%", ...(changed ? ["changed, %"] : [])]}
+      rows={now.channels.map(({ column, label }) => {
+        const cell = (name: string, fit: number | null | undefined) => ({
+          text: digits(fit),
+          data: { [`data-${name}`]: column, "data-si": fit },
+        });
+        return [
+          label,
+          cell("fit", one[column].free.fit_percent),
+          ...(changed ? [cell("changed", changed[column])] : []),
+        ];
       })}
-    </p>
+    />
   );
 }
 
 const optionOf = ({ key, number: at, unit }: Field): Option => [key, `${key} = ${digits(at, 4)} ${unit}`];
 
 /** Slider that moves one value of the drive towards the recording, followed by the fit that identifies it. */
-function Suspect({ now }: { now: Validation }) {
-  const one = field.value;
-  if (!now.editable || !fields.value.length) return null;
+function Suspect({ now, folder }: { now: Validation; folder: string }) {
+  const fields = fieldsOf(now);
+  const one = fields.find((field) => field.key === key.value);
+  if (!now.editable || !fields.length) return null;
   const value = number.value ?? one?.number ?? 0;
   const [less, more] = [0.5, 1.5].map((factor) => factor * (one?.number ?? 0)).sort((a, b) => a - b);
   const isChanged = value !== one?.number;
-  const put = (next: number) => (number.value = Number.isFinite(next) ? next : null);
   return (
     <section aria-label="Suspect">
       <h3>Try it: move a value towards the recording</h3>
@@ -357,7 +306,7 @@ function Suspect({ now }: { now: Validation }) {
         <Select
           label="Value"
           value={key.value}
-          options={[["", "choose"], ...fields.value.map(optionOf)]}
+          options={[["", "choose"], ...fields.map(optionOf)]}
           put={(name) => ([key.value, number.value] = [name, null])}
         />
       </p>
@@ -369,26 +318,22 @@ function Suspect({ now }: { now: Validation }) {
           ends={[less || one.low!, more || one.high!]}
           kind={isChanged ? "changed" : one.kind}
           value={value}
-          put={put}
+          put={(next) => (number.value = Number.isFinite(next) ? next : null)}
         />
       )}
-      {key.value && <Refit now={now} />}
+      {key.value && <Refit now={now} folder={folder} />}
     </section>
   );
 }
 
-const difference = signal<Compared | null>(null);
-
 /** Identify the suspect value from these recordings, write it into a new drive file, and show the differences. */
-function Refit({ now }: { now: Validation }) {
+function Refit({ now, folder }: { now: Validation; folder: string }) {
   const has = (file: string) => kindOf(file) !== "";
-  const folder = folderOf(path.value);
   const fit = `${folder && `${folder}/`}fit-${key.value.replace(/[^\w]+/g, "-")}.toml`;
   const target = String(requestOf("apply").out ?? "");
   const name = now.drive.replace(/^catalogue:/, "").replace(/\.toml$/, "");
   const isWithout = now.record.some((one) => !one.file);
-  const compare = () =>
-    attempt(async () => void (difference.value = await ask("/api/compare", { before: now.drive, after: target })));
+  const chosen = useSignal(""); // file that is compared with the drive
   return (
     <>
       <JobForm
@@ -411,7 +356,7 @@ function Refit({ now }: { now: Validation }) {
           {has(target) && (
             <>
               <a href={link("drive", target)}>{target}</a>
-              <Button act={() => compare()}>Compare with {now.drive}</Button>
+              <Button act={() => (chosen.value = target)}>Compare with {now.drive}</Button>
               <a class="button primary" href={link("validation", target)}>
                 Validate it on held-out recordings
               </a>
@@ -419,7 +364,7 @@ function Refit({ now }: { now: Validation }) {
           )}
         </JobForm>
       )}
-      {difference.value && <Differences {...difference.value} />}
+      {chosen.value && <Comparison before={now.drive} after={chosen.value} />}
     </>
   );
 }

@@ -1,12 +1,12 @@
 /** Drawing of the figures of a view: marks in panels on axes with units. Lengths are pixels, colours are tokens. */
 
-import type { ComponentChildren } from "preact";
+import { type ComponentChildren, render } from "preact";
 import { useState } from "preact/hooks";
-import type { Axis, Bars, Drawing, Mark, Markers, Panel, ShownFigure } from "../server/generated";
-import { Button } from "../workspace/fields";
-import { Table } from "../workspace/table";
-import { digits, pretty } from "./looks";
-import { saveDrawing, saveRows } from "./saving";
+import type { Axis, Bars, Drawing, Line, Mark, Markers, Panel, ShownFigure } from "../server/generated";
+import { Button, Table } from "../workspace/fields";
+import { digits, look, pretty } from "./looks";
+import { axis } from "./points";
+import { type Saved, saveDrawing, saveRows } from "./saving";
 import { asList, isNumber, type Numbers, type Scale, scaleOf } from "./scale";
 import { useWidth } from "./width";
 
@@ -30,24 +30,16 @@ function dashOf(dash: unknown): string | undefined {
   return ({ "--": "6 4", "-.": "7 3 2 3", ":": "2 3" } as Record<string, string>)[String(dash)];
 }
 
-/** Return the path of a closed line around a point, from its corners as pairs of numbers in radii. */
-function around(corners: string): (x: number, y: number, r: number) => string {
-  const pairs = corners.split(", ").map((pair) => pair.split(" ").map(Number));
-  return (x, y, r) =>
-    `M${pairs.map(([dx, dy]) => `${(x + dx! * r).toFixed(1)} ${(y + dy! * r).toFixed(1)}`).join("L")}Z`;
-}
-const SHAPES: Record<string, (x: number, y: number, r: number) => string> = {
-  s: around("-0.9 -0.9, 0.9 -0.9, 0.9 0.9, -0.9 0.9"),
-  "^": around("0 -1.2, 1.1 0.8, -1.1 0.8"),
-  v: around("0 1.2, 1.1 -0.8, -1.1 -0.8"),
-  D: around("0 -1.2, 1.2 0, 0 1.2, -1.2 0"),
-  P: around(
-    "-0.4 -1.1, 0.4 -1.1, 0.4 -0.4, 1.1 -0.4, 1.1 0.4, 0.4 0.4, 0.4 1.1, -0.4 1.1, -0.4 0.4, -1.1 0.4, -1.1 -0.4, -0.4 -0.4",
-  ),
-  "|": around("0 -1.4, 0 1.4"),
+/** Markers around the origin, of radius 1. */
+const ROUND = "M-1 0a1 1 0 1 0 2 0a1 1 0 1 0-2 0Z";
+const SHAPES: Record<string, string> = {
+  s: "M-.9-.9H.9V.9H-.9Z",
+  "^": "M0-1.2L1.1.8H-1.1Z",
+  v: "M0 1.2L1.1-.8H-1.1Z",
+  D: "M0-1.2L1.2 0L0 1.2L-1.2 0Z",
+  P: "M-.4-1.1H.4V-.4H1.1V.4H.4V1.1H-.4V.4H-1.1V-.4H-.4Z",
+  "|": "M0-1.4V1.4",
 };
-const round = (x: number, y: number, r: number) =>
-  `M${(x - r).toFixed(1)} ${y.toFixed(1)}a${r} ${r} 0 1 0 ${2 * r} 0a${r} ${r} 0 1 0 ${-2 * r} 0Z`;
 const radius = (mark: Markers): number => (mark.look[2] === "." ? 1.8 : Math.max(mark.size, 3) * 0.9);
 
 /** A panel in pixels: where values lie. */
@@ -58,7 +50,7 @@ interface Place {
   right: number;
   top: number;
   bottom: number;
-  hasEnds?: boolean; // names stand in the panel
+  isNamed?: boolean; // a name stands beside its mark
   words?: (x: number, y: number) => string; // of a point under the pointer
 }
 
@@ -83,7 +75,6 @@ const besideOf = (x: number, right: number, text: string) =>
 /** Points with their bars and names. A tooltip has the title of a point, or its values. */
 function Points({ mark, at }: { mark: Markers & { titles?: string[] }; at: Place }) {
   const ink = colour(mark.look[0]);
-  const shape = SHAPES[mark.look[2]] ?? round;
   return (
     <g stroke={ink} fill={mark.filled || mark.look[2] === "." ? ink : "var(--surface)"} stroke-width="1.3">
       {mark.joined && <path d={pathOf(mark.x, mark.y, at)} fill="none" stroke-dasharray={dashOf(mark.look[1])} />}
@@ -96,7 +87,10 @@ function Points({ mark, at }: { mark: Markers & { titles?: string[] }; at: Place
             {isNumber(low) && isNumber(high) && (
               <path d={`M${px} ${at.py(low)}V${at.py(high)}m-3 0h6M${px - 3} ${at.py(low)}h6`} fill="none" />
             )}
-            <path d={shape(px, py, radius(mark))}>
+            <path
+              d={SHAPES[mark.look[2]] ?? ROUND}
+              transform={`translate(${px} ${py}) scale(${radius(mark)})`}
+              vector-effect="non-scaling-stroke">
               {at.words && <title>{mark.titles?.[k] ?? `${mark.label} ${at.words(value, other)}`.trim()}</title>}
             </path>
             {mark.names[k] && (
@@ -111,23 +105,18 @@ function Points({ mark, at }: { mark: Markers & { titles?: string[] }; at: Place
   );
 }
 
-type Ends = [number, number];
+/** Return the path of a rectangle. */
+const boxOf = (x0: number, x1: number, y0: number, y1: number): string => `M${x0} ${y0}H${x1}V${y1}H${x0}Z`;
 
-/** Return the rectangle between two values of each axis. */
-function boxOf({ px, py }: Place, [x0, x1]: Ends, [y0, y1]: Ends) {
-  const side = (a: number, b: number) => ({ at: Math.min(a, b), size: Math.abs(b - a) });
-  const [x, y] = [side(px(x0), px(x1)), side(py(y0), py(y1))];
-  return { x: x.at, y: y.at, width: x.size, height: y.size };
-}
-
-function BarsOf({ mark, at }: { mark: Bars; at: Place }) {
+function BarsOf({ mark, at: { px, py } }: { mark: Bars; at: Place }) {
   return (
     <g fill={colour(mark.look[0])} stroke="var(--fig-black)" stroke-width="0.8">
       {mark.at.map((place, k) => {
         const value = mark.values[k];
         if (!isNumber(place) || !isNumber(value)) return null;
-        const sides: Ends = [place - mark.thickness / 2, place + mark.thickness / 2];
-        return <rect {...(mark.across ? boxOf(at, [0, value], sides) : boxOf(at, sides, [0, value]))} />;
+        const [low, high] = [place - mark.thickness / 2, place + mark.thickness / 2];
+        const across = boxOf(px(0), px(value), py(low), py(high));
+        return <path d={mark.across ? across : boxOf(px(low), px(high), py(0), py(value))} />;
       })}
     </g>
   );
@@ -162,23 +151,22 @@ function Drawn({ mark, at }: { mark: Mark; at: Place }) {
     case "bars":
       return <BarsOf mark={mark} at={at} />;
     case "rule": {
-      const [xs, ys] = [asList(mark.x).map((one) => at.px(one!)), asList(mark.y).map((one) => at.py(one!))];
-      const [x0 = at.left, x1 = xs.length ? undefined : at.right] = [...xs].sort((a, b) => a - b);
-      const [y0 = at.top, y1 = ys.length ? undefined : at.bottom] = [...ys].sort((a, b) => a - b);
-      const isShade = ["band", "shade", "shade two"].includes(String(mark.look[0]));
-      if (x1 !== undefined && y1 !== undefined) {
-        const tint = isShade ? colour(mark.look[0]) : "var(--fig-shade)";
-        return <rect x={x0} width={x1 - x0} y={y0} height={y1 - y0} fill={tint} />;
+      const [x0 = 0, x1 = x0] = mark.x === null ? [at.left, at.right] : asList(mark.x).map((one) => at.px(one!));
+      const [y0 = 0, y1 = y0] = mark.y === null ? [at.top, at.bottom] : asList(mark.y).map((one) => at.py(one!));
+      const ink = colour(mark.look[0]);
+      if (x0 !== x1 && y0 !== y1) {
+        const isShade = /^(band|shade)/.test(String(mark.look[0]));
+        return <path d={boxOf(x0, x1, y0, y1)} fill={isShade ? ink : "var(--fig-shade)"} />;
       }
       return (
         <>
           <path
-            d={xs.length ? `M${x0} ${at.top}V${at.bottom}` : `M${at.left} ${y0}H${at.right}`}
-            stroke={colour(mark.look[0])}
+            d={`M${x0} ${y0}L${x1} ${y1}`}
+            stroke={ink}
             stroke-width={1.2 * mark.width}
             stroke-dasharray={dashOf(mark.look[1])}
           />
-          {xs.length === 1 && at.hasEnds && <Words x={x0 + 4} y={at.top + 12} words={mark.label} />}
+          {x0 === x1 && at.isNamed && <Words x={x0 + 4} y={at.top + 12} words={mark.label} />}
         </>
       );
     }
@@ -222,17 +210,25 @@ const Words = (props: { x: number; y: number; side?: "end" | "middle"; ink?: "ca
   </text>
 );
 
+/** A drawing that is saved with its figure. */
+const Sheet = (props: { width: number; height: number; label: string; children: ComponentChildren }) => (
+  <svg class="panel-drawing" width={props.width} height={props.height} role="img" aria-label={props.label}>
+    <g font-size="12" font-family="system-ui, sans-serif">
+      {props.children}
+    </g>
+  </svg>
+);
+
 interface PanelProps {
   panel: Panel;
   x: Axis;
   y: Axis;
-  scales: [Scale, Scale];
+  scales: Scale[];
   width: number;
   height: number;
-  isBare: boolean; // the panel below has the axis
-  hasEnds: boolean;
-  longest: number; // characters of a number of the axis, and of a name at the end of a line
-  ends: number;
+  isBare?: boolean; // the panel below has the axis
+  longest: number; // characters of a number of the axis
+  ends: number; // and of a name at the end of a line; 0: the names stand elsewhere
   name: string;
 }
 
@@ -242,23 +238,21 @@ const unitOf = ({ unit, label }: Axis): string => unit || label.slice(label.last
 /** Return the ticks of the vertical axis of a panel. */
 const ticksOf = (scale: Scale, height: number) => scale.ticks(Math.max(Math.round(height / 48), 2));
 
-export function PanelDrawing(props: PanelProps) {
-  const { panel, x, y, scales, width, height, isBare, hasEnds, longest, ends, name } = props;
-  const [sx, sy] = scales;
+export function PanelDrawing({ panel, x, y, scales, width, height, isBare = false, longest, ends, name }: PanelProps) {
+  const [sx, sy] = scales as [Scale, Scale];
   const yTicks = ticksOf(sy, height);
   const left = Math.min(14 + CHARACTER * longest, width * 0.4);
   const right = width - 12 - (ends ? CHARACTER * ends + 4 : 0);
-  const head = [panel.title, y.is_named ? y.label : ""].filter(Boolean);
-  const [top, bottom] = [
-    head.length ? 26 : 10,
-    height - (isBare ? 8 : 22) - (isBare || !x.label || !x.is_named ? 0 : 18),
-  ];
+  const quantity = y.is_named ? y.label.replace("\n", " ") : "";
+  const head = [panel.title, quantity].filter(Boolean);
+  const hasLabel = !isBare && x.is_named && x.label !== "";
+  const [top, bottom] = [head.length ? 26 : 10, height - (isBare ? 8 : 22) - (hasLabel ? 18 : 0)];
   const at: Place = {
     left,
     right,
     top,
     bottom,
-    hasEnds,
+    isNamed: ends > 0,
     words: (one, other) => `${digits(one / x.size, 4)} ${unitOf(x)}, ${digits(other / y.size, 4)} ${unitOf(y)}`,
     px: (value) => left + sx.at(value / x.size) * (right - left),
     py: (value) => bottom - sy.at(value / y.size) * (bottom - top),
@@ -268,21 +262,14 @@ export function PanelDrawing(props: PanelProps) {
   const every = Math.ceil((xTicks.length * widest) / Math.max(right - left, 1));
   const clip = `clip-${name}`.replace(/[^\w-]/g, "-");
   return (
-    <svg
-      class="panel-drawing"
-      width={width}
-      height={height}
-      role="img"
-      aria-label={[...head, x.label].join(", ")}
-      font-size="12"
-      font-family="system-ui, sans-serif">
+    <Sheet width={width} height={height} label={[...head, x.label].join(", ")}>
       {head.length > 0 && (
         <text x={panel.title ? 0 : Math.max(left - CHARACTER * longest - 6, 0)} y={14} fill="var(--soft)">
           <tspan font-weight="650" fill="var(--ink)">
             {panel.title}
           </tspan>
-          {panel.title && head.length > 1 ? "  " : ""}
-          {pretty(head.length > 1 || !panel.title ? y.label.replace("\n", " ") : "")}
+          {head.length > 1 && "  "}
+          {pretty(quantity)}
         </text>
       )}
       {yTicks.map(([value, words]) => (
@@ -300,9 +287,7 @@ export function PanelDrawing(props: PanelProps) {
         </>
       ))}
       <path d={`M${left} ${bottom}H${right}`} stroke="var(--edge)" />
-      {!isBare && x.is_named && x.label && (
-        <Words x={(left + right) / 2} y={height - 5} side="middle" words={pretty(x.label)} />
-      )}
+      {hasLabel && <Words x={(left + right) / 2} y={height - 5} side="middle" words={pretty(x.label)} />}
       <clipPath id={clip}>
         <rect x={left - 6} y={top - 6} width={Math.max(right - left + 12, 0)} height={Math.max(bottom - top + 12, 0)} />
       </clipPath>
@@ -311,15 +296,19 @@ export function PanelDrawing(props: PanelProps) {
           <Drawn mark={mark} at={at} />
         ))}
       </g>
-      {hasEnds &&
+      {ends > 0 &&
         lineEnds(panel, at).map((one) => (
           <text x={right + 8} y={one.y + 4} font-weight="650" fill={one.ink}>
             {one.label}
           </text>
         ))}
-    </svg>
+    </Sheet>
   );
 }
+
+/** Anchors of texts of a drawing by their alignment, and their baselines below the point, pixels. */
+const ANCHORS: Record<string, "start" | "end"> = { left: "start", right: "end" };
+const DROPS: Record<string, number> = { top: 10, bottom: -2 };
 
 /** A drawing without axes, such as a mechanism, in its own lengths. */
 function Paper({ drawing, width, height }: { drawing: Drawing; width: number; height: number }) {
@@ -328,23 +317,16 @@ function Paper({ drawing, width, height }: { drawing: Drawing; width: number; he
   const [kx, ky] = drawing.equal ? [Math.min(fx, fy), Math.min(fx, fy)] : [fx, fy];
   const point = ([x, y]: Numbers): string => `${((x! - x0) * kx).toFixed(1)} ${((y1 - y!) * ky).toFixed(1)}`;
   return (
-    <svg
-      class="panel-drawing"
-      width={(x1 - x0) * kx}
-      height={(y1 - y0) * ky}
-      role="img"
-      aria-label="Drawing"
-      font-family="system-ui, sans-serif">
+    <Sheet width={(x1 - x0) * kx} height={(y1 - y0) * ky} label="Drawing">
       {drawing.strokes.map((stroke) => {
-        const [across, up] = stroke.align.split(" ");
-        const anchor = across === "left" ? "start" : across === "right" ? "end" : "middle";
+        const [across = "", up = ""] = stroke.align.split(" ");
         const [px, py] = point(stroke.points[0]!).split(" ");
         if (stroke.text)
           return (
             <text
               x={px}
-              y={Number(py) + (up === "top" ? 10 : up === "bottom" ? -2 : 4)}
-              text-anchor={anchor}
+              y={Number(py) + (DROPS[up] ?? 4)}
+              text-anchor={ANCHORS[across] ?? "middle"}
               font-size={Math.max(1.35 * stroke.size, 11)}
               font-weight={stroke.bold ? 650 : 400}
               fill={colour(stroke.color)}>
@@ -364,34 +346,36 @@ function Paper({ drawing, width, height }: { drawing: Drawing; width: number; he
           />
         );
       })}
-    </svg>
+    </Sheet>
   );
 }
+
+/** Values with which a mark is its own sample, in a box of 28 x 12 pixels. */
+const SAMPLES: { [Kind in Labelled["kind"]]: Partial<Extract<Labelled, { kind: Kind }>> } = {
+  line: { x: [0, 28], y: [6, 6] },
+  markers: { x: [14], y: [6, 6, 6], low: null, high: null, names: [] },
+  rule: { x: null, y: 6 },
+  band: { x: [0, 28], low: [12, 12], high: [0, 0] },
+  bars: { at: [6], values: [28], thickness: 12, across: true },
+};
+const SAMPLE: Place = { px: (value) => value, py: (value) => value, left: 0, right: 28, top: 0, bottom: 12 };
 
 /** Labels above the panels, each with its line or marker. */
 function Labels({ marks }: { marks: Labelled[] }) {
   if (!marks.length) return null;
-  const at: Place = { px: (value) => value, py: (value) => value, left: 0, right: 28, top: 0, bottom: 12 };
-  const sample = (mark: Labelled): ComponentChildren => {
-    if (mark.kind === "line") return <Drawn mark={{ ...mark, x: [0, 28], y: [6, 6] }} at={at} />;
-    const alone = { x: [14], y: [6, 6, 6], low: null, high: null, names: [] };
-    if (mark.kind === "markers")
-      return <Points mark={{ ...mark, ...alone, ...(mark.joined && { x: [2, 14, 26] }) }} at={at} />;
-    if (mark.kind === "rule")
-      return <path d="M0 6H28" stroke={colour(mark.look[0])} stroke-dasharray={dashOf(mark.look[1])} />;
-    const fill = mark.look ? colour(mark.look[0]) : "var(--fig-band)";
-    return <rect width="28" height="12" fill={fill} opacity={mark.kind === "band" && mark.look ? 0.3 : 1} />;
-  };
   return (
     <ul class="figure-labels">
-      {marks.map((mark) => (
-        <li key={mark.label}>
-          <svg width="28" height="12" aria-hidden="true">
-            {sample(mark)}
-          </svg>{" "}
-          {mark.label}
-        </li>
-      ))}
+      {marks.map((mark) => {
+        const joined = "joined" in mark && mark.joined && { x: [2, 14, 26] };
+        return (
+          <li key={mark.label}>
+            <svg width="28" height="12" aria-hidden="true">
+              <Drawn mark={{ ...mark, ...SAMPLES[mark.kind], ...joined } as Mark} at={SAMPLE} />
+            </svg>{" "}
+            {mark.label}
+          </li>
+        );
+      })}
     </ul>
   );
 }
@@ -424,84 +408,73 @@ function rowsOf(panels: { panel: Panel; x: Axis; y: Axis }[]): string[][] {
   return [["panel", "label", first?.x.label || "x", first?.y.label || "y", "low", "high"], ...rows];
 }
 
+/** Whether the labels of a panel stand at the ends of its lines. */
+function isShort(panel: Panel): boolean {
+  const marks = labelled(panel);
+  const isFitting = ({ label, kind }: Labelled) =>
+    label.length <= LONGEST_END && ["line", "markers", "rule"].includes(kind);
+  return marks.length <= MOST_ENDS && marks.every(isFitting);
+}
+
 /** A figure with its caption. */
 export function FigureView({ shown }: { shown: ShownFigure }) {
   const [place, width] = useWidth<HTMLDivElement>();
-  const { figure } = shown;
+  const { figure, name } = shown;
   const total = Math.max(Math.min(figure.columns, figure.panels.length), 1);
   const least = figure.panels.length > MOST_LARGE ? LEAST_OF_MANY : LEAST_WIDTH;
   const columns = Math.max(Math.min(total, Math.floor(width / least)), 1);
-  const numbered = figure.panels.map((panel, index) => ({ panel, index }));
-  const tall = { panel: figure.tall, index: -1 };
-  const drawnPanels = (figure.tall_first ? [tall, ...numbered] : [...numbered, tall]).flatMap(({ panel, index }) =>
+  const panelWidth = Math.floor((width - 16 * (columns - 1)) / columns);
+  const drawn = [...figure.panels, figure.tall].flatMap((panel, index) =>
     panel ? [{ panel, index, x: axisOf(panel.x, figure.x), y: axisOf(panel.y, figure.y) }] : [],
   );
+  const panels = drawn.map(({ panel }) => panel);
   /** Panels of one group have equal ends of an axis. */
-  const groupOf = (index: number, how: string): number => {
-    if (index < 0 || how === "all") return Math.min(index, 0);
-    return how === "row" ? Math.floor(index / total) : how === "col" ? index % total : index;
-  };
+  const groupOf = (index: number, how: string): number =>
+    ({ all: 0, row: Math.floor(index / total), col: index % total })[how] ?? index;
   const together = (index: number, how: string) =>
-    drawnPanels.filter((one) => groupOf(one.index, how) === groupOf(index, how)).flatMap(({ panel }) => panel.marks);
+    drawn.filter((one) => groupOf(one.index, how) === groupOf(index, how)).flatMap(({ panel }) => panel.marks);
   const rows = Math.ceil(figure.panels.length / total);
-  const ratios = figure.heights.length ? figure.heights : Array<number>(rows).fill(1);
-  const whole = ratios.reduce((sum, one) => sum + one, 0);
+  const whole = figure.heights.reduce((sum, one) => sum + one, 0);
   const heightOf = (index: number) => {
-    const row = index < 0 ? 1 : ((ratios[Math.floor(index / total)] ?? 1) * rows) / whole;
-    const height = figure.row_in * INCH * row * (rows === 1 || index < 0 ? HERO : 1) + 40;
+    const ratio = ((figure.heights[Math.floor(index / total)] ?? 1) * rows) / (whole || rows);
+    const height = figure.row_in * INCH * ratio * (rows === 1 ? HERO : 1) + 40;
     return Math.min(Math.max(height, LEAST_HEIGHT), MOST_HEIGHT);
   };
-  const panelWidth = Math.floor((width - 16 * (columns - 1)) / columns);
-  const hasEnds = (panel: Panel) => {
-    const marks = labelled(panel);
-    return (
-      panelWidth > 440 &&
-      drawnPanels.length <= 3 &&
-      marks.length <= MOST_ENDS &&
-      marks.every((mark) => mark.label.length <= LONGEST_END && ["line", "markers", "rule"].includes(mark.kind))
-    );
-  };
-  const above = labelled(...drawnPanels.map(({ panel }) => panel).filter((panel) => !hasEnds(panel)));
-  const isStacked = columns === total && (figure.share_x === "all" || figure.share_x === "col");
-  const placed = drawnPanels.map((one) => {
-    const scales: [Scale, Scale] = [
-      scaleOf(one.x, "x", together(one.index, figure.share_x)),
-      scaleOf(one.y, "y", together(one.index, figure.share_y)),
-    ];
+  const placed = drawn.map((one) => {
+    const y = scaleOf(one.y, "y", together(one.index, figure.share_y));
     const height = heightOf(one.index);
-    const longest = Math.max(...ticksOf(scales[1], height).map(([, words]) => words.length), 1);
-    const ends = hasEnds(one.panel) ? Math.max(...labelled(one.panel).map((mark) => mark.label.length), 0) : 0;
-    return { ...one, scales, height, longest, ends };
+    const scales = [scaleOf(one.x, "x", together(one.index, figure.share_x)), y];
+    return { ...one, scales, height, longest: Math.max(...ticksOf(y, height).map(([, words]) => words.length), 1) };
   });
+  const labels = labelled(...panels);
+  const hasEnds = panelWidth > 440 && panels.length <= 3 && panels.every(isShort);
   /* Panels below each other have one left and one right. */
-  const longest = Math.max(...placed.map((one) => one.longest), 1);
-  const ends = Math.max(...placed.map((one) => one.ends), 0);
-  const marks = drawnPanels.flatMap(({ panel }) => panel.marks);
-  const points = marks.flatMap((mark) => (mark.kind === "markers" ? mark.x : []));
+  const ends = hasEnds ? Math.max(...labels.map(({ label }) => label.length), 0) : 0;
+  const longest = columns === 1 && { longest: Math.max(...placed.map((one) => one.longest)) };
+  const isStacked = columns === total && (figure.share_x === "all" || figure.share_x === "col");
+  const points = panels.flatMap(({ marks }) => marks.flatMap((mark) => (mark.kind === "markers" ? mark.x : [])));
   return (
-    <figure class="figure" data-figure={shown.name} data-points={points.length}>
+    <figure class="figure" data-figure={name} data-points={points.length}>
       {figure.title && <p class="title">{figure.title}</p>}
-      <Labels marks={above} />
+      <Labels marks={hasEnds ? [] : labels} />
       <div ref={place} class="figure-panels" style={{ gridTemplateColumns: `repeat(${columns}, minmax(0, 1fr))` }}>
         {width > 0 &&
           placed.map((one) => {
             const { panel, index, height } = one;
             const [first] = panel.marks;
-            const isTall = index < 0;
-            const gridColumn = isTall ? "1 / -1" : columns === total ? (index % total) + 1 : undefined;
-            const wide = isTall || (columns < total && columns === 1) ? width : panelWidth;
+            const gridColumn = columns === total ? (index % total) + 1 : undefined;
             return (
               <div key={index} style={{ gridColumn }}>
                 {first?.kind === "drawing" ? (
-                  <Paper drawing={first} width={wide} height={height} />
+                  <Paper drawing={first} width={panelWidth} height={height} />
                 ) : (
                   <PanelDrawing
                     {...one}
-                    {...(columns === 1 && { longest, ends })}
-                    width={wide}
-                    isBare={isStacked && !isTall && Boolean(figure.panels[index + total])}
-                    hasEnds={hasEnds(panel)}
-                    name={`${shown.name}-${index}`}
+                    {...longest}
+                    ends={ends}
+                    width={panelWidth}
+                    isBare={isStacked && Boolean(figure.panels[index + total])}
+                    name={`${name}-${index}`}
                   />
                 )}
               </div>
@@ -511,11 +484,11 @@ export function FigureView({ shown }: { shown: ShownFigure }) {
       <figcaption>
         {shown.caption}{" "}
         <span class="saves">
-          <Button class="link" act={() => saveDrawing(shown.name, place.current!)} words="Save figure" />{" "}
-          <Button class="link" act={() => saveRows(shown.name, rowsOf(drawnPanels))} words="Save numbers" />
+          <Button class="link" act={() => saveDrawing(name, place.current!)} words="Save figure" />{" "}
+          <Button class="link" act={() => saveRows(name, rowsOf(drawn))} words="Save numbers" />
         </span>
       </figcaption>
-      <NumbersTable name={shown.name} rows={() => rowsOf(drawnPanels)} />
+      <NumbersTable name={name} rows={() => rowsOf(drawn)} />
     </figure>
   );
 }
@@ -539,4 +512,47 @@ function NumbersTable({ name, rows }: { name: string; rows: () => string[][] }) 
       {open && <Table label={`Table of ${name}`} heads={heads} rows={others.slice(0, MOST_ROWS)} />}
     </details>
   );
+}
+
+const DASH = 1.6; // pixels of a unit of a dash
+
+/** Return the visible curves of a plot as lines. A value of another curve's time is left out; null is a gap. */
+const linesOf = ({ u, curves }: Saved): Line[] =>
+  curves.map(({ label, look: own }, k): Line => {
+    const { min = 0, max = 1 } = u.scales.x!;
+    const [index, values] = [own ?? k, u.data[k + 1]!];
+    const rows = Array.from(u.data[0], (x, row) => [x, values[row]] as const).filter(
+      ([x, y]) => x >= min! && x <= max! && y !== undefined,
+    );
+    return {
+      x: rows.map(([x]) => x),
+      y: rows.map(([, y]) => y ?? null),
+      label,
+      width: 1.1,
+      steps: false,
+      kind: "line",
+      look: [`look-${(index % 8) + 1}`, [0, look(index).dash.map((length) => length / DASH)], ""],
+    };
+  });
+
+/** Save a plot as a drawing or a picture; texts of a drawing stay texts. */
+export async function savePlot(ending: "svg" | "png", plot: Saved): Promise<void> {
+  const { u, title, unit, over } = plot;
+  const marks = linesOf(plot);
+  const axisOf = (label: string, { min, max, distr }: uPlot.Scale): Axis => ({
+    ...axis(label, distr === 3 ? "log" : "linear", min),
+    high: max ?? null,
+  });
+  const [x, y] = [axisOf(over, u.scales.x!), axisOf(`${title}, ${unit || "1"}`, u.scales.y!)];
+  const host = document.querySelector(".pneudrive")!.appendChild(document.createElement("div"));
+  host.style.width = `${u.width}px`;
+  const ends = marks.length > 1 ? Math.max(...marks.map(({ label }) => label.length)) : 0;
+  const drawing = { panel: { marks, title: "", x, y }, x, y, scales: [scaleOf(x, "x", marks), scaleOf(y, "y", marks)] };
+  render(
+    <PanelDrawing {...drawing} ends={ends} width={u.width} height={u.height + 60} longest={8} name="saved" />,
+    host,
+  );
+  await saveDrawing(title, host, ending);
+  render(null, host);
+  host.remove();
 }

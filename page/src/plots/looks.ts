@@ -3,6 +3,9 @@
 import { signal } from "@preact/signals";
 import { type Field, SEVERE } from "../server/generated";
 
+/** Millimetre and bar in SI. */
+export const [MM, BAR] = [1e-3, 1e5];
+
 /** Line styles of eight curves. Their colours are the tokens `--look-1` to `--look-8`; `page/tests/looks.test.ts` measures them. */
 const DASHES: number[][] = [[], [8, 4], [8, 3, 2, 3], [2, 3], [10, 2], [2, 2], [6, 2, 2, 2, 2, 2], [14, 4]];
 

@@ -1,6 +1,6 @@
 /** Drawing of curves, bands, shades and marks on a plot. */
 import "../drive/language"; // before uPlot, which reads it
-import uPlot from "uplot";
+import type uPlot from "uplot";
 import { look, token } from "./looks";
 
 /** Marked place below the curves: a fault of a recording. */
@@ -9,15 +9,9 @@ export interface Mark {
   to: number;
 }
 
-/** Shaded time span: a stroke. */
+/** Shaded time span: a stroke, stronger towards +x. */
 export interface Shade extends Mark {
-  strong: boolean;
-}
-
-/** A marked moment above the curves, with its event. */
-export interface Event {
-  at: number;
-  what: string;
+  direction: number;
 }
 
 /** Band of many runs, shaded behind the curves. */
@@ -54,13 +48,6 @@ export function isInDash(column: number, dash: number[]): boolean {
   return !dash.length || dash.findIndex((one) => (at -= one) < 0) % 2 === 0;
 }
 
-/**
- * Paths of uPlot, only for logarithmic axes. Paths kept after each drawing would cost some ms of garbage collection
- * while a slider moves.
- */
-export const path: uPlot.Series.PathBuilder = (u, series, from, to) =>
-  u.scales.x!.distr === 3 ? uPlot.paths.linear!()(u, series, from, to) : null;
-
 /** Return the values of a curve and its scale in pixels of linear axes. */
 function placed(u: uPlot, series: number) {
   const { min: first, max: last } = u.scales.x!;
@@ -77,23 +64,29 @@ function placed(u: uPlot, series: number) {
   };
 }
 
-/** Draw only within the area of the curves, until the canvas is restored. */
-function clipped({ ctx, bbox }: uPlot): void {
-  ctx.save();
+/** Hooks of uPlot before and after what is drawn here. */
+export const save = (u: uPlot): void => u.ctx.save();
+export const restore = (u: uPlot): void => u.ctx.restore();
+
+/** Draw only within the area of the curves. */
+function clip({ ctx, bbox }: uPlot): void {
   ctx.beginPath();
   ctx.rect(bbox.left, bbox.top, bbox.width, bbox.height);
   ctx.clip();
 }
 
+/**
+ * Draw a curve on linear axes. Paths of uPlot, which are kept after each drawing, would cost some ms of garbage
+ * collection while a slider moves.
+ */
 export function curve(u: uPlot, series: number): void {
-  if (u.scales.x!.distr === 3) return;
   if (isDense(u, series)) columns(u, series);
   else lines(u, series);
 }
 
 const DOT = 1.5; // radius of a value between two gaps, pixels
 
-/** Draw straight lines between values. A column of pixels keeps only its first, lowest, highest and last value. */
+/** Draw straight lines between values. A value that is alone in its column of pixels, between two gaps, becomes a dot. */
 export function lines(u: uPlot, series: number): void {
   const { x, y, left, top, first, most, perX, perY } = placed(u, series);
   const { ctx } = u;
@@ -105,44 +98,22 @@ export function lines(u: uPlot, series: number): void {
   while (from > 0 && y[from] === undefined); // to the value before the view, so that its line comes in
   do to += 1;
   while (to < x.length - 1 && y[to] === undefined);
-  clipped(u);
+  clip(u);
   ctx.beginPath();
-  let [column, low, high, begun, endX, endY, isOne] = [Number.NaN, 0, 0, 0, 0, 0, true];
-  const leave = () => {
-    if (low < Math.min(begun, endY)) ctx.lineTo(endX, low);
-    if (high > Math.max(begun, endY)) ctx.lineTo(endX, high);
-    if (!isOne) ctx.lineTo(endX, endY);
-    [column, isOne] = [Number.NaN, true];
-  };
-  let [isDown, isAlone] = [false, false];
-  /** End a line before a gap: a value alone in its column of pixels, between two gaps, becomes a dot, as it has no line. */
+  let [isDown, isAlone, endX, endY] = [false, false, 0, 0];
   const end = () => {
-    leave();
-    if (isDown && isAlone && low === high) ctx.arc(endX, endY, DOT * devicePixelRatio, 0, 2 * Math.PI);
+    if (isDown && isAlone) ctx.arc(endX, endY, DOT * devicePixelRatio, 0, 2 * Math.PI);
     isDown = false;
   };
   for (let i = Math.max(from, 0); i <= Math.min(to, x.length - 1); i++) {
     const value = y[i];
-    if (value === undefined || (value === null && own.spanGaps)) continue;
-    if (value === null) {
-      end();
-      continue;
-    }
+    if (value === null) end();
+    if (value === undefined || value === null) continue; // a time of another curve, or a gap
     const [atX, atY] = [left + (x[i]! - first) * perX, top + (most - value) * perY];
-    if (Math.floor(atX) === column) {
-      isOne = false;
-      if (atY < low) low = atY;
-      if (atY > high) high = atY;
-    } else {
-      leave();
-      isAlone = !isDown;
-      if (isDown) ctx.lineTo(atX, atY);
-      else ctx.moveTo(atX, atY);
-      isDown = true;
-      column = Math.floor(atX);
-      low = high = begun = atY;
-    }
-    [endX, endY] = [atX, atY];
+    if (isDown) ctx.lineTo(atX, atY);
+    else ctx.moveTo(atX, atY);
+    isAlone = !isDown || (isAlone && atY === endY && Math.floor(atX) === Math.floor(endX));
+    [isDown, endX, endY] = [true, atX, atY];
   }
   end();
   ctx.strokeStyle = (own.stroke as () => string)();
@@ -150,7 +121,6 @@ export function lines(u: uPlot, series: number): void {
   ctx.lineJoin = "round";
   ctx.setLineDash((own.dash ?? []).map((one) => one * devicePixelRatio));
   ctx.stroke();
-  ctx.restore();
 }
 
 /**
@@ -183,7 +153,6 @@ function columns(u: uPlot, series: number): void {
     }
     [column, at] = [next, to];
   }
-  u.ctx.save();
   u.ctx.fillStyle = (u.series[series]!.stroke as () => string)();
   const dash = (u.series[series]!.dash ?? []).map((one) => one * devicePixelRatio);
   for (let k = 0; k < width; k++) {
@@ -191,7 +160,6 @@ function columns(u: uPlot, series: number): void {
     u.ctx.globalAlpha = isInDash(k, dash) ? 1 : 0.4; // a gap of the dash is pale: no value is left out
     if (to > from) u.ctx.fillRect(left + k, top + from, 1, to - from);
   }
-  u.ctx.restore();
 }
 
 /** Return the spans of time that the plot shows, each with its ends in pixels. */
@@ -208,30 +176,25 @@ export function shade(u: uPlot, parts: Shade[]): void {
   const { top, width, height } = u.bbox;
   const shown = seen(u, parts);
   if (shown.length > width / 4) return;
-  u.ctx.save();
   for (const { one, from, to } of shown) {
-    u.ctx.fillStyle = token(one.strong ? "stroke-strong" : "stroke");
+    u.ctx.fillStyle = token(one.direction > 0 ? "stroke-strong" : "stroke");
     u.ctx.fillRect(from, top, to - from, height);
   }
-  u.ctx.restore();
 }
 
 /** Mark places by a bar at the foot of the plot, at least three pixels wide. */
 export function mark(u: uPlot, places: Mark[]): void {
   const { left, top, width, height } = u.bbox;
   const [tall, thin] = [7 * devicePixelRatio, 3 * devicePixelRatio];
-  u.ctx.save();
   u.ctx.fillStyle = token("mark");
   for (const { from, to } of seen(u, places)) {
     u.ctx.fillRect(Math.min(from, left + width - thin), top + height - tall, Math.max(to - from, thin), tall);
   }
-  u.ctx.restore();
 }
 
 /** Draw vertical lines with their numbers. */
 export function upright(u: uPlot, times: number[]): void {
   const { left, top, width, height } = u.bbox;
-  u.ctx.save();
   u.ctx.strokeStyle = u.ctx.fillStyle = token("upright");
   u.ctx.lineWidth = devicePixelRatio;
   u.ctx.font = `${12 * devicePixelRatio}px system-ui`;
@@ -242,30 +205,17 @@ export function upright(u: uPlot, times: number[]): void {
     u.ctx.stroke(new Path2D(`M${at} ${top}v${height}`));
     if (times.length > 1) u.ctx.fillText(String(index + 1), at + 4 * devicePixelRatio, top + 12 * devicePixelRatio);
   });
-  u.ctx.restore();
 }
 
-/** Return the limits of the values and bands. */
-export function within({ bands, size }: { bands?: Band[]; size: number }, low: number, high: number): [number, number] {
-  let [least, most] = [low, high];
-  for (const one of bands ?? [])
-    for (let i = 0; i < one.x.length; i++) {
-      least = Math.min(least, one.low[i]! / size);
-      most = Math.max(most, one.high[i]! / size);
-    }
-  return [least, most];
-}
-
-/** Mark events by a triangle at the top and a pale line below it. */
-export function flag(u: uPlot, events: Event[]): void {
+/** Mark times by a triangle at the top and a pale line below it. */
+export function flag(u: uPlot, times: number[]): void {
   const { left, top, width, height } = u.bbox;
   const size = 5 * devicePixelRatio;
-  u.ctx.save();
   u.ctx.fillStyle = u.ctx.strokeStyle = token("mark");
   u.ctx.lineWidth = devicePixelRatio;
   let last = -Infinity;
-  for (const one of events) {
-    const at = u.valToPos(one.at, "x", true);
+  for (const time of times) {
+    const at = u.valToPos(time, "x", true);
     if (at < left || at > left + width || at - last < size) continue; // it would cover the one before
     last = at;
     u.ctx.globalAlpha = 1;
@@ -274,11 +224,10 @@ export function flag(u: uPlot, events: Event[]): void {
     u.ctx.setLineDash([2 * devicePixelRatio, 3 * devicePixelRatio]);
     u.ctx.stroke(new Path2D(`M${at} ${top}v${height}`));
   }
-  u.ctx.restore();
 }
 
 export function fill(u: uPlot, bands: Band[], size: number): void {
-  clipped(u);
+  clip(u);
   for (const one of bands) {
     u.ctx.beginPath();
     const at = (i: number, values: ArrayLike<number>) =>
@@ -288,5 +237,4 @@ export function fill(u: uPlot, bands: Band[], size: number): void {
     u.ctx.fillStyle = `${look(one.look).color}33`;
     u.ctx.fill();
   }
-  u.ctx.restore();
 }

@@ -1,18 +1,19 @@
 /** One plot over time: with `paint.ts` and the two that save it the only files that touch uPlot. */
 
-import type { Signal } from "@preact/signals";
+import { type Signal, useSignal } from "@preact/signals";
 import { useLayoutEffect, useMemo, useRef, useState } from "preact/hooks";
-import { Table } from "../workspace/table";
 import "../drive/language"; // before uPlot, which reads it
 import uPlot from "uplot";
 import "uplot/dist/uPlot.min.css";
 import "./plot.css";
 import type { Frame, Numbers } from "../server/frame";
 import type { RunPanel } from "../server/generated";
-import { Button } from "../workspace/fields";
+import { Button, Table } from "../workspace/fields";
 import { digits, instant, isDark, look, pretty, token } from "./looks";
 import * as paint from "./paint";
-import { type Saved, saveCsv, savePng, saveSamples } from "./saving";
+import { type Saved, saveCsv, saveSamples } from "./saving";
+import { endsOf } from "./scale";
+import { useWidth } from "./width";
 
 export interface Curve {
   label: string;
@@ -22,16 +23,19 @@ export interface Curve {
   look?: number; // its look; absent: its place
 }
 
+type Arrays = Pick<Frame<unknown>, "arrays">;
+
 /** Return a column of an answer as a curve. */
 export function curveOf(arrays: Map<string, Numbers>, x: Numbers, column: string, label: string): Curve {
   return { label, x, y: arrays.get(column)!, at: arrays.get(`${column}/at`) };
 }
 
-/** Return the curves of a panel of a run, as far as the run has them. `of` is the name of another run. */
-export const curvesOf = ({ arrays }: Pick<Frame<unknown>, "arrays">, { curves }: RunPanel, of = ""): Curve[] =>
-  curves
-    .filter(({ column }) => arrays.has(column))
-    .map(({ column, label }) => curveOf(arrays, arrays.get("time_s")!, column, of ? `${label} (${of})` : label));
+/** Return the curves of a panel, as far as a run has them. Another run has a name, and a prefix of its columns. */
+export function curvesOf({ arrays }: Arrays, { curves }: RunPanel, name = "", prefix = ""): Curve[] {
+  const time = arrays.get(`${prefix}time_s`)!;
+  const own = curves.filter(({ column }) => arrays.has(prefix + column));
+  return own.map(({ column, label }) => curveOf(arrays, time, prefix + column, name ? `${label} (${name})` : label));
+}
 
 /** Return the last index at or before a time, or the first index if the time is before it. */
 export function indexAt(times: ArrayLike<number>, at: number): number {
@@ -53,12 +57,12 @@ export function valueAt({ x, y, at = y }: Curve, time: number): number {
 }
 
 /** Return the mean time between two samples of a curve. */
-const stepOf = (x: ArrayLike<number> | undefined): number => (x ? (x[x.length - 1]! - x[0]!) / (x.length - 1) : 0);
+const stepOf = (x: ArrayLike<number> = []): number => (x[x.length - 1]! - x[0]!) / (x.length - 1);
 
 export interface PlotProps {
   title: string;
   unit: string;
-  xUnit?: string;
+  xUnit?: "s" | "samples" | "Hz"; // over frequency both axes are logarithmic: a spectrum
   size: number; // of the unit, in SI
   curves: Curve[];
   height?: number; // of the area of the curves
@@ -68,24 +72,26 @@ export interface PlotProps {
   range?: [number, number];
   shades?: paint.Shade[];
   bands?: paint.Band[];
-  gaps?: boolean; // values that are no number are gaps, also beside another curve
   marks?: paint.Mark[];
-  events?: paint.Event[];
+  events?: number[]; // times with a mark above the curves
   cursors?: number[]; // times of upright lines, the first one solid, the second one dashed
   onHover?: (time: number) => void; // of the value that is pointed at
   onPick?: (time: number) => void; // a click that is no drag
-  log?: boolean; // both axes logarithmic: a spectrum
   extreme?: boolean; // values are the lowest and the highest of each pixel, in turn
-  samples?: () => Promise<Map<string, Numbers>>; // all values of the shown part, "time" first
+  samples?: (save: (all: Map<string, Numbers>) => void) => unknown; // all values of the shown part, "time" first
 }
 
 const ROWS = 11;
 
-function scaled(values: ArrayLike<number>, size: number): ArrayLike<number> {
-  if (size === 1) return values;
+/** Return values in a unit, with null instead of NaN, because uPlot draws a line across NaN. */
+function inUnit(values: ArrayLike<number>, size: number): ArrayLike<number | null> {
   const out = new Float64Array(values.length);
-  for (let i = 0; i < values.length; i++) out[i] = (values[i] as number) / size;
-  return out;
+  let hasGap = false;
+  for (let i = 0; i < values.length; i++) {
+    out[i] = values[i]! / size;
+    hasGap ||= Number.isNaN(out[i]);
+  }
+  return hasGap ? Array.from(out, (one) => (Number.isNaN(one) ? null : one)) : out;
 }
 
 /** Return numbers of an axis as the page writes all others, independent of the browser's language. */
@@ -98,16 +104,9 @@ function space(_: uPlot, _axis: number, low: number, high: number): number {
   return Math.max(70, 20 + 7 * Math.max(Math.abs(low), Math.abs(high)).toFixed(Math.min(decimals, 12)).length);
 }
 
-/** Return the values with null instead of NaN, because uPlot draws a line across NaN. */
-function withGaps(values: ArrayLike<number>): ArrayLike<number | null> {
-  for (let i = 0; i < values.length; i++)
-    if (Number.isNaN(values[i])) return Array.from(values, (one) => (Number.isNaN(one) ? null : one));
-  return values;
-}
-
 function aligned(curves: Curve[], size: number): uPlot.AlignedData {
   const same = curves.every((one) => one.x === curves[0]?.x);
-  const tables = curves.map((one) => [one.x, withGaps(scaled(one.y, size))] as unknown as uPlot.AlignedData);
+  const tables = curves.map((one) => [one.x, inUnit(one.y, size)] as unknown as uPlot.AlignedData);
   if (!curves.length) return [[]] as unknown as uPlot.AlignedData;
   if (same) return [curves[0]!.x, ...tables.map((one) => one[1])] as unknown as uPlot.AlignedData;
   return uPlot.join(tables);
@@ -115,11 +114,11 @@ function aligned(curves: Curve[], size: number): uPlot.AlignedData {
 
 /**
  * Return the number of pixel columns of the page's plots. Each column receives its own lowest and highest value.
- * Without a plot, return `otherwise`.
+ * Without a plot, `otherwise` is its width.
  */
 export function pixelsOfPlots(otherwise = 1000): number {
-  const width = document.querySelector("main .u-over")?.clientWidth;
-  return width ? Math.min(Math.max(Math.round(width * devicePixelRatio), 200), 4000) : otherwise;
+  const width = document.querySelector("main .u-over")?.clientWidth || otherwise;
+  return Math.min(Math.max(Math.round(width * devicePixelRatio), 200), 4000);
 }
 
 /** Plots that show the same part of the time. */
@@ -128,36 +127,32 @@ export const zooming = (shown: Signal<[number, number] | null>): Pick<PlotProps,
   ...(shown.value && { range: shown.value, onReset: () => (shown.value = null) }),
 });
 
-/** The line of a look as a background, for the legend. */
-function swatch(index: number): string {
+/** The line of a look, for a legend. */
+export function LineSample({ index }: { index: number }) {
   const { color, dash } = look(index);
-  let at = 0;
-  const stops = dash.map((one, k) => `${k % 2 ? "transparent" : color} ${at}px ${(at += one)}px`);
-  return `repeating-linear-gradient(90deg, ${stops.join(", ") || `${color}, ${color}`})`;
+  return (
+    <svg width="32" height="8" aria-hidden="true">
+      <path d="M0 4H32" stroke={color} stroke-width="2" stroke-dasharray={dash.join(" ")} />
+    </svg>
+  );
 }
 
+const BARE = { size: 0, values: () => [] }; // an axis of time that a plot below has
 const AXIS = 34; // height of the axis of time with its label
 const HEIGHT = 200; // of the area of the curves
 const EDGE = 8; // above and below it
 const LOW_SPACE = 16; // between numbers of a low plot
 
-/** Axes of a plot, in the colours of the paper. */
-const axes = (x: Partial<uPlot.Axis>, y: Partial<uPlot.Axis> = {}): uPlot.Axis[] => {
-  const font = "12px system-ui";
-  const axis = {
-    values: written,
-    stroke: token("axis"),
-    grid: { stroke: token("grid"), width: 1 },
-    ticks: { show: false },
-    font,
-    labelFont: font,
-    labelSize: 16,
-  };
-  return [
-    { ...axis, space, ...x },
-    { ...axis, size: 62, ...y },
-  ];
-};
+/** Look of both axes of a plot, in the colours of the paper. */
+const axisLook = (font = "12px system-ui"): uPlot.Axis => ({
+  values: written,
+  stroke: token("axis"),
+  grid: { stroke: token("grid"), width: 1 },
+  ticks: { show: false },
+  font,
+  labelFont: font,
+  labelSize: 16,
+});
 
 const FLAT = 1e-9; // of a unit: a curve that varies less is drawn as a straight line
 
@@ -165,9 +160,13 @@ const FLAT = 1e-9; // of a unit: a curve that varies less is drawn as a straight
 const reach = (low: number, high: number): [number, number] =>
   high - low < FLAT && Math.abs(high) < FLAT ? [-1, 1] : (uPlot.rangeNum(low, high, 0.1, true) as [number, number]);
 
+/** The label of the axis below a plot. */
+const abscissaOf = ({ xUnit = "s" }: PlotProps): string =>
+  xUnit === "samples" ? "sample" : `${xUnit === "Hz" ? "frequency" : "time"}, ${xUnit}`;
+
 export function Plot(props: PlotProps) {
-  const place = useRef<HTMLDivElement>(null);
-  const title = useRef<HTMLElement>(null);
+  const [place, width] = useWidth<HTMLDivElement>();
+  const pointed = useSignal<number | undefined>(undefined); // time or frequency under the pointer
   const plot = useRef<uPlot | null>(null);
   const latest = useRef(props);
   latest.current = props;
@@ -177,30 +176,32 @@ export function Plot(props: PlotProps) {
   const numbers = props.curves.flatMap(({ x, y, label }) => [x, y, label]);
   const data = useMemo(() => aligned(props.curves, props.size), [props.size, ...numbers]);
   const height = (props.height ?? HEIGHT) + (props.bare ? EDGE : AXIS) + EDGE;
-  const over = props.log ? "frequency" : "time";
-  const xUnit = props.xUnit ?? "s";
+  const isLog = props.xUnit === "Hz";
 
   /* Layout effects: an effect would run after the next frame, and the curves would come one frame late. */
   useLayoutEffect(() => {
     const at = place.current!;
     const rangeX: uPlot.Range.Function = (_, low, high) => latest.current.range ?? [low, high];
-    const rangeY: uPlot.Range.Function = (_, low, high) =>
-      low === null ? [low, high] : reach(...paint.within(latest.current, low, high));
+    const rangeY: uPlot.Range.Function = (_, low, high) => {
+      const { bands = [], size } = latest.current;
+      const ends = bands.flatMap((band) => [...Array.from(band.low), ...Array.from(band.high)]);
+      return low === null ? [low, high] : reach(...endsOf([low, high, ...ends.map((end) => end / size)]));
+    };
     const made = new uPlot(
       {
         width: at.clientWidth || 400,
         height,
         padding: [EDGE, 12, props.bare ? EDGE : 0, 0],
-        cursor: { ...(!props.log && { sync: { key: "time" } }), drag: { x: true, y: false, setScale: !props.onZoom } },
+        cursor: { ...(!isLog && { sync: { key: "time" } }), drag: { x: true, y: false, setScale: !props.onZoom } },
         scales: {
-          x: { time: false, ...(props.log ? { distr: 3 } : { range: rangeX }) },
-          y: props.log ? { distr: 3 } : { range: rangeY },
+          x: { time: false, ...(isLog ? { distr: 3 } : { range: rangeX }) },
+          y: isLog ? { distr: 3 } : { range: rangeY },
         },
         legend: { show: false },
-        axes: axes(
-          props.bare ? { size: 0, values: () => [] } : { size: AXIS - 16, label: `${over}, ${xUnit}` },
-          props.height ? { space: LOW_SPACE } : {},
-        ),
+        axes: [
+          { ...axisLook(), space, ...(props.bare ? BARE : { size: AXIS - 16, label: abscissaOf(props) }) },
+          { ...axisLook(), size: 62, ...(props.height && { space: LOW_SPACE }) },
+        ],
         series: [
           {},
           ...props.curves.map((one, index) => {
@@ -210,26 +211,31 @@ export function Plot(props: PlotProps) {
               stroke: color,
               dash,
               width: 1.5,
-              spanGaps: !props.gaps && props.curves.length > 1,
               points: { show: false },
-              paths: paint.path,
+              ...(!isLog && { paths: () => null }), // `paint.curve` draws it
             };
           }),
         ],
         hooks: {
-          drawSeries: [paint.curve],
+          drawSeries: isLog ? [] : [paint.save, paint.curve, paint.restore],
           draw: [
+            paint.save,
             (u) => paint.mark(u, latest.current.marks ?? []),
-            (u) => paint.flag(u, latest.current.events ?? []),
             (u) => paint.upright(u, latest.current.cursors ?? []),
+            (u) => paint.flag(u, latest.current.events ?? []),
+            paint.restore,
           ],
           setCursor: [
-            (u) => title.current && tell(u, title.current, latest.current),
-            (u) => typeof u.cursor.idx === "number" && latest.current.onHover?.(u.data[0][u.cursor.idx]!),
+            ({ cursor: { idx, left = -1 }, data: [x] }) => {
+              const time = (pointed.value = typeof idx === "number" && left >= 0 ? x[idx] : undefined);
+              if (time !== undefined) latest.current.onHover?.(time);
+            },
           ],
           drawClear: [
+            paint.save,
             (u) => paint.shade(u, latest.current.shades ?? []),
             (u) => paint.fill(u, latest.current.bands ?? [], latest.current.size),
+            paint.restore,
           ],
           setSelect: [
             (u) => {
@@ -245,63 +251,52 @@ export function Plot(props: PlotProps) {
       at,
     );
     plot.current = made;
-    let pressed = 0;
-    made.over.addEventListener("mousedown", (event) => (pressed = event.clientX));
-    made.over.addEventListener(
-      "click",
-      (event) => Math.abs(event.clientX - pressed) < 3 && latest.current.onPick?.(made.posToVal(event.offsetX, "x")),
-    );
+    made.over.addEventListener("click", (event) => latest.current.onPick?.(made.posToVal(event.offsetX, "x")));
     made.over.addEventListener("dblclick", () => latest.current.onReset?.());
-    const seen = new ResizeObserver(
-      () => at.clientWidth !== made.width && made.setSize({ width: at.clientWidth, height }),
-    );
-    seen.observe(at);
     return () => {
-      seen.disconnect();
       made.destroy();
       plot.current = null;
     };
   }, [shape]);
 
   useLayoutEffect(() => {
+    if (width && width !== plot.current?.width) plot.current?.setSize({ width, height });
+  }, [width]);
+  useLayoutEffect(() => {
     plot.current?.setData(data);
   }, [data, props.shades, props.bands, props.marks, props.range?.join()]);
   useLayoutEffect(() => plot.current?.redraw(false, false), [props.cursors?.join(), props.events]);
 
-  const saved = (): Saved => ({
-    title: props.title,
-    x: `${over}, ${xUnit}`,
-    y: props.unit || "1",
-    legend: props.curves.map(({ label, look: own }, k) => ({ label, look: own ?? k })),
-    u: plot.current!,
-    extreme: props.extreme,
-  });
   return (
     <figure class="plot" data-plot={props.title}>
-      <figcaption ref={title}>
+      <figcaption>
         <span class="title">{props.unit ? `${props.title}, ${pretty(props.unit)}` : props.title}</span>
-        <span class="value" data-value="time" />
-        <Legend curves={props.curves} />
+        <Legend of={props} pointed={pointed} />
         {props.onReset && <Button class="link" act={props.onReset} words="Reset zoom" />}
-        <More of={props} saved={saved} />
+        <More of={props} saved={() => ({ ...props, over: abscissaOf(props), u: plot.current! })} />
       </figcaption>
       <div ref={place} aria-hidden="true" />
     </figure>
   );
 }
 
-/** Name and line of each curve, and its value under the pointer. A single curve is named by the title. */
-function Legend({ curves }: { curves: Curve[] }) {
+/** The time under the pointer, and name, line and value of each curve. A single curve is named by the title. */
+function Legend({ of: { curves, size }, pointed }: { of: PlotProps; pointed: Signal<number | undefined> }) {
   const isOne = curves.length === 1;
+  const time = pointed.value;
   return (
-    <ul class="legend">
-      {curves.map(({ label, look: own }, index) => (
-        <li key={label}>
-          <span class={isOne ? "hidden swatch" : "swatch"} style={{ background: swatch(own ?? index) }} />{" "}
-          <span class={isOne ? "hidden" : "name"}>{label}</span> <span class="value" />
-        </li>
-      ))}
-    </ul>
+    <>
+      <span class="value">{time !== undefined && instant(time, stepOf(curves[0]?.x))}</span>
+      <ul class="legend">
+        {curves.map((one, index) => (
+          <li key={one.label}>
+            {!isOne && <LineSample index={one.look ?? index} />}
+            <span class={isOne ? "hidden" : "name"}>{one.label}</span>{" "}
+            <span class="value">{time !== undefined && digits(valueAt(one, time) / size)}</span>
+          </li>
+        ))}
+      </ul>
+    </>
   );
 }
 
@@ -309,17 +304,18 @@ function Legend({ curves }: { curves: Curve[] }) {
 function More({ of, saved }: { of: PlotProps; saved: () => Saved }) {
   const [open, setOpen] = useState(false);
   const { title, extreme, samples } = of;
+  const drawn = (ending: "svg" | "png") => import("./figure").then(({ savePlot }) => savePlot(ending, saved()));
   return (
     <details class="more" onToggle={(event) => setOpen(event.currentTarget.open)}>
       <summary aria-label={`${title}: save, values as a table`}>⋯</summary>
       {open && (
         <div class="menu">
           <p class="row">
-            Save as <Button act={() => savePng(saved())}>PNG</Button>
-            <Button act={() => import("./plotsvg").then(({ saveSvg }) => saveSvg(saved()))}>SVG</Button>
+            Save as <Button act={() => drawn("png")}>PNG</Button>
+            <Button act={() => drawn("svg")}>SVG</Button>
             <Button act={() => saveCsv(saved())}>{extreme ? "CSV of lowest and highest" : "CSV"}</Button>
             {extreme && samples && (
-              <Button act={() => samples().then((all) => saveSamples(saved(), all))}>CSV of all samples</Button>
+              <Button act={() => samples((all) => saveSamples(saved(), all))}>CSV of all samples</Button>
             )}
           </p>
           <Values {...of} />
@@ -329,24 +325,11 @@ function More({ of, saved }: { of: PlotProps; saved: () => Saved }) {
   );
 }
 
-/** Show the time under the pointer, and the value of each curve there, in the title line. */
-function tell(u: uPlot, title: HTMLElement, { curves, size }: PlotProps): void {
-  const row = u.cursor.idx;
-  const time = typeof row === "number" && (u.cursor.left ?? -1) >= 0 ? u.data[0][row] : undefined;
-  title.querySelectorAll(".value").forEach((place, k) => {
-    const one = curves[k - 1];
-    if (time === undefined) place.textContent = "";
-    else place.textContent = one ? digits(valueAt(one, time) / size) : `${instant(time, stepOf(curves[0]?.x))} `;
-  });
-}
-
-function Values({ curves, size, unit, xUnit, title, extreme }: PlotProps) {
-  const first = curves[0];
-  if (!first) return <p>No curve.</p>;
-  const at = Array.from({ length: ROWS }, (_, row) => Math.round(((first.x.length - 1) * row) / (ROWS - 1)));
-  const over = xUnit === "samples" ? "sample" : `${xUnit === "Hz" ? "frequency" : "time"}, ${xUnit ?? "s"}`;
-  const value = (curve: Curve, index: number) =>
-    curve.x === first.x ? (curve.at ?? curve.y)[index]! : valueAt(curve, first.x[index]!);
+/** Values at some times from the first to the last one. */
+function Values(props: PlotProps) {
+  const { curves, size, unit, title, extreme } = props;
+  const times = curves[0]?.x ?? [];
+  const shown = Array.from({ length: ROWS }, (_, row) => times[Math.round(((times.length - 1) * row) / (ROWS - 1))]!);
   return (
     <>
       {extreme && (
@@ -354,10 +337,10 @@ function Values({ curves, size, unit, xUnit, title, extreme }: PlotProps) {
       )}
       <Table
         label={`Table of ${title}`}
-        heads={[over, ...curves.map(({ label }) => `${label}, ${unit}`)]}
-        rows={at.map((index) => [
-          instant(first.x[index], stepOf(first.x)),
-          ...curves.map((curve) => digits(value(curve, index) / size, 6)),
+        heads={[abscissaOf(props), ...curves.map(({ label }) => `${label}, ${unit}`)]}
+        rows={shown.map((time) => [
+          instant(time, stepOf(times)),
+          ...curves.map((curve) => digits(valueAt(curve, time) / size, 6)),
         ])}
       />
     </>

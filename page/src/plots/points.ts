@@ -1,19 +1,20 @@
 /** Figures of measured points with their bars, the curves of fits with their bands, and plain lines. */
 import type { Axis, Mark, Markers, ShownFigure } from "../server/generated";
 import { digits } from "./looks";
+import type { Numbers } from "./scale";
 
 export interface Point {
   x: number;
   y: number;
   spread: number | null;
-  run?: number; // points of later runs are open
+  run?: unknown; // points of later runs are open
 }
 
 /** Points, and the curve that belongs to them. */
 export interface Group {
   label: string;
   points: Point[];
-  curve?: { x: number[]; y: (number | null)[]; low?: (number | null)[]; high?: (number | null)[]; measured?: number[] };
+  curve?: { x: number[]; y: Numbers; low?: Numbers; high?: Numbers; measured?: Numbers };
 }
 
 type Look = [color: string, dash: string, marker: string];
@@ -28,9 +29,12 @@ const LOOKS: Look[] = [
 const GREY: Look = ["grey", "-", "."];
 const DECADE = 10; // values that span as much lie on a logarithmic axis
 
-/** Return an axis that follows its values, which are in the unit of its label. */
-export const axis = (label: string, scale = "linear", low: number | null = null): Axis => ({
-  label,
+/** Label of an axis with its unit, and the size of this unit in that of the values; absent: 1. */
+type Quantity = string | [label: string, size: number];
+
+/** Return an axis that follows its values. */
+export const axis = (quantity: Quantity, scale = "linear", low: number | null = null): Axis => ({
+  label: typeof quantity === "string" ? quantity : quantity[0],
   scale,
   low,
   high: null,
@@ -39,7 +43,7 @@ export const axis = (label: string, scale = "linear", low: number | null = null)
   names: [],
   is_named: true,
   unit: "",
-  size: 1,
+  size: typeof quantity === "string" ? 1 : quantity[1],
 });
 
 /** Return whether the points of all groups lie above zero and span a decade. */
@@ -49,10 +53,10 @@ export function isWide(groups: Group[]): boolean {
 }
 
 /** Return evenly spread indices of the groups that have a look of their own. */
-const shownOf = (count: number): number[] =>
-  Array.from({ length: Math.min(count, MOST_SERIES) }, (_, k) =>
-    Math.round((k * (count - 1)) / Math.max(Math.min(count, MOST_SERIES) - 1, 1)),
-  );
+function shownOf(count: number): number[] {
+  const most = Math.min(count, MOST_SERIES);
+  return Array.from({ length: most }, (_, k) => Math.round((k * (count - 1)) / Math.max(most - 1, 1)));
+}
 
 /** Return the marks of a group: its band, its curve, dotted beyond the measured range, and its points by run. */
 function marksOf({ label, points, curve }: Group, look: Look): Mark[] {
@@ -65,9 +69,9 @@ function marksOf({ label, points, curve }: Group, look: Look): Mark[] {
     if (isInside.includes(false)) marks.push({ ...line, x, y, label: "", look: [look[0], ":", look[2]], width: 0.9 });
     marks.push({ ...line, x, y: y.map((value, k) => (isInside[k] ? value : null)), label, look });
   }
-  const runs = [...new Set(points.map((point) => point.run ?? 0))];
+  const runs = [...new Set(points.map((point) => point.run))];
   for (const run of runs) {
-    const own = points.filter((point) => (point.run ?? 0) === run);
+    const own = points.filter((point) => point.run === run);
     const end = (sign: number) => own.map(({ y, spread }) => (spread === null ? null : y + sign * spread));
     marks.push({
       x: own.map((point) => point.x),
@@ -90,8 +94,8 @@ function marksOf({ label, points, curve }: Group, look: Look): Mark[] {
 export function pointsFigure(about: {
   name: string;
   caption?: string;
-  x: string;
-  y: string;
+  x: Quantity;
+  y: Quantity;
   panels: { title: string; groups: Group[] }[];
   isLog?: boolean;
   isFromZero?: boolean;
@@ -137,31 +141,32 @@ export function stripFigure(name: string, x: string, rows: StripRow[], limit = I
   const figure = pointsFigure({ name, x, y: "", isLog: true, panels: [] });
   const hasLimit = limit < Infinity;
   const unit = x.split(", ")[1];
-  const marks = rows.flatMap(({ values }, row): (Markers & { titles: string[] })[] => {
+  const marks = rows.flatMap(({ values }, row) => {
     const known = values.filter(({ value }) => value > 0);
-    const over = known.filter(({ value }) => value > limit);
-    const words = known.length > 1 ? `${over.length} of ${known.length} miss` : "misses";
-    const namesOf = (some: typeof known, isOver: boolean): string[] => {
-      if (known.length === 1) return [`${digits(some[0]!.value)}${hasLimit ? `, ${isOver ? words : "keeps"}` : ""}`];
+    return [false, true].flatMap((isOver): (Markers & { titles: string[] })[] => {
+      const some = known.filter(({ value }) => value > limit === isOver);
+      if (!some.length) return [];
       const largest = Math.max(...some.map(({ value }) => value));
-      return isOver ? some.map(({ value }) => (value === largest ? words : "")) : [];
-    };
-    const marksOf = (some: typeof known, isOver: boolean): Markers & { titles: string[] } => ({
-      x: some.map(({ value }) => value),
-      y: some.map(() => row),
-      titles: some.map(({ value, of }) => `${of}: ${digits(value)} ${unit}${isOver ? ", over the goal" : ""}`),
-      names: namesOf(some, isOver),
-      look: [isOver ? "red" : `look-${(row % 8) + 1}`, "-", "|"],
-      label: "",
-      low: null,
-      high: null,
-      size: 6,
-      filled: true,
-      joined: false,
-      kind: "markers",
+      const verdict = isOver ? "misses" : "keeps";
+      const ofMany = (value: number) => (isOver && value === largest ? `${some.length} of ${known.length} miss` : "");
+      const alone = `${digits(largest)}${hasLimit ? `, ${verdict}` : ""}`;
+      return [
+        {
+          x: some.map(({ value }) => value),
+          y: some.map(() => row),
+          titles: some.map(({ value, of }) => `${of}: ${digits(value)} ${unit}${isOver ? ", over the goal" : ""}`),
+          names: some.map(({ value }) => (known.length === 1 ? alone : ofMany(value))),
+          look: [isOver ? "red" : `look-${(row % 8) + 1}`, "-", "|"],
+          label: "",
+          low: null,
+          high: null,
+          size: 6,
+          filled: true,
+          joined: false,
+          kind: "markers",
+        },
+      ];
     });
-    const kept = known.filter(({ value }) => value <= limit);
-    return [...(kept.length ? [marksOf(kept, false)] : []), ...(over.length ? [marksOf(over, true)] : [])];
   });
   const goal: Mark[] = hasLimit
     ? [{ x: limit, y: null, label: `goal ${digits(limit)}`, look: ["black", "--", ""], width: 1, kind: "rule" }]

@@ -15,8 +15,7 @@ export interface Scale {
 }
 
 export const isNumber = (value: number | null | undefined): value is number => value !== null && value !== undefined;
-export const asList = (value: number | [number, number] | null): Numbers =>
-  value === null ? [] : Array.isArray(value) ? value : [value];
+export const asList = (value: number | Numbers | null): Numbers => (Array.isArray(value) ? value : [value]);
 
 /** Return the least and the largest of some values. */
 export const endsOf = (values: number[]): [low: number, high: number] => [
@@ -26,22 +25,13 @@ export const endsOf = (values: number[]): [low: number, high: number] => [
 
 /** Return the values of a mark along an axis, SI. */
 function along(mark: Mark, side: "x" | "y"): Numbers {
-  switch (mark.kind) {
-    case "line":
-      return mark[side];
-    case "markers":
-      return side === "x" ? mark.x : [...mark.y, ...(mark.low ?? []), ...(mark.high ?? [])];
-    case "band":
-      return side === "x" ? mark.x : [...mark.low, ...mark.high];
-    case "rule":
-      return asList(mark[side]);
-    case "bars":
-      return (side === "x") === mark.across
-        ? [0, ...mark.values]
-        : mark.at.filter(isNumber).flatMap((at) => [at - mark.thickness / 2, at + mark.thickness / 2]);
-    case "drawing":
-      return [];
-  }
+  if (mark.kind === "drawing") return [];
+  if (mark.kind === "bars" && (side === "x") === mark.across) return [0, ...mark.values];
+  if (mark.kind === "bars")
+    return mark.at.filter(isNumber).flatMap((at) => [at - mark.thickness / 2, at + mark.thickness / 2]);
+  if (side === "x") return asList(mark.x);
+  const ends = "low" in mark ? [...(mark.low ?? []), ...(mark.high ?? [])] : [];
+  return "y" in mark ? [...asList(mark.y), ...ends] : ends;
 }
 
 /** Return the scale of an axis for the marks of all panels that share its ends. */

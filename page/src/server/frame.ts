@@ -23,13 +23,7 @@ export function unpack<Head>(bytes: ArrayBuffer): Frame<Head> {
   for (const [name, kind, at, length, middle] of arrays) {
     const own =
       kind === "f4" ? new Float32Array(bytes, start + at, length) : new Float64Array(bytes, start + at, length);
-    found.set(name, middle === undefined ? own : about(own, middle));
+    found.set(name, middle === undefined ? own : new Float64Array(own).map((value) => value + middle));
   }
   return { head: head as Head, arrays: found };
-}
-
-function about(values: Numbers, middle: number): Float64Array {
-  const out = new Float64Array(values.length);
-  for (let i = 0; i < values.length; i++) out[i] = values[i]! + middle;
-  return out;
 }

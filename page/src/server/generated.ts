@@ -348,10 +348,9 @@ export interface Checked {
   follows?: Follows[];
 }
 
-export interface CheckedFile {
+export interface TextFile {
   text: string;
   sha256: string | null;
-  checked?: Checked;
 }
 
 export interface CircuitDrawing {
@@ -359,16 +358,12 @@ export interface CircuitDrawing {
   pistons: Record<string, PistonShapes>;
   nets: [string, string][][];
   ports: Record<string, Record<string, [number, number]>>;
-}
-
-export interface Kind {
-  kind: string;
-  title: string;
-  gas: boolean;
+  box: [number, number, number, number];
+  words: string[];
 }
 
 export interface Kinds {
-  kinds: Kind[];
+  kinds: [string, string][];
 }
 
 export interface Part {
@@ -463,13 +458,6 @@ export interface OtherRun {
   largest: Record<string, number>;
 }
 
-export interface EnergyOfRun {
-  accounts_j: Record<string, number>;
-  open_share: number;
-  lost_j: Record<string, number>;
-  air_litres_anr: Record<string, number>;
-}
-
 export interface MemberBand {
   members: number;
   failed: number;
@@ -494,7 +482,7 @@ export interface RunHead {
   ends?: Record<string, number>;
   others?: OtherRun[];
   loops?: string[];
-  energy?: EnergyOfRun;
+  energy?: SentView;
   band?: MemberBand;
   platforms?: SentPlatform[];
   cylinders?: MovingCylinder[];
@@ -572,6 +560,7 @@ export interface CardRun {
 }
 
 export interface Card extends Copied {
+  measure: string;
   spread: string;
   total: number;
   finished: boolean;
@@ -721,11 +710,11 @@ export interface MeasuredRows {
   rows: MeasuredRow[];
 }
 
+/** Speed and friction of a cycle, without an interval. */
 export interface QuickPoint {
-  key: string;
-  speed: number;
-  friction: number;
-  flags: string[];
+  x: number;
+  y: number;
+  spread: null;
 }
 
 export interface QuickGroup {
@@ -761,33 +750,27 @@ export interface Plan extends Copied {
   cycles: number;
 }
 
+/** Friction y over speed x, or over gauge pressure x with the speed. */
 export interface FrictionPoint {
   recording: string;
   direction: number;
-  speed: number;
-  friction: number;
+  x: number;
+  y: number;
   spread: number | null;
   flags: string;
 }
 
 export interface GaugePoint extends FrictionPoint {
-  gauge: number;
+  speed: number;
 }
 
-/** Curve of a fit with its band and the measured range. */
+/** Friction of a fit over speed or gauge pressure, with its band and the measured range. */
 export interface FrictionCurve {
-  friction: (number | null)[];
+  x: number[];
+  y: (number | null)[];
   low: (number | null)[];
   high: (number | null)[];
   measured: [number | null, number | null];
-}
-
-export interface SpeedCurve extends FrictionCurve {
-  speed: number[];
-}
-
-export interface GaugeCurve extends FrictionCurve {
-  gauge: number[];
 }
 
 /** Points of one seal and pressure, with the curve of the fit; `assembly` is seal, mounting and drive. */
@@ -795,7 +778,7 @@ export interface FrictionGroup {
   label: string;
   assembly: string;
   points: FrictionPoint[];
-  curve?: SpeedCurve;
+  curve?: FrictionCurve;
   gauges: [number, number];
 }
 
@@ -803,7 +786,7 @@ export interface SliceGroup {
   label: string;
   assembly: string;
   points: GaugePoint[];
-  curve?: GaugeCurve;
+  curve?: FrictionCurve;
   speed: number;
 }
 

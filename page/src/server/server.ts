@@ -1,50 +1,37 @@
-/** Traffic between the page and its server: token, requests, and the socket of the sliders. */
-import { effect, type Signal, signal } from "@preact/signals";
+/** Traffic between the page and its server: token, requests, the socket of the sliders, and answers of views. */
+import { effect, type Signal, signal, useSignal } from "@preact/signals";
+import { useEffect, useMemo, useRef } from "preact/hooks";
 import { type Frame, unpack } from "./frame";
 import type { Problem } from "./generated";
 
-export type Connection = "open" | "full" | "lost" | "locked" | "starting";
+type Connection = "open" | "full" | "lost" | "locked" | "starting";
 
 /** State of the connection to the server, shown in every view. */
 export const connection = signal<Connection>("starting");
 
 const KEY = "pneudrive-token";
-const CHANNEL = "pneudrive";
 let token = "";
 
-/** Find the token: in the address, in this tab, or in another tab of this page. */
-export async function unlock(): Promise<boolean> {
+/** Find the token: in the address, or where a tab of this page has kept it. Tabs of a restarted server continue with its token. */
+export function unlock(): boolean {
   const found = /^#token=([\w-]+)$/.exec(location.hash);
   if (found?.[1]) {
-    sessionStorage.setItem(KEY, found[1]);
+    localStorage.setItem(KEY, found[1]);
     history.replaceState(null, "", "/#/");
   }
-  token = sessionStorage.getItem(KEY) ?? (await askTabs());
-  const channel = new BroadcastChannel(CHANNEL);
-  channel.onmessage = (event: MessageEvent<"ask" | { token: string }>) => {
-    if (event.data !== "ask") goOn(event.data.token);
-    else if (token && isAnswering()) channel.postMessage({ token });
-  };
-  if (found && token) channel.postMessage({ token }); // a tab of a restarted server continues
-  if (token) keep(token);
-  else connection.value = "locked";
+  token = localStorage.getItem(KEY) ?? "";
+  if (!token) connection.value = "locked";
+  addEventListener("storage", ({ key, newValue }) => {
+    if (key !== KEY || !newValue) return;
+    const isFirst = !token;
+    token = newValue;
+    if (isFirst) location.reload();
+    else if (connection.value === "locked") {
+      connection.value = "starting";
+      void look();
+    }
+  });
   return token !== "";
-}
-
-function keep(given: string): void {
-  token = given;
-  sessionStorage.setItem(KEY, given);
-}
-
-/** Use the token of a restarted server, or the first token. */
-function goOn(given: string): void {
-  const isFirst = !token;
-  keep(given);
-  if (isFirst) location.reload();
-  else if (connection.value === "locked") {
-    connection.value = "starting";
-    void look();
-  }
 }
 
 /** Send any request. The answer, or its absence, sets the state of the connection. */
@@ -64,28 +51,13 @@ export const answering = (): Promise<void> =>
   });
 
 const RETRY_MS = 1000;
-let isRetrying = false;
-connection.subscribe(async (now) => {
-  if (now !== "lost" || isRetrying) return;
-  isRetrying = true;
-  while (connection.value === "lost") {
-    await pause(RETRY_MS);
-    await look();
-  }
-  isRetrying = false;
-});
+let retry: ReturnType<typeof setTimeout> | undefined;
 
-function askTabs(): Promise<string> {
-  return new Promise((resolve) => {
-    const channel = new BroadcastChannel(CHANNEL);
-    const end = (answer: string) => {
-      channel.close();
-      resolve(answer);
-    };
-    channel.onmessage = (event: MessageEvent<{ token?: string }>) => event.data?.token && end(event.data.token);
-    channel.postMessage("ask");
-    setTimeout(() => end(""), 300);
-  });
+/** The server does not answer: look again and again, until it does. */
+function lose(): void {
+  connection.value = "lost";
+  clearTimeout(retry);
+  retry = setTimeout(look, RETRY_MS);
 }
 
 /** Return a function with at most one call in flight. During a call, the newest request waits. */
@@ -109,7 +81,6 @@ export class Refused extends Error {
   constructor(
     readonly status: number,
     readonly problems: Problem[],
-    readonly body: Record<string, unknown>,
   ) {
     super(problems.map((one) => one.what).join("; "));
   }
@@ -121,18 +92,13 @@ export function problemsOf(error: unknown): Problem[] {
   return error.problems;
 }
 
-/** Return a function that runs an action and shows the problems of a refusal in the view. */
-export const attempting =
-  (wrong: Signal<Problem[]>) =>
-  async (what: () => Promise<unknown>): Promise<void> => {
+/** Return the problems that a view shows, and the function that runs its actions and shows the problems of a refusal. */
+export function attempts(wrong = signal<Problem[]>([])) {
+  const attempt = async (what: () => Promise<unknown>): Promise<void> => {
     wrong.value = [];
     await what().catch((error) => (wrong.value = problemsOf(error)));
   };
-
-/** Return the problems that a view shows, and the function that runs its actions. */
-export function attempts() {
-  const wrong = signal<Problem[]>([]);
-  return [wrong, attempting(wrong)] as const;
+  return [wrong, attempt] as const;
 }
 
 export const pause = (ms: number): Promise<void> => new Promise((resolve) => setTimeout(resolve, ms));
@@ -144,20 +110,20 @@ async function fetched(path: string, options: RequestInit = {}, waits = !options
   try {
     answer = await fetch(path, { ...options, headers: { ...options.headers, Authorization: `Bearer ${token}` } });
   } catch {
-    connection.value = "lost";
+    lose();
     if (waits) {
       await answering();
       return fetched(path, options);
     }
-    throw new Refused(0, [plain("The server does not answer")], {});
+    throw new Refused(0, [plain("The server does not answer")]);
   }
   if (answer.status === 401 && used !== token) return fetched(path, options, waits); // another tab has brought a new one meanwhile
   if (answer.status === 401) connection.value = "locked";
   else if (connection.value !== "full") connection.value = "open";
   if (answer.ok) return answer;
   const isJson = answer.headers.get("content-type")?.startsWith("application/json");
-  const body = isJson ? await answer.json() : { problems: [plain(await answer.text())] };
-  throw new Refused(answer.status, body.problems ?? [], body);
+  const { problems = [] } = isJson ? await answer.json() : { problems: [plain(await answer.text())] };
+  throw new Refused(answer.status, problems);
 }
 
 const answered = async <T>(path: string, options: RequestInit = {}): Promise<T> =>
@@ -172,18 +138,19 @@ export function typed(name: string, text: string): number {
   const value = text.trim() === "" ? Number.NaN : Number(text);
   if (Number.isFinite(value)) return value;
   const problem = { ...plain(`${name} is no number`), value: text, rule: "digits, with a point before decimals: 0.4" };
-  throw new Refused(0, [problem], {});
+  throw new Refused(0, [problem]);
 }
 
-export const read = <T>(path: string, given: Record<string, string> = {}): Promise<T> =>
-  answered<T>(`${path}?${new URLSearchParams(given)}`);
+const at = (path: string, given: Record<string, string>): string => `${path}?${new URLSearchParams(given)}`;
+
+export const read = <T>(path: string, given: Record<string, string> = {}): Promise<T> => answered<T>(at(path, given));
 
 export const ask = <T>(path: string, body: unknown): Promise<T> =>
   answered<T>(path, { method: "POST", body: JSON.stringify(body) });
 
 /** Write a file that has not changed since the page read it. `known` is its hash, empty for a new file. */
 export const write = (path: string, text: string, known: string): Promise<{ sha256: string }> =>
-  answered(`/api/file?${new URLSearchParams({ path })}`, {
+  answered(at("/api/file", { path }), {
     method: "PUT",
     body: JSON.stringify({ text }),
     headers: known ? { "If-Match": `"${known}"` } : {},
@@ -191,16 +158,14 @@ export const write = (path: string, text: string, known: string): Promise<{ sha2
 
 /** Copy a file into the folder. An existing file is never overwritten. */
 export const drop = (file: File): Promise<{ size: number }> =>
-  answered(`/api/drop?${new URLSearchParams({ path: file.name })}`, { method: "PUT", body: file });
+  answered(at("/api/drop", { path: file.name }), { method: "PUT", body: file });
 
 /** Return the bytes of a file of the folder. */
-export const bytes = async (path: string): Promise<Blob> =>
-  (await fetched(`/api/bytes?${new URLSearchParams({ path })}`)).blob();
+export const bytes = async (path: string): Promise<Blob> => (await fetched(at("/api/bytes", { path }))).blob();
 
-/** Return the bytes of a frame behind an address. */
-export async function frame<Head>(path: string, given: Record<string, string>): Promise<Frame<Head>> {
-  return unpack<Head>(await (await fetched(`${path}?${new URLSearchParams(given)}`)).arrayBuffer());
-}
+/** Return the frame behind an address. */
+export const frame = async <Head>(path: string, given: Record<string, string>): Promise<Frame<Head>> =>
+  unpack<Head>(await (await fetched(at(path, given))).arrayBuffer());
 
 const OF_ANOTHER = ["path", "record", "law"];
 const ROOM_MS = 11; // of a frame of 60 Hz in which a drawing may begin
@@ -211,7 +176,7 @@ type Request = Record<string, unknown> | null;
 export function liveSocket<Head extends { number: number }>(draw: (frame: Frame<Head>) => void) {
   const page = document.documentElement.dataset;
   delete page.drawn; // by another view
-  let [sent, onTheWay, mostOnTheWay, newest, isClosed] = [0, 0, 0, 0, false];
+  let [sent, onTheWay, mostOnTheWay, isClosed] = [0, 0, 0, false];
   let toDraw: Frame<Head> | null = null;
   let [waiting, last, asked]: Request[] = [null, null, null]; // asked: what is on its way
   let socket: WebSocket | null = null;
@@ -235,9 +200,7 @@ export function liveSocket<Head extends { number: number }>(draw: (frame: Frame<
       const frame = unpack<Head>(event.data);
       pump();
       if (isOfAnother) return; // its curves would appear under the name of the file that is now shown
-      if (frame.head.number <= newest) return;
-      newest = frame.head.number;
-      page.answered = String(newest);
+      page.answered = String(frame.head.number);
       const isLate = performance.now() - Number(document.timeline.currentTime) > ROOM_MS;
       if (isLate && toDraw === null) requestAnimationFrame(drawNewest);
       toDraw = frame;
@@ -246,7 +209,7 @@ export function liveSocket<Head extends { number: number }>(draw: (frame: Frame<
     made.onclose = () => {
       onTheWay = 0;
       if (isClosed) return;
-      if (wasOpen) connection.value = "lost";
+      if (wasOpen) lose();
       else void look().then(() => !isClosed && connection.value === "open" && (connection.value = "full"));
       setTimeout(() => isClosed || connect(), 500);
     };
@@ -298,4 +261,100 @@ export function liveSocket<Head extends { number: number }>(draw: (frame: Frame<
       else left?.close();
     },
   };
+}
+
+/**
+ * Return the answer about a subject, and the problems of a refusal. Another subject has no answer until its own comes;
+ * an empty one is not asked about. `again` are values whose change asks again, over the answer that is there; one question
+ * is on its way at a time, and only the newest waits. `quietMs` is the time without a change before a question.
+ */
+export function useAnswer<T>(
+  subject: string,
+  question: () => Promise<T>,
+  again: unknown[] = [],
+  quietMs = 0,
+): [T | null, Problem[]] {
+  const state = useSignal({ of: "", answer: null as T | null, problems: [] as Problem[] });
+  const present = useRef({ subject, question });
+  present.current = { subject, question };
+  const askNewest = useMemo(() => {
+    const isPresent = () => present.current.subject === subject;
+    return newest(async () => {
+      if (!isPresent()) return;
+      const [answer, problems] = await present.current.question().then(
+        (answer) => [answer, []] as [T, Problem[]],
+        (error) => [null, problemsOf(error)] as const,
+      );
+      if (isPresent()) state.value = { of: subject, answer, problems };
+    });
+  }, [subject]);
+  useEffect(() => {
+    if (!subject) return;
+    const timer = quietMs ? setTimeout(askNewest, quietMs) : void askNewest();
+    return () => clearTimeout(timer ?? undefined);
+  }, [subject, ...again]);
+  useEffect(() => () => void (present.current.subject = ""), []);
+  const { of, answer, problems } = state.value;
+  return of === subject ? [answer, problems] : [null, []];
+}
+
+export const LOOK_MS = 1000; // between two looks at something that grows
+
+/**
+ * Return the answer about a subject that changes by itself; see `useAnswer`. It is asked again after a rest that
+ * follows from the last answer, unless the rest is 0. A refusal does not replace the last answer.
+ */
+export function useWatched<T>(
+  subject: string,
+  question: () => Promise<T>,
+  restOf: (last: T | null) => number,
+  again: unknown[] = [],
+): [T | null, Problem[]] {
+  const round = useSignal(0);
+  const last = useRef({ of: "", answer: null as T | null });
+  const [answer, problems] = useAnswer(subject, question, [round.value, ...again]);
+  if (answer || last.current.of !== subject) last.current = { of: subject, answer };
+  const restMs = restOf(last.current.answer);
+  useEffect(() => {
+    if (!restMs || (!answer && !problems.length)) return;
+    const timer = setTimeout(() => (round.value += 1), restMs);
+    return () => clearTimeout(timer);
+  }, [answer, problems, restMs]);
+  return [last.current.answer, problems];
+}
+
+/** Return the answer to a request of an address, or null without a request; see `useAnswer`. */
+export const useRequest = <T>(address: string, given: Record<string, string> | null, again: unknown[] = []) =>
+  useAnswer<T>(given ? JSON.stringify([address, given]) : "", () => read<T>(address, given!), again);
+
+/** Return the answer to a request with a body, or null without a request; see `useAnswer`. */
+export const usePosted = <T>(address: string, body: object | null, again: unknown[] = []) =>
+  useAnswer<T>(body ? JSON.stringify([address, body]) : "", () => ask<T>(address, body), again);
+
+/** Show the problems of an answer; return whether it has none. */
+export function isShowable({ head }: Frame<{ problems?: Problem[] }>, wrong: Signal<Problem[]>): boolean {
+  wrong.value = head.problems ?? [];
+  return !head.problems;
+}
+
+/**
+ * Send the newest request over the socket for as long as the view is shown, and pass each answer to `take`, with whether
+ * another one is expected. Nothing is sent without a request.
+ */
+export function useLive<Head extends { number: number }>(
+  request: () => Record<string, unknown> | null,
+  take: (frame: Frame<Head>, isRunning: boolean) => void,
+  again: unknown[] = [],
+): void {
+  useEffect(() => {
+    const live = liveSocket<Head>((frame) => take(frame, live.isRunning()));
+    const end = effect(() => {
+      const newest = request();
+      if (newest) live.request(newest);
+    });
+    return () => {
+      end();
+      live.close();
+    };
+  }, again);
 }

@@ -1,20 +1,19 @@
 /** Comparisons with a run in Simulate: other drives and runs, a band of many members, p-V loops, the moving piston. */
 
 import { computed, signal } from "@preact/signals";
-import { isPlaying, timeAt } from "../drive/moving";
+import { isPlaying, timeAt } from "../drive/circuit";
 import { opened } from "../drive/opened";
 import { FigurePanel } from "../plots/figure";
 import { digits } from "../plots/looks";
 import type { Band } from "../plots/paint";
-import { type Curve, curveOf } from "../plots/plot";
+import { type Curve, curvesOf } from "../plots/plot";
 import { pointsFigure } from "../plots/points";
+import { undoable } from "../routes";
 import type { Frame } from "../server/frame";
-import type { Field, Listed, RunPanel as Panel, RunHead } from "../server/generated";
-import { undoable } from "../undo";
-import { Button, Fold, Pick, Remarks, Tick } from "../workspace/fields";
+import type { Field, RunPanel as Panel, RunHead } from "../server/generated";
+import { Button, Fold, Remarks, Select, Table, Tick } from "../workspace/fields";
 import { cataloguePaths, filesOf } from "../workspace/files";
 import { NumberField } from "../workspace/parts";
-import { Table } from "../workspace/table";
 
 const others = undoable(signal<string[]>([]));
 const loops = undoable(signal(false));
@@ -49,11 +48,9 @@ export function forget(): void {
   timeAt.value = 0;
 }
 
-const isComparable = ({ kind, path }: Listed): boolean => kind !== "recording" || /\.(parquet|csv|nc)$/.test(path);
-
 const choices = computed(() => {
   const files = filesOf("drive", "circuit", "recording")
-    .filter(isComparable)
+    .filter(({ kind, path }) => kind !== "recording" || /\.(parquet|csv|nc)$/.test(path))
     .map(({ path }) => path);
   return [...files, ...cataloguePaths()].filter((path) => path !== opened.value?.path && !others.value.includes(path));
 });
@@ -63,8 +60,8 @@ const MOST_OTHERS = 7;
 export function BesideChoices() {
   return (
     <Fold class="beside" open={!isNarrow} title="Compare">
-      <Pick
-        class="choice"
+      <Select
+        value=""
         label="Compare with"
         hint="another drive or run"
         options={choices.value}
@@ -105,14 +102,9 @@ export function short(path: string, all: string[]): string {
 
 const named = (path: string): string => short(path, [...others.value, opened.value?.path ?? ""]);
 
-/** Return the curves of one column from the other runs. */
-export function otherCurves(now: Frame<RunHead>, column: string, label: string): Curve[] {
-  const curves = (now.head.others ?? []).map(({ path }, index) => {
-    const time = now.arrays.get(`${index + 1}/time_s`)!;
-    return curveOf(now.arrays, time, `${index + 1}/${column}`, `${label} (${named(path)})`);
-  });
-  return curves.filter((curve) => curve.y);
-}
+/** Return the curves of a panel from the other runs. */
+export const otherCurves = (now: Frame<RunHead>, panel: Panel): Curve[] =>
+  (now.head.others ?? []).flatMap(({ path }, index) => curvesOf(now, panel, named(path), `${index + 1}/`));
 
 /** Return the band of the members for one column, if there is one. */
 export function bandOf({ arrays }: Frame<RunHead>, column: string, look: number): Band[] {
@@ -125,57 +117,47 @@ export const settled = (value: number): number => (Math.abs(value) < REST ? 0 : 
 
 /** Table of the last values of the run and of the others, their differences, and the ends of the band. */
 export function Differences({ head, panels }: { head: RunHead; panels: Panel[] }) {
-  const compared = head.others ?? [];
-  if (!head.ends) return null;
+  const { ends, band, others = [] } = head;
+  if (!ends) return null;
+  type Column = [head: string, name: string, key: string, valuesOf: Record<string, number | [number, number]>];
+  const columns: Column[] = [
+    ["this run", "end", "", ends],
+    ...(band ? [["5 to 95 % of the members", "band", "", band.ends] as Column] : []),
+    ...others.map((one): Column => [named(one.path), "other", `${one.path}/`, one.ends]),
+    ...others.map(
+      (one): Column => [`largest difference to ${named(one.path)}`, "largest", `${one.path}/`, one.largest],
+    ),
+  ];
+  const cell = ({ unit, size }: Panel, column: string, [, name, key, valuesOf]: Column) => {
+    const value = valuesOf[column];
+    const texts = [value ?? []].flat().map((one) => `${digits(settled(one / size), 5)} ${unit}`);
+    return { text: texts.join(" … ") || "–", data: { [`data-${name}`]: `${key}${column}`, "data-si": value } };
+  };
   return (
     <section aria-label="At the end" class="differences ends">
-      {head.band && (
+      {band && (
         <p class="note">
-          Band: from 5 to 95 % of {head.band.members} members, which lie evenly in the spreads
-          {head.band.failed > 0 &&
-            `; ${head.band.failed} of them could not be simulated, for example ${head.band.why}${head.band.refused ? ". The command and Python reject such a member: narrow the spreads" : ""}`}
+          Band: from 5 to 95 % of {band.members} members, which lie evenly in the spreads
+          {band.failed > 0 &&
+            `; ${band.failed} of them could not be simulated, for example ${band.why}${band.refused ? ". The command and Python reject such a member: narrow the spreads" : ""}`}
           .
         </p>
       )}
       <Remarks
-        of={compared
+        of={others
           .filter((one) => !Object.keys(one.ends).length)
           .map((one) => `${one.path} has none of these quantities under the same names.`)}
       />
       <Table
         label="Differences"
-        heads={[
-          "At the end",
-          "this run",
-          ...(head.band ? ["5 to 95 % of the members"] : []),
-          ...compared.map((one) => named(one.path)),
-          ...compared.map((one) => `largest difference to ${named(one.path)}`),
-        ]}
+        heads={["At the end", ...columns.map(([words]) => words)]}
         rows={panels.flatMap((panel) =>
-          panel.curves.map(({ column, label }) => {
-            const of = (value: number | undefined) =>
-              value === undefined ? "–" : `${digits(settled(value / panel.size), 5)} ${panel.unit}`;
-            const cell = (name: string, key: string, value: number | undefined) => ({
-              text: of(value),
-              data: { [`data-${name}`]: key, "data-si": value },
-            });
-            const members = head.band?.ends[column]?.map(of).join(" … ");
-            return [
-              label,
-              cell("end", column, head.ends![column]),
-              ...(head.band ? [{ text: members, data: { "data-band": column } }] : []),
-              ...compared.map((one) => cell("other", `${one.path}/${column}`, one.ends[column])),
-              ...compared.map((one) => cell("largest", `${one.path}/${column}`, one.largest[column])),
-            ];
-          }),
+          panel.curves.map(({ column, label }) => [label, ...columns.map((one) => cell(panel, column, one))]),
         )}
       />
     </section>
   );
 }
-
-const LITRE = 1e-3;
-const BAR = 1e5;
 
 /** Plot of pressure over volume for each chamber. */
 export function Loops({ now }: { now: Frame<RunHead> }) {
@@ -186,45 +168,14 @@ export function Loops({ now }: { now: Frame<RunHead> }) {
         No p-V loop: only double-acting cylinders have loops, and this circuit does not contain one.
       </p>
     );
-  const of = (name: string, axis: string, unit: number) =>
-    Array.from(now.arrays.get(`loop/${name}/${axis}`)!, (one) => one / unit);
+  const of = (name: string, axis: string) => Array.from(now.arrays.get(`loop/${name}/${axis}`)!);
   const groups = names.map((name) => ({
     label: name.replace(/\.([ab])$/, ", chamber $1"),
     points: [],
-    curve: { x: of(name, "volume_m3", LITRE), y: of(name, "pressure_pa", BAR) },
+    curve: { x: of(name, "volume_m3"), y: of(name, "pressure_pa") },
   }));
   const title = "Pressure over volume of the chambers";
-  const axes = { x: "volume, l", y: "pressure, bar abs" };
-  return <FigurePanel shown={pointsFigure({ name: title, ...axes, panels: [{ title, groups }] })} />;
-}
-
-/** Energy, lost exergy and air of the run. */
-export function Energy({ found }: { found: NonNullable<RunHead["energy"]> }) {
-  const lost = Object.entries(found.lost_j);
-  const groups: [string, [string, number][], string][] = [
-    ["Over the boundary, positive inward", Object.entries(found.accounts_j), "J"],
-    [
-      "Exergy lost: ambient temperature times entropy produced",
-      [...lost, ["all", lost.reduce((sum, one) => sum + one[1], 0)]],
-      "J",
-    ],
-    ["Air given by", Object.entries(found.air_litres_anr), "l ANR"],
-  ];
-  return (
-    <section class="energy" aria-label="Energy">
-      <h2>Energy of the run</h2>
-      {groups.map(([title, rows, unit]) => (
-        <Table
-          key={title}
-          label={title}
-          heads={[title, unit]}
-          rows={rows.map(([name, value]) => ({
-            cells: [name, digits(value)],
-            data: { "data-energy": `${title.split(" ")[0]}/${name}`, "data-si": value },
-          }))}
-        />
-      ))}
-      <p class="note">Not explained by the accounts: {digits(found.open_share, 2)} of the energy turned over.</p>
-    </section>
-  );
+  const panels = [{ title, groups }];
+  const shown = pointsFigure({ name: title, x: ["volume, l", 1e-3], y: ["pressure, bar abs", 1e5], panels });
+  return <FigurePanel shown={shown} />;
 }

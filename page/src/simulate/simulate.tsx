@@ -1,29 +1,22 @@
 /** Sliders on a running simulation. */
 
 import { computed, effect, signal } from "@preact/signals";
-import { useMemo } from "preact/hooks";
-import { Circuit } from "../drive/circuit";
-import { MovingCircuit, pointAt, TimeRange, timeAt } from "../drive/moving";
+import { Circuit, type Moved, MovingCircuit, moveTo, pistonsAt, pointAt, timeAt } from "../drive/circuit";
 import { opened, restructure, said, set, problems as textProblems, useDrawing, valid } from "../drive/opened";
-import { changed, count, digits, instant, isSevere, sentence, withUnit } from "../plots/looks";
+import { changed, count, digits, instant, isSevere, MM, sentence, withUnit } from "../plots/looks";
 import { type Curve, curvesOf, indexAt, Plot, zooming } from "../plots/plot";
-import type { Frame } from "../server/frame";
-import type { Field, RunHead as Head, MovingCylinder, RunPanel as Panel } from "../server/generated";
-import { attempts } from "../server/server";
-import { undoable } from "../undo";
-import { isShowable, useLive } from "../workspace/answers";
+import { undoable } from "../routes";
+import type { Frame, Numbers } from "../server/frame";
+import type { Field, RunHead as Head } from "../server/generated";
+import { attempts, isShowable, useLive } from "../server/server";
 import { withFile } from "../workspace/command";
-import { Button, Fold, Pick, Remarks, TextInput, toggled } from "../workspace/fields";
+import { Button, Fold, Range, Remarks, Select, TextInput, toggled } from "../workspace/fields";
 import { studies } from "../workspace/files";
+import { isOverMain } from "../workspace/listed";
 import { Leading, Problems, SliderRow, useCopied } from "../workspace/parts";
-import { isOverMain } from "../workspace/tree";
+import { Notes, Values } from "../workspace/result";
 import * as beside from "./beside";
 import { braked, type Step, StepsPane, stepsOf, written } from "./steps";
-
-interface Trace extends Pick<Frame<Head>, "arrays"> {
-  run: string; // what was simulated, in words
-  label: string;
-}
 
 const command = undoable(signal("0 s: 1, 1 s: -1"));
 const duration = undoable(signal("2 s"));
@@ -32,7 +25,8 @@ const initial = undoable(signal(""));
 export const pinned = undoable(signal<string[]>([]));
 export const pin = (key: string): void => void (pinned.value = toggled(pinned.value, key));
 const moved = undoable(signal<Record<string, number>>({})); // by `placeOf` a value
-const frozen = signal<Trace[]>([]);
+/** Frozen curves, with what was simulated in words. */
+const frozen = signal<(Pick<Frame<Head>, "arrays"> & { label: string })[]>([]);
 const answer = signal<Frame<Head> | null>(null);
 const [wrong, attempt] = attempts();
 /** Shown time span; null: the whole run. */
@@ -47,20 +41,16 @@ const fields = computed(() => new Map((valid.value?.values ?? []).map((one) => [
 const placeOf = ({ key, unit = "" }: Field): string => `${key} ${unit}`;
 
 /** Numbers of the sliders that were moved, by the keys of their values. */
-const numbers = computed(() =>
-  Object.fromEntries(
-    [...fields.value.values()].flatMap((one) =>
-      placeOf(one) in moved.value ? [[one.key, moved.value[placeOf(one)]!]] : [],
-    ),
-  ),
-);
+const numbers = computed(() => {
+  const own = [...fields.value.values()].filter((one) => placeOf(one) in moved.value);
+  return Object.fromEntries(own.map((one) => [one.key, moved.value[placeOf(one)]!]));
+});
 
 const changes = computed(() => changed(fields.value.values(), numbers.value));
 
 export function request(pixels = 1000): Record<string, unknown> | null {
   const now = opened.value;
   if (!now || !valid.value?.kind) return null;
-  const lines = command.value.split("\n");
   const isCircuit = valid.value.kind === "circuit";
   return {
     path: now.path,
@@ -69,7 +59,7 @@ export function request(pixels = 1000): Record<string, unknown> | null {
     duration: duration.value,
     initial: initial.value,
     pixels,
-    command: isCircuit ? lines : command.value,
+    command: isCircuit ? command.value.split("\n") : command.value,
     ...beside.besides(fields.value, pinned.value, numbers.value),
     ...(isCircuit && { motion: true }),
   };
@@ -96,9 +86,9 @@ function freeze(): void {
   if (!now) return;
   const changed = Object.entries(changes.value).map(([key, value]) => `${key} ${value}`);
   const run = `${changed.join(", ") || "as described"}; ${command.value.trim().replace(/\s*\n\s*/g, "; ")}${initial.value && `; ${initial.value}`}`;
-  const again = frozen.value.filter((one) => one.run === run).length;
+  const again = frozen.value.filter((one) => one.label.startsWith(run)).length;
   const label = again ? `${run}; ${again + 1}` : run;
-  frozen.value = [...frozen.value.slice(-6), { run, label, arrays: now.arrays }];
+  frozen.value = [...frozen.value.slice(-6), { label, arrays: now.arrays }];
 }
 
 /** Frame of the view. It does not depend on answers, so that an answer redraws only curves and numbers. */
@@ -115,7 +105,10 @@ export default function SimulateView() {
   return (
     <div class="simulate">
       <div class="top">
-        <Refusal />
+        {wrong.value.length > 0 && <Problems of={wrong.value} />}
+        {wrong.value.length > 0 && answer.value && (
+          <p class="banner">Curves and numbers below belong to the last run.</p>
+        )}
         {hasPlatform.value ? <Drawn /> : <Answers />}
       </div>
       <section class="controls" aria-label="What is simulated">
@@ -129,34 +122,21 @@ export default function SimulateView() {
         <Run />
         <beside.BesideChoices />
         <Actions />
-        <Notes />
+        <Remarked />
       </section>
       <div class="shown">
-        <section class="plots" aria-label="Curves" data-samples={answer.value?.head.samples}>
-          {!hasPlatform.value && <Pistons />}
-          <Plots />
-          <Commands />
-        </section>
+        <Curves />
         <Below />
-        <Beside />
       </div>
     </div>
   );
 }
 
-const drawnColumns = computed(() =>
-  (answer.value?.head.panels ?? []).flatMap((panel) => panel.curves.map((one) => one.column)).join("\n"),
-);
-
 /** Buttons of the run, and the lines that are copied: they hold for these values only. */
 function Actions() {
   const asked = request();
-  const [copy, copied] = useCopied(
-    asked && { ...asked, columns: drawnColumns.value.split("\n").filter(Boolean) },
-    attempt,
-    "",
-    "/api/copy",
-  );
+  const columns = (answer.value?.head.panels ?? []).flatMap((panel) => panel.curves.map((one) => one.column));
+  const [copy, copied] = useCopied(asked && { ...asked, columns }, attempt, "", "/api/copy");
   return (
     <>
       <p class="row">
@@ -165,17 +145,6 @@ function Actions() {
         {copy}
       </p>
       {copied}
-    </>
-  );
-}
-
-/** Reason why the newest values cannot be simulated. The curves shown next to it belong to earlier values. */
-function Refusal() {
-  if (!wrong.value.length) return null;
-  return (
-    <>
-      <Problems of={wrong.value} />
-      {answer.value && <p class="banner">Curves and numbers below belong to the last run.</p>}
     </>
   );
 }
@@ -206,13 +175,12 @@ function Answers() {
 
 /** Remedies of hard impacts: a brake in the command, and cushions in the text of the description. */
 function Remedies({ impacts }: { impacts: NonNullable<Head["impacts"]> }) {
-  const lines = commandLines();
   const times = impacts.map((impact) => impact.time_s);
   const brake = () => putSteps((steps) => braked(steps, times));
   const bare = answer.value?.head.cylinders?.map((cylinder) => cylinder.name) ?? [];
   return (
     <>
-      {lines.some(({ steps }) => steps) && <Button act={brake}>Brake the command</Button>}
+      {commandLines().some(({ steps }) => steps) && <Button act={brake}>Brake the command</Button>}
       {bare.length > 0 && <Button act={() => addCushions(bare)}>Add a cushion</Button>}
     </>
   );
@@ -259,14 +227,42 @@ function putSteps(next: (steps: Step[], line: number) => Step[]): void {
 
 const MOST_COMMANDS = 3;
 
-/** The command of each valve under the axis of time. */
-function Commands() {
-  const time = answer.value?.arrays.get("time_s");
-  if (!time) return null;
-  const span = zoom.value ?? ([time[0]!, time[time.length - 1]!] as [number, number]);
+/** Heights of the curves, so that four panes, the command and the piston fit on one screen. */
+const HEIGHTS = [92, 64, 64, 62];
+
+/** The pistons, the curves, and the command of each valve, on one axis of time. */
+function Curves() {
+  const now = answer.value;
+  const time = now?.arrays.get("time_s");
+  if (!now || !time) return <section class="plots" aria-label="Curves" />;
+  const { panels = [], samples } = now.head;
+  const events = now.head.events?.map((one) => one.time_s);
   const panes = commandLines().slice(0, MOST_COMMANDS);
+  const span = zoom.value ?? ([time[0]!, time[time.length - 1]!] as [number, number]);
   return (
-    <>
+    <section class="plots" aria-label="Curves" data-samples={samples}>
+      {!hasPlatform.value && <Pistons now={now} time={time} />}
+      {panels.map((panel, k) => {
+        const curves: Curve[] = [
+          ...curvesOf(now, panel),
+          ...beside.otherCurves(now, panel),
+          ...frozen.value.flatMap((trace) => curvesOf(trace, panel, trace.label)),
+        ];
+        return (
+          <Plot
+            key={panel.title}
+            {...panel}
+            height={HEIGHTS[k] ?? 62}
+            curves={curves}
+            bands={panel.curves.flatMap(({ column }, index) => beside.bandOf(now, column, index))}
+            events={events}
+            bare={k < panels.length - 1}
+            {...zooming(zoom)}
+            cursors={[timeAt.value]}
+            onHover={pointAt}
+          />
+        );
+      })}
       {panes.map(
         ({ name, steps }, k) =>
           steps && (
@@ -280,70 +276,55 @@ function Commands() {
             />
           ),
       )}
-    </>
+    </section>
   );
 }
 
+const MOST_PISTONS = 3;
+
 /** The pistons at the time of the cursor, with position, speed and pressures. */
-function Pistons() {
-  const now = answer.value;
-  const time = now?.arrays.get("time_s");
-  if (!now || !time) return null;
+function Pistons({ now, time }: { now: Frame<Head>; time: Numbers }) {
   const end = time[time.length - 1]!;
   const row = indexAt(time, Math.min(timeAt.value, end));
-  const at = (column: string) => (now.arrays.get(`${column}/at`) ?? now.arrays.get(column))?.[row];
-  const cylinders = (now.head.cylinders ?? []).filter((one) => now.arrays.has(one.position)).slice(0, MOST_PISTONS);
-  if (!cylinders.length) return null;
+  const pistons = pistonsAt(now, row);
+  const shown = (now.head.cylinders ?? []).filter(({ name }) => pistons[name]).slice(0, MOST_PISTONS);
+  if (!shown.length) return null;
+  const words = `${instant(time[row], end / time.length)} s`;
   return (
     <div class="pistons">
-      <TimeRange
-        label={`At ${instant(time[row], end / time.length)} s`}
+      <Range
+        label={`At ${words}`}
         name="Time of the pistons"
-        end={end}
-        at={time[row]!}
-        words={`${instant(time[row], end / time.length)} s`}
+        value={time[row]!}
+        ends={[0, end]}
+        words={words}
+        steps={1000}
+        put={moveTo}
       />
       <div>
-        {cylinders.map((one) => (
-          <Piston key={one.name} of={one} name={cylinders.length > 1 ? one.name : ""} at={at} />
+        {shown.map(({ name }) => (
+          <Piston key={name} name={shown.length > 1 ? name : ""} at={pistons[name]!} />
         ))}
       </div>
     </div>
   );
 }
 
-const MOST_PISTONS = 3;
-const [BAR, MM] = [1e5, 1e-3];
-
-interface PistonProps {
-  of: MovingCylinder;
-  name: string;
-  at: (column: string) => number | undefined;
-}
-
-function Piston({ of, name, at }: PistonProps) {
-  const position = at(of.position)!;
-  const speed = at(of.position.replace("position_m", "velocity_m_s"));
-  const pressures = of.pressures.map(at);
-  const x = 4 + 380 * Math.min(Math.max(position / of.stroke_m, 0), 1);
-  const words = pressures.map((value) => (value === undefined ? "" : `${digits(value / BAR)} bar`));
-  const most = Math.max(...pressures.map((value) => value ?? 0), BAR);
-  const tint = (k: number) => (0.6 * (pressures[k] ?? 0)) / most;
+function Piston({ name, at }: { name: string; at: Moved }) {
+  const { share, position, speed, pressures, tints, said } = at;
+  const x = 4 + 380 * Math.min(Math.max(share, 0), 1);
   return (
     <div class="piston" data-piston-at={position}>
       <span>
-        {name} a {words[0]}
+        {name} a {pressures[0]}
       </span>
-      <svg
-        viewBox="0 0 400 40"
-        role="img"
-        aria-label={`Piston at ${digits(position / MM)} mm, a ${words[0]}, b ${words[1]}`}>
-        <rect class="air" x={4} y={8} width={Math.max(x - 4, 0)} height={24} fill-opacity={tint(0)} />
-        <rect class="air" x={x + 12} y={8} width={Math.max(384 - x, 0)} height={24} fill-opacity={tint(1)} />
+      <svg viewBox="0 0 400 40" role="img" aria-label={said}>
+        <rect class="air" x={4} y={8} width={Math.max(x - 4, 0)} height={24} fill-opacity={tints[0]} />
+        <rect class="air" x={x + 12} y={8} width={Math.max(384 - x, 0)} height={24} fill-opacity={tints[1]} />
         <rect class="barrel" x={3} y={7} width={394} height={26} />
         <rect class="body" x={x} y={8} width={12} height={24} />
       </svg>
-      <span>b {words[1]}</span>
+      <span>b {pressures[1]}</span>
       <b>
         {digits(position / MM)} mm{speed === undefined ? "" : `, ${digits(beside.settled(speed))} m/s`}
       </b>
@@ -351,36 +332,27 @@ function Piston({ of, name, at }: PistonProps) {
   );
 }
 
-function Notes() {
-  const head = answer.value?.head;
-  const notes = head?.warnings?.filter((one) => !isSevere(one)) ?? [];
-  const cut = (head?.panels ?? []).flatMap(({ title, curves: { length }, left_out = 0 }) =>
+/** Notes without danger, impacts, and curves that are not drawn. */
+function Remarked() {
+  const { warnings = [], panels = [], impacts = [], more_impacts: more = 0 } = answer.value?.head ?? {};
+  const notes = warnings.filter((one) => !isSevere(one)).map(sentence);
+  const hits = impacts.map(({ time_s, end, cylinder, speed_m_s, energy_j }) => {
+    const place = `end of chamber ${end}${cylinder ? ` of ${cylinder}` : ""}`;
+    return `${digits(time_s)} s, ${place}: ${digits(speed_m_s, 3)} m/s, ${digits(energy_j, 3)} J`;
+  });
+  const cut = panels.flatMap(({ title, curves: { length }, left_out = 0 }) =>
     left_out ? `${title}: ${length} of ${length + left_out} curves are drawn; the file of the command has all.` : [],
   );
   return (
     <>
       {notes.length > 0 && (
         <Fold class="note" open={!beside.isNarrow} title={count(notes.length, "more note")}>
-          <ul class="warnings">
-            {notes.map((one) => (
-              <li key={one}>{sentence(one)}</li>
-            ))}
-          </ul>
+          <Notes of={notes} />
         </Fold>
       )}
-      {head?.impacts && head.impacts.length > 0 && (
-        <Fold
-          class="note"
-          title={`${count(head.impacts.length + (head.more_impacts ?? 0), "impact")} on the end stops`}>
-          <ul>
-            {head.impacts.map((one, index) => (
-              <li key={index}>
-                {digits(one.time_s)} s, end of chamber {one.end}
-                {one.cylinder && ` of ${one.cylinder}`}: {digits(one.speed_m_s, 3)} m/s, {digits(one.energy_j, 3)} J
-              </li>
-            ))}
-            {Boolean(head.more_impacts) && <li>More impacts: {head.more_impacts}.</li>}
-          </ul>
+      {hits.length > 0 && (
+        <Fold class="note" title={`${count(hits.length + more, "impact")} on the end stops`}>
+          <Notes of={[...hits, ...(more ? [`More impacts: ${more}.`] : [])]} />
         </Fold>
       )}
       <Remarks of={cut} />
@@ -388,35 +360,12 @@ function Notes() {
   );
 }
 
-/** Heights of the curves, so that four panes, the command and the piston fit on one screen. */
-const HEIGHTS = [92, 64, 64, 62];
-
-const Plots = () => (
-  <>
-    {answer.value?.head.panels?.map((panel, k, all) => (
-      <PanelPlot key={panel.title} panel={panel} height={HEIGHTS[k] ?? 62} isLast={k === all.length - 1} />
-    ))}
-  </>
-);
-
-function Beside() {
-  const now = answer.value;
-  if (!now) return null;
-  return (
-    <div class="plots">
-      {now.head.loops && <beside.Loops now={now} />}
-      {now.head.energy && <beside.Energy found={now.head.energy} />}
-    </div>
-  );
-}
-
 const hasPlatform = computed(() => Boolean(answer.value?.head.platforms?.length));
-
-const isAnswered = computed(() => answer.value !== null);
 
 /** Parts of the view that come after the first curves. */
 function Below() {
-  if (!isAnswered.value) return null;
+  const now = answer.value;
+  if (!now) return null;
   return (
     <div class="below">
       {!hasPlatform.value && (
@@ -429,8 +378,15 @@ function Below() {
         </Fold>
       )}
       <Fold open={!isOverMain() || !hasPlatform.value} title="Values at the end">
-        <beside.Differences head={answer.value!.head} panels={answer.value!.head.panels ?? []} />
+        <beside.Differences head={now.head} panels={now.head.panels ?? []} />
       </Fold>
+      {now.head.loops && <beside.Loops now={now} />}
+      {now.head.energy && (
+        <section class="energy" aria-label="Energy">
+          <h2>{now.head.energy.title}</h2>
+          <Values view={now.head.energy} />
+        </section>
+      )}
     </div>
   );
 }
@@ -450,45 +406,20 @@ function Drawn() {
   );
 }
 
-function PanelPlot({ panel, height, isLast }: { panel: Panel; height: number; isLast: boolean }) {
-  const now = answer.value!;
-  const curves: Curve[] = [
-    ...curvesOf(now, panel),
-    ...panel.curves.flatMap(({ column, label }) => beside.otherCurves(now, column, label)),
-    ...frozen.value.flatMap((trace) => curvesOf(trace, panel, trace.label)),
-  ];
-  const bands = panel.curves.flatMap(({ column }, index) => beside.bandOf(now, column, index));
-  const events = useMemo(() => now.head.events?.map((one) => ({ at: one.time_s, what: one.what })), [now]);
-  return (
-    <Plot
-      {...panel}
-      height={height}
-      curves={curves}
-      bands={bands}
-      events={events}
-      bare={!isLast}
-      {...zooming(zoom)}
-      cursors={[timeAt.value]}
-      onHover={pointAt}
-    />
-  );
-}
-
-export function Sliders() {
-  return (
-    <>
-      {pinned.value.map((key) => {
-        const field = fields.value.get(key);
-        return field?.number === undefined ? null : <Slider key={key} field={field} />;
-      })}
-    </>
-  );
-}
+export const Sliders = () => (
+  <>
+    {pinned.value.map((key) => (
+      <Slider key={key} of={key} />
+    ))}
+  </>
+);
 
 function AddSlider() {
   const free = [...fields.value.values()].filter((one) => one.number !== undefined && !pinned.value.includes(one.key));
   return (
-    <Pick
+    <Select
+      class=""
+      value=""
       label="Slider for"
       hint="any value"
       options={free.map((one): [string, string] => [one.key, `${one.key} = ${one.text}`])}
@@ -497,8 +428,11 @@ function AddSlider() {
   );
 }
 
-function Slider({ field }: { field: Field }) {
-  const value = numbers.value[field.key] ?? field.number!;
+/** Slider of a value, which the description may have no more. */
+function Slider({ of }: { of: string }) {
+  const field = fields.value.get(of);
+  if (field?.number === undefined) return null;
+  const value = numbers.value[field.key] ?? field.number;
   const isChanged = value !== field.number;
   const put = (next: number) => (moved.value = { ...moved.value, [placeOf(field)]: next });
   return (
@@ -529,18 +463,17 @@ function Slider({ field }: { field: Field }) {
   );
 }
 
-/** Menu that selects a CSV file of the folder as the command of a valve. */
-function FileCommand({ valve }: { valve: string }) {
+/** Menu that selects a CSV file of the folder as the command of a valve. The valve of a drive has no name. */
+function FileCommand({ valves }: { valves: string[] }) {
   const files = (studies.value?.files ?? []).map((one) => one.path).filter((path) => /\.csv$/i.test(path));
+  const lines = valves.flatMap((valve) => files.map((file) => [lineText(valve, file), valve, file] as const));
+  const put = (chosen: string) => {
+    const [, valve, file] = lines.find(([words]) => words === chosen)!;
+    command.value = withFile(command.value, valve, file);
+  };
   if (!files.length) return null;
-  return (
-    <Pick
-      label={`Command${valve && ` of ${valve}`} from a file (time_s, command)`}
-      hint="choose"
-      options={files}
-      put={(path) => (command.value = withFile(command.value, valve, path))}
-    />
-  );
+  const label = "Command from a file (time_s, command)";
+  return <Select class="" value="" label={label} hint="choose" options={lines.map(([words]) => words)} put={put} />;
 }
 
 function Run() {
@@ -556,15 +489,7 @@ function Run() {
         {oneWay.length > 0 && `; 0 to 1 for ${oneWay.join(", ")}`}
         {isCircuit ? <textarea {...field} rows={3} /> : <input {...field} />}
       </label>
-      {isCircuit ? (
-        <Fold title="Commands from files">
-          {Object.keys(valves).map((valve) => (
-            <FileCommand key={valve} valve={valve} />
-          ))}
-        </Fold>
-      ) : (
-        <FileCommand valve="" />
-      )}
+      <FileCommand valves={isCircuit ? Object.keys(valves) : [""]} />
       <div class="twin">
         <TextInput label="Duration" of={duration} />
         <TextInput label="Start" of={initial} placeholder={isCircuit ? "NAME.position = 50 mm" : "position = 50 mm"} />

@@ -42,7 +42,13 @@ export function braked(steps: Step[], impacts: number[]): Step[] {
 }
 
 const [HEIGHT, LEFT, RIGHT, EDGE] = [64, 62, 12, 9];
-const [FINE_S, FINE] = [0.01, 0.05]; // by an arrow key
+/** Changes of time, s, and command by an arrow key. */
+const MOVES: Record<string, [later: number, more: number]> = {
+  ArrowLeft: [-0.01, 0],
+  ArrowRight: [0.01, 0],
+  ArrowUp: [0, 0.05],
+  ArrowDown: [0, -0.05],
+};
 
 interface StepsProps {
   name: string;
@@ -72,16 +78,11 @@ export function StepsPane({ name, steps, span: [from, to], low, put }: StepsProp
   };
   const keys = (event: KeyboardEvent, k: number) => {
     const [time, value] = steps[k]!;
-    const moves: Record<string, Step[]> = {
-      ArrowLeft: moved(k, time - FINE_S, value),
-      ArrowRight: moved(k, time + FINE_S, value),
-      ArrowUp: moved(k, time, Number((value + FINE).toFixed(3))),
-      ArrowDown: moved(k, time, Number((value - FINE).toFixed(3))),
-      ...(k > 0 && { Delete: steps.filter((_, other) => other !== k) }),
-    };
-    if (!moves[event.key]) return;
+    const [later, more] = MOVES[event.key] ?? [0, 0];
+    if (later || more) put(moved(k, time + later, Number((value + more).toFixed(3))));
+    else if (event.key === "Delete" && k > 0) put(steps.filter((_, other) => other !== k));
+    else return;
     event.preventDefault();
-    put(moves[event.key]!);
   };
   const line = steps.map(([time, value], k) => `${k ? `H${px(time)}V` : `M${px(time)} `}${py(value)}`).join("");
   return (

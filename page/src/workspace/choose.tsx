@@ -3,12 +3,11 @@
 import { useSignal } from "@preact/signals";
 import type { ComponentChildren } from "preact";
 import { link } from "../routes";
-import { ask, attempts, Refused, read, write } from "../server/server";
+import { ask, attempts, read, write } from "../server/server";
 import { Button, TextInput } from "./fields";
-import { filesOf, GROUPS, list, studies, taking } from "./files";
-import { useHeadlines } from "./lineage";
-import { day, Problems } from "./parts";
-import { AddFiles, PathName } from "./tree";
+import { freeName, GROUPS, list, listed, studies, taking } from "./files";
+import { AddFiles, Files } from "./listed";
+import { Problems } from "./parts";
 
 export const EXAMPLE = "catalogue:reference";
 const [wrong, attempt] = attempts();
@@ -21,20 +20,14 @@ export const openExample = () =>
     location.hash = link("recording", path);
   });
 
-/** Write a text into a new file, and open it. A name that is there already gets a number. */
+/** Write a text into a new file of a free name, and open it. */
 async function begin(name: string, text: string, view: string): Promise<void> {
-  for (let number = 1; ; number++) {
-    const path = `${name}${number > 1 ? `-${number}` : ""}.toml`;
-    try {
-      await write(path, text, "");
-    } catch (error) {
-      if (error instanceof Refused && error.status === 412) continue; // it is there already
-      throw error;
-    }
-    await list();
-    location.hash = link(view, path);
-    return;
-  }
+  await listed();
+  const used = (studies.value?.files ?? []).map((file) => file.path.replace(/\.toml$/i, ""));
+  const path = `${freeName(name, used)}.toml`;
+  await write(path, text, "");
+  await list();
+  location.hash = link(view, path);
 }
 
 export const openTask = () =>
@@ -58,30 +51,32 @@ function NewPlatform({ isFirst }: { isFirst: boolean }) {
   );
 }
 
-const OwnFiles = ({ children }: { children: ComponentChildren }) => (
-  <label class="button primary">
-    {children}
-    <AddFiles />
-  </label>
+/** Buttons that begin with a drive in a view, and with recordings. */
+const exampleDrive = (view: string, look: string) => (
+  <a class={look} href={link(view, EXAMPLE)}>
+    Open an example drive
+  </a>
 );
-
-const examples = <Button act={() => openExample()}>Use example recordings</Button>;
+const recordings = (
+  <>
+    <label class="button primary">
+      Add recordings <AddFiles />
+    </label>{" "}
+    <Button act={() => openExample()}>Use example recordings</Button>
+  </>
+);
 
 /** Starting points: a sentence and buttons, at most two clicks from the first curve. */
 const STARTS = (isEmpty: boolean): [title: string, words: string, buttons: ComponentChildren][] => [
   [
     "Simulate a drive",
     "Move the sliders of a drive. The curves follow at once. Save it as a file to keep your changes.",
-    <a class={isEmpty ? "button primary" : "button"} href={link("simulate", EXAMPLE)}>
-      Open an example drive
-    </a>,
+    exampleDrive("simulate", isEmpty ? "button primary" : "button"),
   ],
   [
     "Read recordings",
     "Add your CSV, Parquet, MAT, TDMS or MF4 files. The page proposes which column is what. Then it finds strokes and friction.",
-    <>
-      <OwnFiles>Add recordings</OwnFiles> {examples}
-    </>,
+    recordings,
   ],
   [
     "Size a drive",
@@ -97,24 +92,23 @@ const STARTS = (isEmpty: boolean): [title: string, words: string, buttons: Compo
 
 /** Ways to begin: explained in an empty folder, in one row otherwise. */
 export function Starts({ isEmpty }: { isEmpty: boolean }) {
-  const starts = STARTS(isEmpty);
   return (
     <section class="starts" aria-label="Begin">
       {isEmpty && <p class="lead">This folder is empty. Choose where to begin.</p>}
       <Problems of={wrong.value} />
-      {isEmpty ? (
-        <div class="cards">
-          {starts.map(([title, words, buttons]) => (
+      <div class={isEmpty ? "cards" : "row"}>
+        {STARTS(isEmpty).map(([title, words, buttons]) =>
+          isEmpty ? (
             <article class="panel" key={title}>
               <h3>{title}</h3>
               <p>{words}</p>
               <div class="row">{buttons}</div>
             </article>
-          ))}
-        </div>
-      ) : (
-        <div class="row">{starts.map(([, , buttons]) => buttons)}</div>
-      )}
+          ) : (
+            buttons
+          ),
+        )}
+      </div>
     </section>
   );
 }
@@ -132,58 +126,31 @@ export const ENTRIES: Record<string, string> = {
 /** Files that a view opens, after an example. */
 export function Choose({ view }: { view: string }) {
   const { title, kinds } = GROUPS.find((one) => one.view === view) ?? { ...GROUPS[0]!, title: "Simulate" };
-  const files = filesOf(...kinds);
-  const lines = useHeadlines();
-  const catalogue = kinds.includes("drive") ? (studies.value?.catalogue ?? []) : null;
+  const hasDrives = kinds.includes("drive");
+  const catalogue = hasDrives ? (studies.value?.catalogue ?? []) : [];
   return (
     <section class="choose" aria-label={title}>
       <h2>{title}</h2>
       <p class="lead">{ENTRIES[view]}</p>
       <Problems of={wrong.value} />
       <p class="row">
-        {catalogue && (
-          <a class="button primary" href={link(view, EXAMPLE)}>
-            Open an example drive
-          </a>
-        )}
-        {!catalogue && <OwnFiles>Add recordings</OwnFiles>}
-        {!catalogue && examples}
+        {hasDrives ? exampleDrive(view, "button primary") : recordings}
         <span role="status" class="note">
           {taking.value}
         </span>
       </p>
-      <Cards
-        title="In the folder"
-        view={view}
-        of={files.map(({ path, kind, changed }) => [path, lines[path] ?? kind, day(changed)])}
-      />
-      <Cards title="In the catalogue" view={view} of={(catalogue ?? []).map((one) => [one.path, one.title])} />
-    </section>
-  );
-}
-
-/** Objects as cards: path, and notes below it. */
-function Cards({ title, view, of }: { title: string; view: string; of: [path: string, ...notes: string[]][] }) {
-  if (!of.length) return null;
-  return (
-    <>
-      <h3>{title}</h3>
+      <Files title="In the folder" kinds={kinds} view={view} />
+      {catalogue.length > 0 && <h3>In the catalogue</h3>}
       <ul class="cards">
-        {of.map(([path, ...notes]) => (
-          <li key={path}>
-            <a class="panel" href={link(view, path)}>
-              <b>
-                <PathName path={path.replace("catalogue:", "")} />
-              </b>
-              {notes.map((note, index) => (
-                <span class="note" key={index}>
-                  {note}
-                </span>
-              ))}
+        {catalogue.map((one) => (
+          <li key={one.path}>
+            <a class="panel" href={link(view, one.path)}>
+              <b>{one.path.replace("catalogue:", "")}</b>
+              <span class="note">{one.title}</span>
             </a>
           </li>
         ))}
       </ul>
-    </>
+    </section>
   );
 }

@@ -1,6 +1,8 @@
 /** Buttons, fields and texts, each in one line of a view. They know nothing of the server. */
-import type { Signal } from "@preact/signals";
-import type { ComponentChildren, JSX } from "preact";
+import { type Signal, signal } from "@preact/signals";
+import type { ComponentChildren, ComponentType, JSX } from "preact";
+import { useEffect } from "preact/hooks";
+import { pretty } from "../plots/looks";
 
 type ButtonProps = JSX.IntrinsicElements["button"] & { act?: () => unknown; words?: ComponentChildren };
 
@@ -161,28 +163,114 @@ export const Options = ({ of }: { of: Option[] }) => (
   </>
 );
 
-interface PickProps {
-  label: ComponentChildren;
-  hint: string; // shown in place of a value
-  options: Option[];
-  put: (value: string) => void;
-  disabled?: boolean;
-  class?: string;
+type SelectProps = Bound<string> &
+  Pick<JSX.IntrinsicElements["select"], "disabled"> & {
+    label: ComponentChildren;
+    options: Option[];
+    class?: string;
+    hint?: string; // of a menu of actions, which does not keep the chosen one
+  };
+
+/** A choice with its label; an option is a value, or a value with its text. */
+export function Select({ label, options, class: look = "choice", hint, disabled, ...by }: SelectProps) {
+  const [value, put] = bound(by);
+  const change = ({ currentTarget: menu }: { currentTarget: HTMLSelectElement }) => {
+    const chosen = menu.value;
+    if (hint) menu.value = "";
+    if (chosen || !hint) put(chosen);
+  };
+  return (
+    <label class={look}>
+      {label}{" "}
+      <select value={value} disabled={disabled} onChange={change}>
+        {hint && <option value="">{hint}</option>}
+        <Options of={options} />
+      </select>
+    </label>
+  );
 }
 
-/** A menu of actions. It does not keep the chosen one. */
-export const Pick = ({ label, hint, options, put, disabled, class: look }: PickProps) => (
-  <label class={look}>
-    {label}{" "}
-    <select
-      value=""
-      disabled={disabled}
-      onChange={({ currentTarget: menu }) => {
-        if (menu.value) put(menu.value);
-        menu.value = "";
-      }}>
-      <option value="">{hint}</option>
-      <Options of={options} />
-    </select>
-  </label>
-);
+type Data = Record<string, unknown>;
+export type Cell = ComponentChildren | { text: ComponentChildren; data: Data };
+type Row = Cell[] | { cells: Cell[]; data: Data };
+
+/** Return a cell as its content and the data that it carries. */
+const parted = (cell: Cell): { text: ComponentChildren; data: Data } =>
+  cell !== null && typeof cell === "object" && "data" in cell ? cell : { text: cell as ComponentChildren, data: {} };
+
+const NUMBER = /^[-−]?\d+/;
+const FIGURE_SPACE = "\u2007"; // as wide as a digit
+
+/** Return the figure spaces before each text of a column that put its decimal points below each other. */
+export function pads(texts: string[]): string[] {
+  const wide = texts.map((one) => NUMBER.exec(one)?.[0].length ?? 0);
+  const most = wide.filter(Boolean).length > 1 ? Math.max(...wide) : 0;
+  return wide.map((one) => (one && most > one ? FIGURE_SPACE.repeat(most - one) : ""));
+}
+
+/** Return the text with which a content begins. */
+function beginning(of: ComponentChildren): string {
+  if (Array.isArray(of)) return of.map(beginning).find(Boolean) ?? "";
+  if (of !== null && typeof of === "object" && "props" in of) return beginning(of.props.children);
+  return typeof of === "string" || typeof of === "number" ? String(of).trimStart() : "";
+}
+
+interface TableProps {
+  heads: Cell[];
+  rows: Row[]; // the first cell of a row names it; a row of one cell is the heading of those below it
+  label: string;
+  class?: string;
+  frame?: "scroll" | "wide"; // whether a high table scrolls, or only a wide one
+}
+
+/** Table with a name in the first cell of each row. A text has units as people write them. */
+export function Table({ heads, rows, label, class: look, frame = "scroll" }: TableProps) {
+  const all = rows.map((row) => (Array.isArray(row) ? { cells: row, data: {} } : row));
+  const columns = heads.map((_, k) => pads(all.map(({ cells }) => beginning(parted(cells[k]).text))));
+  const group = { scope: "rowgroup", colSpan: heads.length };
+  return (
+    <div class={frame} tabIndex={0} role="region" aria-label={label}>
+      <table class={look}>
+        <thead>
+          <tr>
+            {heads.map(parted).map(({ text, data }, index) => (
+              <th scope="col" key={index} {...data}>
+                {text || <span class="hidden">value</span>}
+              </th>
+            ))}
+          </tr>
+        </thead>
+        <tbody>
+          {all.map(({ cells: [name, ...cells], data: rowData }, index) => (
+            <tr key={index} {...rowData}>
+              {name === "" ? (
+                <td />
+              ) : (
+                <th {...(cells.length ? { scope: "row" } : group)}>{name as ComponentChildren}</th>
+              )}
+              {cells.map(parted).map(({ text, data }, k) => (
+                <td
+                  key={k}
+                  data-head={beginning(parted(heads[k + 1]).text)}
+                  data-pad={columns[k + 1]![index] || undefined}
+                  {...data}>
+                  {typeof text === "string" ? pretty(text) : text}
+                </td>
+              ))}
+            </tr>
+          ))}
+        </tbody>
+      </table>
+    </div>
+  );
+}
+
+/** Return the component of a module. Nothing is shown until it is loaded. */
+export function lazy<Props extends object>(load: () => Promise<{ default: ComponentType<Props> }>) {
+  const loaded = signal<ComponentType<Props> | null>(null);
+  return function Lazy(props: Props) {
+    useEffect(() => void load().then((module) => (loaded.value = module.default)), []);
+    const Loaded = loaded.value;
+    return Loaded && <Loaded {...props} />;
+  };
+}

@@ -4,13 +4,8 @@ import { inCatalogue, link } from "../routes";
 import type { Listed, Problem, Studies } from "../server/generated";
 import { drop, isAnswering, pause, problemsOf, Refused, read } from "../server/server";
 
-export interface Kinds {
-  title: string;
-  view: string; // that lists them
-  kinds: string[];
-}
-
-export const GROUPS: Kinds[] = [
+/** Kinds of files, and the view that lists them. */
+export const GROUPS: { title: string; view: string; kinds: string[] }[] = [
   { title: "Drives", view: "drive", kinds: ["drive", "circuit"] },
   { title: "Recordings", view: "recording", kinds: ["recording"] },
   { title: "Friction", view: "friction", kinds: ["friction map", "fit"] },
@@ -97,7 +92,7 @@ export function take(files: File[]): Promise<void> {
 async function copyIn(files: File[]): Promise<void> {
   if (!files.length) return;
   for (const [index, file] of files.entries()) {
-    taking.value = `Copying ${file.name}, ${size(file.size)} (${index + 1} of ${files.length}).`;
+    taking.value = `Copying ${file.name} (${index + 1} of ${files.length}).`;
     await drop(file).catch((error) => (refused.value = [...refused.value, ...problemsOf(error)]));
   }
   taking.value = "";
@@ -143,7 +138,3 @@ export const nameOf = (path: string): string => path.slice(path.lastIndexOf("/")
 
 /** The folder of a file. Empty for a file of the workspace itself. */
 export const folderOf = (path: string): string => path.slice(0, Math.max(path.lastIndexOf("/"), 0));
-
-/** Return a number of bytes as text. */
-export const size = (bytes: number): string =>
-  bytes < 1e4 ? `${bytes} B` : bytes < 1e7 ? `${Math.round(bytes / 1e3)} kB` : `${Math.round(bytes / 1e6)} MB`;

@@ -1,8 +1,7 @@
 /** Ctrl K: one field finds files, values and actions, and runs the chosen entry. */
 import { useEffect, useMemo, useRef, useState } from "preact/hooks";
 import { opened, save, valid } from "../drive/opened";
-import { link, route } from "../routes";
-import { future, past, step } from "../undo";
+import { future, link, past, route, step } from "../routes";
 import { verbsOf, viewOf } from "../views";
 import { EXAMPLE, openExample, openTask } from "./choose";
 import { GROUPS, kindOf, list, studies } from "./files";
@@ -102,7 +101,7 @@ export function matching<T extends { title: string; note?: string }>(entries: T[
   return places.sort((a, b) => a.rank - b.rank).map(({ entry }) => entry);
 }
 
-export function Palette({ close }: { close: () => void }) {
+export default function Palette({ close }: { close: () => void }) {
   const dialog = useRef<HTMLDialogElement>(null);
   const [text, setText] = useState("");
   const [at, setAt] = useState(0);

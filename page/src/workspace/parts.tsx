@@ -3,11 +3,9 @@ import type { ComponentChildren, InputHTMLAttributes } from "preact";
 import { useEffect, useState } from "preact/hooks";
 import { isUnsaved } from "../drive/opened";
 import { digits, pretty } from "../plots/looks";
-import { link } from "../routes";
-import type { Field, Listed, Problem, SentValue } from "../server/generated";
-import { ask, type attempting, connection, read } from "../server/server";
-import { useAnswer } from "./answers";
-import { type Bound, Breakable, Button, bound, Lines, type Option, Options, Range } from "./fields";
+import type { Field, Problem, SentValue } from "../server/generated";
+import { ask, type attempts, connection, read, useAnswer } from "../server/server";
+import { type Bound, Breakable, Button, bound, Lines, Range } from "./fields";
 
 const placeOf = ({ file, line }: Problem): string => [file, line !== null && `line ${line}`].filter(Boolean).join(", ");
 
@@ -86,7 +84,7 @@ export function Copied({ command, python, of = "" }: { command?: string; python:
 }
 
 /** Return a button that shows a job as lines to copy, and these lines. They disappear when the job changes. */
-export function useCopied(job: object | null, attempt: ReturnType<typeof attempting>, of = "", door = "/api/work") {
+export function useCopied(job: object | null, attempt: ReturnType<typeof attempts>[1], of = "", door = "/api/work") {
   const [held, hold] = useState({ asked: "", command: "", python: "" });
   const asked = JSON.stringify(job);
   const copy = () =>
@@ -134,11 +132,8 @@ export function NumberField({ label, low = -Infinity, high = Infinity, whole = f
     const isRight = Number.isFinite(given) && given >= low && given <= high && (!whole || Number.isInteger(given));
     if (isRight) put(given);
     const ends = [low > -Infinity ? ` from ${low}` : "", high < Infinity ? ` up to ${high}` : ""].join("");
-    setWrong(
-      isRight
-        ? ""
-        : `"${text}" is rejected: enter a ${whole ? "whole number" : "number with a point before decimals"}${ends}`,
-    );
+    const kind = whole ? "whole number" : "number with a point before decimals";
+    setWrong(isRight ? "" : `"${text}" is rejected: enter a ${kind}${ends}`);
     return isRight;
   };
   return (
@@ -227,24 +222,6 @@ export function Unsaved({ path }: { path: string }) {
   return isUnsaved(path) ? <p class="note">Changes of {path} that are not saved do not count here.</p> : null;
 }
 
-/** Files of the folder that a view shows, below a title. */
-export function InFolder({ files, title, view }: { files: Listed[]; title: string; view: string }) {
-  if (!files.length) return null;
-  return (
-    <>
-      <h2>{title} in the folder</h2>
-      <ul class="files listed">
-        {files.map((one) => (
-          <li key={one.path}>
-            <a href={link(view, one.path)}>{one.path}</a>
-            <span class="note">{day(one.changed)}</span>
-          </li>
-        ))}
-      </ul>
-    </>
-  );
-}
-
 /** Links that open or save the report of a folder, or its sheet. Nothing is shown without a folder. */
 export function ReportOf({ folder, changed, word = "report" }: { folder: string; changed?: unknown; word?: string }) {
   const [report] = useAnswer(folder, () => read<{ address: string }>("/api/report", { path: folder }), [changed]);
@@ -259,18 +236,5 @@ export function ReportOf({ folder, changed, word = "report" }: { folder: string;
         Save the {word}
       </a>
     </p>
-  );
-}
-
-/** A choice with its label; an option is a value, or a value with its text. */
-export function Select({ label, options, ...by }: Bound<string> & { label: string; options: Option[] }) {
-  const [value, put] = bound(by);
-  return (
-    <label class="choice">
-      {label}{" "}
-      <select value={value} onChange={(event) => put(event.currentTarget.value)}>
-        <Options of={options} />
-      </select>
-    </label>
   );
 }

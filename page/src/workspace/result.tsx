@@ -6,11 +6,10 @@ import { isSevere, pretty } from "../plots/looks";
 import { type Group, isWide, pointsFigure } from "../plots/points";
 import { route } from "../routes";
 import type { Finding, SentCurve, SentView, ShownFigure } from "../server/generated";
-import { useRequest } from "./answers";
-import { Fold } from "./fields";
+import { useRequest } from "../server/server";
+import { Fold, Table } from "./fields";
 import { changesOf } from "./files";
 import { Leading, Problems } from "./parts";
-import { Table } from "./table";
 
 const MOST_BESIDE = 4; // columns of a table beside the figure
 
@@ -97,20 +96,17 @@ export const useView = (path: string, changed?: unknown): SentView | null =>
   useRequest<SentView>("/api/view", path ? { path } : null, [changed, changesOf(path)])[0];
 
 /** Points and line of a curve, which are in usual units. Points that are not measured lie between measured ones. */
-function groupOf(curve: SentCurve): Group {
-  const ends = (k: number): [number, number] => [curve.low[k] ?? Number.NaN, curve.high[k] ?? Number.NaN];
-  const points = curve.x.flatMap((x, k) => {
-    const y = curve.y[k];
-    if (!curve.measured[k] || x === null || y === null || y === undefined) return [];
-    const [low, high] = ends(k);
-    return [{ x, y, spread: high >= low ? (high - low) / 2 : null }];
+function groupOf({ label, x, y, low, high, measured }: SentCurve): Group {
+  const [xs, ys, lows, highs] = [x, y, low, high].map((values) => values.map((value) => value ?? Number.NaN));
+  const points = xs!.flatMap((at, k) => {
+    const half = (highs![k]! - lows![k]!) / 2;
+    if (!measured[k] || Number.isNaN(at + ys![k]!)) return [];
+    return [{ x: at, y: ys![k]!, spread: half >= 0 ? half : null }];
   });
-  const [x, y] = [curve.x, curve.y].map((values) => values.map((value) => value ?? Number.NaN)) as [number[], number[]];
-  if (points.length === curve.x.length) return { label: curve.label, points };
-  const xs = points.map((point) => point.x);
-  const measured = xs.length ? [Math.min(...xs), Math.max(...xs)] : [-Infinity, Infinity];
-  const band = curve.low.length ? { low: curve.low, high: curve.high } : {};
-  return { label: curve.label, points, curve: { x, y, ...band, measured } };
+  if (points.length === x.length) return { label, points };
+  const ends = points.map((point) => point.x);
+  const range = ends.length ? [Math.min(...ends), Math.max(...ends)] : [-Infinity, Infinity];
+  return { label, points, curve: { x: xs!, y: ys!, ...(low.length && { low, high }), measured: range } };
 }
 
 /** Return a figure of the curves of each pair of axes. */

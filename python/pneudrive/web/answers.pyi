@@ -7,7 +7,7 @@ from typing import Literal
 
 from typing_extensions import NotRequired, TypedDict
 
-from pneudrive.report.circuit.svg import PistonShapes, Shape
+from pneudrive.report.circuit.svg import Box, PistonShapes, Shape
 from pneudrive.results import ValuePair
 from pneudrive.views import SentValue, SentView, ShownFigure
 from pneudrive.web.signatures import CommandInput
@@ -126,24 +126,20 @@ class Checked(TypedDict):
     sliders: NotRequired[list[str]]
     follows: NotRequired[list[Follows]]
 
-class CheckedFile(TypedDict):
+class TextFile(TypedDict):
     text: str
     sha256: str | None
-    checked: NotRequired[Checked]
 
 class CircuitDrawing(TypedDict):
     shapes: list[Shape]
     pistons: dict[str, PistonShapes]
     nets: list[list[tuple[str, str]]]
     ports: dict[str, dict[str, tuple[float, float]]]
-
-class Kind(TypedDict):
-    kind: str
-    title: str
-    gas: bool
+    box: Box
+    words: list[str]
 
 class Kinds(TypedDict):
-    kinds: list[Kind]
+    kinds: list[tuple[str, str]]
 
 class Part(TypedDict):
     name: str
@@ -233,12 +229,6 @@ class OtherRun(TypedDict):
     ends: dict[str, float]
     largest: dict[str, float]
 
-class EnergyOfRun(TypedDict):
-    accounts_j: dict[str, float]
-    open_share: float
-    lost_j: dict[str, float]
-    air_litres_anr: dict[str, float]
-
 class MemberBand(TypedDict):
     members: int
     failed: int
@@ -262,7 +252,7 @@ class RunHead(TypedDict):
     ends: NotRequired[dict[str, float]]
     others: NotRequired[list[OtherRun]]
     loops: NotRequired[list[str]]
-    energy: NotRequired[EnergyOfRun]
+    energy: NotRequired[SentView]
     band: NotRequired[MemberBand]
     platforms: NotRequired[list[SentPlatform]]
     cylinders: NotRequired[list[MovingCylinder]]
@@ -334,6 +324,7 @@ class CardRun(TypedDict):
     value: float | None
 
 class Card(Copied):
+    measure: str
     spread: str
     total: int
     finished: bool
@@ -476,10 +467,11 @@ class MeasuredRows(TypedDict):
     rows: list[MeasuredRow]
 
 class QuickPoint(TypedDict):
-    key: str
-    speed: float
-    friction: float
-    flags: list[str]
+    """Speed and friction of a cycle, without an interval."""
+
+    x: float
+    y: float
+    spread: None
 
 class QuickGroup(TypedDict):
     label: str
@@ -513,29 +505,26 @@ class Plan(Copied):
 # --- Friction and validations.
 
 class FrictionPoint(TypedDict):
+    """Friction y over speed x, or over gauge pressure x with the speed."""
+
     recording: str
     direction: int
-    speed: float
-    friction: float
+    x: float
+    y: float
     spread: float | None
     flags: str
 
 class GaugePoint(FrictionPoint):
-    gauge: float
+    speed: float
 
 class FrictionCurve(TypedDict):
-    """Curve of a fit with its band and the measured range."""
+    """Friction of a fit over speed or gauge pressure, with its band and the measured range."""
 
-    friction: list[float | None]
+    x: list[float]
+    y: list[float | None]
     low: list[float | None]
     high: list[float | None]
     measured: tuple[float | None, float | None]
-
-class SpeedCurve(FrictionCurve):
-    speed: list[float]
-
-class GaugeCurve(FrictionCurve):
-    gauge: list[float]
 
 class FrictionGroup(TypedDict):
     """Points of one seal and pressure, with the curve of the fit; `assembly` is seal, mounting and drive."""
@@ -543,14 +532,14 @@ class FrictionGroup(TypedDict):
     label: str
     assembly: str
     points: list[FrictionPoint]
-    curve: NotRequired[SpeedCurve]
+    curve: NotRequired[FrictionCurve]
     gauges: tuple[float, float]
 
 class SliceGroup(TypedDict):
     label: str
     assembly: str
     points: list[GaugePoint]
-    curve: NotRequired[GaugeCurve]
+    curve: NotRequired[FrictionCurve]
     speed: float
 
 class FrictionMap(TypedDict):

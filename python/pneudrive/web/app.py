@@ -116,7 +116,7 @@ def _route(name: str, function: str, known: Keyed) -> Route:
             return Response(answer, media_type=FRAME) if isinstance(answer, bytes) else _json(answer)
         except ChangedError as changed:
             there = {"text": changed.text, "sha256": changed.version}
-            return JSONResponse({"problems": [{"what": str(changed)}], **there}, status_code=412)
+            return JSONResponse({"problems": problems_of(CommandError(str(changed))), **there}, status_code=412)
         except (KeyboardInterrupt, SystemExit, asyncio.CancelledError):
             raise
         except BaseException as error:  # also an unexpected one; the core's panics are no `Exception`

@@ -43,12 +43,15 @@ class CircuitShapes(NamedTuple):
         Component and port of each end of a line.
     ports : dict
         Component -> port -> position.
+    box : tuple
+        Corners of the rectangle around components and lines, as those of the paper.
     """
 
     paper: Box
     shapes: list[Shape]
     nets: list[list[tuple[str, str]]]
     ports: Mapping[str, Mapping[str, tuple[float, float]]]
+    box: Box
 
 
 class PistonShapes(NamedTuple):
@@ -113,7 +116,8 @@ def circuit_shapes(described: Circuit | Drive) -> CircuitShapes:
     boxes = (block.rectangle() for block in placed.values())
     corners = [corner for box in boxes for corner in (box[:2], box[2:])]
     corners += [cell for block in placed.values() for cell in block.cells()]
-    low_x, low_y, high_x, high_y = bounds([*corners, *(end for line in routes.lines for step in line for end in step)])
+    box = bounds([*corners, *(end for line in routes.lines for step in line for end in step)])
+    low_x, low_y, high_x, high_y = box
     width = max(high_x - low_x, LEAST_WIDTH, text_width(circuit.name, TITLE_PT))
     volumes = [f"{name} {1e6 * volume:.3g} cm\N{SUPERSCRIPT THREE}" for name, volume in circuit.joint_volumes]
     notes = wrap(f"Volumes of joints: {', '.join(volumes)}. {SAID}" if volumes else SAID, int(width / LETTER))
@@ -124,7 +128,7 @@ def circuit_shapes(described: Circuit | Drive) -> CircuitShapes:
         shapes.append(Shape("text", ((low_x, low_y - EDGE - LINE * number),), "", TEXT_PT, line, "left top"))
     nets = [[(port.component, port.name) for port in joint.ports] for joint in joints]
     ports = {name: {port: block.port(port) for port in block.directions} for name, block in placed.items()}
-    return CircuitShapes(paper, shapes, nets, ports)
+    return CircuitShapes(paper, shapes, nets, ports, box)
 
 
 PT = 1 / 7.2  # modules of 0.1 inch

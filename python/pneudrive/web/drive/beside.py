@@ -19,7 +19,7 @@ from pneudrive.progress import Watch
 from pneudrive.simulation.run_view import run_view
 from pneudrive.simulation.trajectory import columns_in, meaning, read_columns
 from pneudrive.units import parse, readable
-from pneudrive.views import STATES, View, worst
+from pneudrive.views import STATES, Finding, View, worst
 from pneudrive.web.drive.run_request import Described, Run, RunLimit, RunRequest, described_at
 from pneudrive.web.measured.tiles import drawn_columns
 from pneudrive.web.messages import shell, wrong_request
@@ -41,6 +41,8 @@ MOST_SECONDS = 10.0  # time for a band, s: the first one imports modules
 #: Columns shown in the drawing, and number of samples of each.
 _ANIMATED, MOTION_SAMPLES = re.compile(r"(?:pressure|mass_flow)\w*$|\.position$|position_m$|command$"), 400
 PATH_SAMPLES, MOST_REACHED = 200, 32  # points of the path of another run; mechanisms whose workspace is kept
+#: Pattern of a hazard of one cylinder: first word, name of the cylinder, and the rest.
+_OF_CYLINDER = re.compile(r"(\w[\w ]*: )([A-Za-z_]\w*): (.*)", re.DOTALL)
 TRAJECTORIES = (".parquet", ".csv", ".nc")
 _KEY, _UNIT = re.compile(r"[A-Za-z_][\w-]*(?:\.[\w-]+)*"), re.compile(r"[A-Za-z°%][\w /^*.()°%-]*|")
 #: Columns of a cylinder, in a circuit (with its name) and in a drive: position, pressures of chambers a and b.
@@ -108,7 +110,7 @@ class ExtrasRequest(RunRequest):
 
             command, initial = self.command_of(described, workspace), self.initial or None
             balance = energy_balance(described, command, self.duration, initial=initial, cancel=limit)
-            head["energy"] = {**vars(balance), "air_litres_anr": balance.air_litres_anr}
+            head["energy"] = balance.view().data()
         if self.spreads:
             limit.allow(MOST_SECONDS)
             band, of = self._band(workspace, described, shown, limit)
@@ -353,7 +355,11 @@ def _run_answer(view: View, run: Run) -> Plain:
     """Return sentence and numbers of a platform, with the strongest impact and the hazards of the run."""
     of_run = run_view(run.columns, run.provenance)
     hardest = tuple(one for one in of_run.leading if one.key == "hardest impact")
-    findings = tuple(finding for finding in of_run.findings if finding.state == "bad")
+    alike: dict[str, list[str]] = {}  # what one leg does, the others often do too
+    for text in (finding.text for finding in of_run.findings if finding.state == "bad"):
+        hazard, name, rest = found.groups() if (found := _OF_CYLINDER.fullmatch(text)) else (text, "", "")
+        alike.setdefault(f"{hazard}{{}}: {rest}" if name else text, []).append(name)
+    findings = tuple(Finding(text.replace("{}", ", ".join(names), 1), "bad") for text, names in alike.items())
     state = max((view.state, worst(findings)), key=STATES.index)
     answer = View(view.title, state=state, leading=(*hardest, *view.leading), findings=findings)
     return answer.data()

@@ -374,6 +374,7 @@ def shown_card(workspace: Workspace, path: str, measure: str = "") -> Plain:
     truth = [(name, f"{low:.4g}", f"{high:.4g}") for name, (low, high) in card.truth.items()]
     true = ShownTable(TRUE, ("deviation", "least", "largest"), truth)
     return {
+        "measure": measure,
         "spread": card.spread,
         "total": card.count * len(card.references) * len(told),
         "finished": card.is_finished,

@@ -139,7 +139,7 @@ def first_platform() -> Plain:
 
 
 def drawing(workspace: Workspace, path: str, text: str) -> Plain:
-    """Return the drawing of a description as shapes, with its paper and its pistons. Lengths are in modules, y up.
+    """Return the drawing of a description as shapes, with its pistons, title and notes. Lengths are in modules, y up.
 
     Raises
     ------
@@ -149,12 +149,11 @@ def drawing(workspace: Workspace, path: str, text: str) -> Plain:
     from pneudrive.report.circuit.svg import circuit_shapes, pistons  # drawing module: the server starts without it
 
     found = circuit_shapes(described_at(workspace, path, text))
-    return {
-        "shapes": [shape._asdict() for shape in found.shapes],
-        "pistons": {name: one._asdict() for name, one in pistons(found.shapes).items()},
-        "nets": found.nets,
-        "ports": found.ports,
-    }
+    words = [one.text for one in found.shapes if one.word == "text" and not one.component]  # title and notes come last
+    shapes = [one._replace(points=one.outline(steps=48)) for one in found.shapes[: -len(words)]]
+    moving = {name: one._asdict() for name, one in pistons(shapes).items()}
+    drawn = {"shapes": [one._asdict() for one in shapes], "pistons": moving, "words": words}
+    return drawn | {"nets": found.nets, "ports": found.ports, "box": found.box}
 
 
 def edited_as_asked(text: str, key: str, value: Value, unit: str | None = None) -> Plain:
@@ -266,14 +265,13 @@ def _written_as(document: tomlkit.TOMLDocument, key: str) -> list[str]:
     return str(Short(tables, Problems()).located(key)).split(".")
 
 
-def shown_file(workspace: Workspace, path: str, checked: str = "") -> Plain:
-    """Return the text of a file and its version, and on request its check as a description.
+def shown_file(workspace: Workspace, path: str) -> Plain:
+    """Return the text of a file and its version.
 
     For a drive of the catalogue, return a text that uses this drive, and None as the version.
     """
     text, version = (f'drive = "{path}"\n', None) if is_in_catalogue(path) else workspace.read(path)
-    about = {"checked": checked_text(workspace, path, text)} if checked else {}
-    return {"text": text, "sha256": version, **about}
+    return {"text": text, "sha256": version}
 
 
 def written_file(workspace: Workspace, path: str, text: str, if_match: str) -> Plain:

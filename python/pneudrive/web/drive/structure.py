@@ -26,10 +26,9 @@ STARTERS = package_table(__file__, "starters.toml")
 
 
 def kinds() -> Plain:
-    """Return the kinds that can be added, with their titles and ports."""
+    """Return the kinds that can be added, with their titles."""
     every = component_kinds()
-    has_gas = {one: every[one]["ports"][0]["kind"] == "gas" for one in STARTERS}
-    return {"kinds": [{"kind": one, "title": every[one]["title"], "gas": gas} for one, gas in has_gas.items()]}
+    return {"kinds": [(one, every[one]["title"]) for one in STARTERS]}
 
 
 def restructured(

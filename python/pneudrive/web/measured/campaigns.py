@@ -134,7 +134,7 @@ def _groups(points: list[tuple[Head, float]], ambient_pa: float) -> list[Plain]:
     for head, friction in points[:MOST_POINTS]:
         cycle = head.cycle
         if cycle.kind == "sweep" and cycle.speed_m_s and math.isfinite(friction):
-            point = {"key": cycle.key, "speed": cycle.speed_m_s, "friction": friction, "flags": sorted(head.flags)}
+            point = {"x": cycle.speed_m_s, "y": friction, "spread": None}
             groups.setdefault((cycle.pressure_a_pa, cycle.pressure_b_pa), []).append(point)
     return [{"label": _label(pair, ambient_pa), "points": own} for pair, own in sorted(groups.items())]
 

@@ -135,9 +135,8 @@ def drawn_map(path: Path, fit_name: str = FIT) -> Plain:
         fit = fits.get(group["assembly"])
         curves[group["assembly"]] += 1
         if fit is not None and curves[group["assembly"]] <= MOST_CURVES:
-            own = [point["speed"] for point in group["points"]]
-            band = _band(fit, speeds, *group["gauges"])
-            group["curve"] = {"speed": speeds.tolist(), **band, "measured": [min(own), max(own)]}
+            own = [point["x"] for point in group["points"]]
+            group["curve"] = _curve(fit, speeds, own, speeds, *group["gauges"])
     return {
         "groups": groups,
         "fit": why,
@@ -175,14 +174,14 @@ def map_slice(workspace: Workspace, path: str, fit: str, speed: Literal["all"] |
     for name in names:
         part = [group for group in drawn if group["assembly"] == name]
         gauges = np.array([group["gauges"] for group in part])
-        speeds = [point["speed"] for group in part for point in group["points"]]
+        speeds = [point["x"] for group in part for point in group["points"]]
         speed_m_s = chosen_m_s or float(np.exp(np.mean(np.log(speeds))))
         for inside in alike(gauges[:, [1 - along]]):
             points = [
-                {**point, "gauge": part[k]["gauges"][along]}
+                {**point, "x": part[k]["gauges"][along], "speed": point["x"]}
                 for k in inside
                 for point in part[k]["points"]
-                if chosen_m_s is None or abs(np.log(point["speed"] / speed_m_s)) <= NEAR
+                if chosen_m_s is None or abs(np.log(point["x"] / speed_m_s)) <= NEAR
             ]
             other = float(gauges[inside, 1 - along].mean())
             title = f"{name}: " if len(names) > 1 else ""
@@ -193,9 +192,8 @@ def map_slice(workspace: Workspace, path: str, fit: str, speed: Literal["all"] |
             if name in fits and np.ptp(reach) > SAME_PA:
                 over = np.linspace(reach.min(), reach.max(), SPEEDS)
                 pair = (over, other) if along == 0 else (other, over)
-                known = [point["gauge"] for point in points] or [np.inf, -np.inf]
-                band = _band(fits[name], np.full(SPEEDS, speed_m_s), *pair)
-                group["curve"] = {"gauge": over.tolist(), "measured": [min(known), max(known)], **band}
+                known = [point["x"] for point in points] or [np.inf, -np.inf]
+                group["curve"] = _curve(fits[name], over, known, np.full(SPEEDS, speed_m_s), *pair)
                 file = fit_file(name) if len(names) > 1 else fit_name
                 ends = float(reach.min()), float(reach.max())
                 levels.append((join(dirname(path), file), speed_m_s, other, *ends))
@@ -204,16 +202,17 @@ def map_slice(workspace: Workspace, path: str, fit: str, speed: Literal["all"] |
     return {"chamber": "ab"[along], "groups": groups, "python": lines}
 
 
-def _band(fit: FrictionFit, *at: Array | float) -> Plain:
-    """Return the friction of a fit at speeds and gauge pressures, with its interval."""
+def _curve(fit: FrictionFit, x: Array, measured: list[float], *at: Array | float) -> Plain:
+    """Return the friction of a fit at speeds and gauge pressures, with its interval, over one of the two."""
     curve = fit.predict(*at)
-    return {"friction": curve.friction_n.tolist(), "low": curve.lower_n.tolist(), "high": curve.upper_n.tolist()}
+    columns = {"x": x, "y": curve.friction_n, "low": curve.lower_n, "high": curve.upper_n}
+    return {name: values.tolist() for name, values in columns.items()} | {"measured": [min(measured), max(measured)]}
 
 
 def _points(table: xr.Dataset, rows: Ints) -> list[Plain]:
     part = {str(name): column.to_numpy() for name, column in table.isel(row=rows).items()}
     columns = {name: part[name] for name in ("recording", "direction", "flags")}
-    columns |= {"speed": np.abs(part["velocity_m_s"]), "friction": part["friction_n"]}
+    columns |= {"x": np.abs(part["velocity_m_s"]), "y": part["friction_n"]}
     columns["spread"] = 2.0 * np.hypot(part["stderr_n"], part["u_systematic_n"])  # U, k = 2
     return pl.DataFrame(columns).with_columns(pl.col("spread").fill_nan(None)).to_dicts()
 
