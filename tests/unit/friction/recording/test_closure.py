@@ -267,9 +267,9 @@ def test_no_fit_is_over_both_seals_and_the_page_draws_each_by_its_own(found, tmp
     assert [group["label"].partition(":")[0] for group in groups] == ["lip", "lip", "cup", "cup"]
     for group in groups:
         bar = group["gauges"][1] / 1e5
-        speed = np.array(group["curve"]["speed"])
+        speed = np.array(group["curve"]["x"])
         truth = friction_n(group["assembly"], speed, bar)
-        assert group["curve"]["friction"] == pytest.approx(truth, rel=0.06)
+        assert group["curve"]["y"] == pytest.approx(truth, rel=0.06)
     one = drawn_map(path, "fit-cup.toml")["groups"]
     assert ["curve" in group for group in one] == [False, False, True, True]
     mixed = drawn_map(path, "own.toml")
