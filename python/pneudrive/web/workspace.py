@@ -11,6 +11,7 @@ import hashlib
 import os
 import posixpath
 import re
+import secrets
 import shutil
 import sys
 import tempfile
@@ -68,6 +69,7 @@ class Workspace:
     root: Path
     #: Secret in the address of a report -> its folder. See `pneudrive.web.app.report_address`.
     reports: dict[str, str] = field(default_factory=dict, init=False, repr=False, compare=False)
+    _saves: dict[Path, tuple[str, ...]] = field(default_factory=dict, init=False, repr=False, compare=False)
     _states: dict[Any, Any] = field(default_factory=dict, init=False, repr=False, compare=False)
     _lock: threading.Lock = field(default_factory=threading.Lock, init=False, repr=False, compare=False)
 
@@ -171,13 +173,18 @@ class Workspace:
 
     def read(self, name: str) -> tuple[str, str]:
         """Return the text of a file and its version. See `write`."""
-        text = read_text(self.path(name, DESCRIPTIONS), CommandError)
-        return text, fingerprint(text)
+        path = self.path(name, DESCRIPTIONS)
+        text = read_text(path, CommandError)
+        return text, self._version(path, text)
+
+    def _version(self, path: Path, text: str) -> str:
+        return "-".join([fingerprint(text), *self._saves.get(path, ())])
 
     def write(self, name: str, text: str, known: str | None) -> str:
         """Write a file that has not changed since the page read it, and return its new version.
 
-        A version is the SHA-256 of the text.
+        A version is the SHA-256 of the text. If the text is unchanged, a random word is appended, so that a second
+        writer with the same version notices the save.
 
         Parameters
         ----------
@@ -192,12 +199,13 @@ class Workspace:
         CommandError
             The file cannot be written.
         """
-        path = self.path(name, DESCRIPTIONS)
+        path, there, is_same = self.path(name, DESCRIPTIONS), "", False
         with alone_in(self.root):  # two writers with the same version: the second one gets an error
             if exists(path):
                 there = read_text(path, CommandError)
-                if known != fingerprint(there):
-                    raise ChangedError(there, fingerprint(there))
+                is_same = known is not None and known.startswith(fingerprint(there))
+                if not is_same or (path in self._saves and known != self._version(path, there)):
+                    raise ChangedError(there, self._version(path, there))
                 if "\r\n" in there:  # line ends of the file: an editor in a browser only has "\n"
                     text = text.replace("\r\n", "\n").replace("\n", "\r\n")
             elif known is not None:
@@ -209,7 +217,10 @@ class Workspace:
                     temporary.write_bytes(text.encode())
             except OSError as error:
                 raise CommandError(f"{name[:80]} cannot be written", rule=error.strerror or str(error)) from None
-        return fingerprint(text)
+            self._saves.pop(path, None)
+            if is_same and there == text:
+                self._saves[path] = (secrets.token_hex(4),)
+            return self._version(path, text)
 
 
 class NewNames:
