@@ -401,6 +401,17 @@ class Viewed(Shown):
         """Return the view of the result."""
         raise NotImplementedError
 
+    def __str__(self) -> str:
+        """Return the view as text."""
+        return self.view().text()
+
+    def _card(self) -> Card:
+        return self.view()._card()
+
+
+class Reported(Viewed):
+    """Base of results whose report is the page of their view."""
+
     def report(self, folder: str | Path) -> Path:
         """Write report.html, the page of the view, and its figures into an existing folder.
 
@@ -410,13 +421,6 @@ class Viewed(Shown):
             The folder cannot be written to.
         """
         return upper("view_report")(self.view(), synthetic=getattr(self, "synthetic", False)).write(folder)
-
-    def __str__(self) -> str:
-        """Return the view as text."""
-        return self.view().text()
-
-    def _card(self) -> Card:
-        return self.view()._card()
 
     def _picture(self) -> str:
         draw = upper("figure_svg")

@@ -32,7 +32,7 @@ from pneudrive.signals.pressure_delay import PressureDelay, pressure_delay
 from pneudrive.signals.recording import Recording
 from pneudrive.simulation.trajectory import check_target, columns_in, write_frame, write_whole
 from pneudrive.validate.balance import HELD_OUT, MADE, NONE_HELD_OUT, Metrics, badge_of, held_out_notes, metrics
-from pneudrive.views import ShownFigure, ShownValue, View, Viewed
+from pneudrive.views import Reported, ShownFigure, ShownValue, View
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
@@ -52,7 +52,7 @@ STATIC_FIT_PERCENT = 98.0
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class FrictionValidation(Viewed):
+class FrictionValidation(Reported):
     """Validation of a friction law against measured sliding friction.
 
     Attributes
@@ -418,7 +418,7 @@ PRESSURE, CLOSURE = 0.01, 0.01  # targets: shares of the ranges of pressure and 
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class MotionValidation(Viewed):
+class MotionValidation(Reported):
     """A circuit compared with recordings of its driven piston.
 
     Attributes
@@ -547,7 +547,7 @@ def _late(records: tuple[motions.FollowRecord, ...]) -> list[str]:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class RegulatorValidation(Viewed):
+class RegulatorValidation(Reported):
     """The fit of a regulator compared with runs. All values are fixed. A run starts at its first measured pressure.
 
     Attributes
