@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from pneudrive.control.loop import RTOL, Prepared, prepare, run_prepared
-from pneudrive.control.mismatch import MismatchOrFile, mismatched, read_mismatch
+from pneudrive.control.mismatch import Mismatch, MismatchOrFile, Truth, mismatched, read_mismatch
 from pneudrive.control.own_law import is_own
 from pneudrive.control.references import USUAL, ReferenceOrFile, reference, standard_references
 from pneudrive.control.scores import SHOWN, SPREAD_SHOWN, Score, written
@@ -464,7 +464,7 @@ def _score_in(file: Path, key: str) -> Score | None:
 
 MOST_SEEDS = 100_000
 MEMBERS = 200  # members of a spread by default
-SPREAD_SEED = 0  # of a spread's samples
+SPREAD_SEED, MOST_TRUTHS = 0, 64  # seed of a spread's samples; members that are held at a time
 
 
 def standard(drive: DriveOrCircuit) -> dict[str, Reference]:
@@ -561,13 +561,10 @@ def benchmark(
     }
     store = Store(folder, keeps=own is None, mark=mark_of(folder, tunings))
     first = next(iter(prepared.values()))
-    core_json = first.circuit.core_json()
+    truth_of = _truths(first, own)
 
     def prepared_for(law: str, along: str, seed: int) -> Prepared:
-        truth = first.truth
-        if own is not None:
-            truth = mismatched(core_json, first.plant, first.setup, own, own.drawn(SPREAD_SEED, seed))
-        return prepared[law, along]._replace(truth=truth)
+        return prepared[law, along]._replace(truth=truth_of(seed))
 
     keys = "".join(key_of(prepared_for(law, along, 1), 1, store.mark) for law, along in prepared)
     about: Plain = {"drive": drive.name, "setup": name, "setup_about": read.about, "mismatch": first.mismatch}
@@ -589,6 +586,19 @@ def benchmark(
         made.save(folder / table)
     (folder / SO_FAR).unlink(missing_ok=True)
     return made
+
+
+def _truths(first: Prepared, spread: Mismatch | None) -> Callable[[int], Truth]:
+    """Return a function from a seed, or a member of a spread, to the true drive."""
+    core_json = first.circuit.core_json()
+
+    @lru_cache(maxsize=MOST_TRUTHS)
+    def of(member: int) -> Truth:
+        if spread is None:
+            return first.truth
+        return mismatched(core_json, first.plant, first.setup, spread, spread.drawn(SPREAD_SEED, member))
+
+    return of
 
 
 def _count(seeds: int, members: int | None, *, is_spread: bool) -> int:

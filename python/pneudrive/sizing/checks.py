@@ -320,6 +320,9 @@ def machine_checks(choice: DriveChoice, task: SizingTask, drive: SizedDrive | No
         stated = f"peak_pressure, from the data sheet of the cylinder: {1e-5 * peak:.0f} bar abs or more"
         rule = "assumed: usual cylinders take 1.5 times the 10 bar gauge of their supply"
         found.append(_check("peak pressure", 1e-5 * peak, 1e-5 * most, "bar abs", rule, stated))
+    if task.cycles_per_hour and (hourly := cylinder.printed_si("absorber_energy_per_hour", "J")):
+        energy, rule = 2.0 * task.cycles_per_hour * most_energy, "maker's sheet of the absorber"
+        found.append(_check("energy per hour", energy, hourly, "J", rule, "fewer cycles_per_hour"))
     if task.cycles is not None:
         lives = [part.printed_si("b10_cycles", "") for part in (cylinder, choice.valve)]
         life = min(one for one in lives if one is not None) if None not in lives else None

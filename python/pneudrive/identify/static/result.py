@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
+from pneudrive.describe.circuit import Circuit
 from pneudrive.describe.marks import parameter_quantities
 from pneudrive.describe.tables.dependences import DEPENDENCES
 from pneudrive.describe.tables.friction import Friction
@@ -220,7 +221,7 @@ class FrictionFit(SlidingFit, kind="friction map"):
         Raises
         ------
         FitError
-            The drive's law does not have a determined parameter.
+            The drive's law does not have a determined parameter, or `drive` is a circuit.
 
         Warns
         -----
@@ -229,6 +230,8 @@ class FrictionFit(SlidingFit, kind="friction map"):
             Kept values change the curve of the drive. Measured effects of a campaign cannot be applied, or were
             assumed.
         """
+        if isinstance(drive, Circuit):
+            raise FitError(**stated("application", "to_circuit", name=drive.name))
         known = {p["key"] for p in drive.friction.entry["parameters"]}
         forces = {n for n in self.determined if n not in sliding.PRESSURE_NAMES}
         other_law = not forces <= known
