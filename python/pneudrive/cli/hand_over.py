@@ -162,7 +162,8 @@ def demo(*, out: Path = Path("out")) -> None:
     controlled = page.view_section("controlled-axis", trajectory.view_of_controlled_run(axis), synthetic=True)
     report, study = recordings.recordings_report(found, fits), made.report().sections
     verdict = [*report.verdict, *reproduction.verdict(made, alone=False)]
-    report = replace(report, verdict=verdict, sections=[*report.sections, *study, controlled])
+    title, sections = f"{report.title}, with a simulated rig", [*report.sections, *study, controlled]
+    report = replace(report, title=title, verdict=verdict, sections=sections)
     written = report.write(folder)
     typer.echo(f"{report.title}: {len(found.results)} recordings")
     for number, line in enumerate(report.lines, 1):
