@@ -227,5 +227,5 @@ def results():
 
 def test_public_results_show_a_card():
     found = set(results())
-    assert len(found) >= 13
+    assert len(found) >= 12
     assert not [kind for kind in found if not issubclass(kind, repr_tables.Shown)]

@@ -1,4 +1,4 @@
-"""View of a sizing, and its page with the best choice, the task, and the command."""
+"""View of a sizing, and its page with the values of the best choice, the task, and the command."""
 
 from __future__ import annotations
 
@@ -187,7 +187,7 @@ def write_sizing_report(found: SizingResult, folder: str | Path) -> Path:
     candidates = view_section(
         "candidates", replace(view, title=topic.say("title"), leading=(), findings=(), notes=notes)
     )
-    about = {"best": _best, "task": _task, "again": _method}
+    about = {"best": _best, "values": _values, "task": _task, "again": _method}
     parts = [candidates, *sections_of("sizing", about, found, synthetic=False)]
     verdict = [Finding(view.title, view.state), *view.findings, *map(Finding, view.notes)]
     lines = [replace(line, text=f"{line.text[:1].upper()}{line.text[1:]}") for line in verdict]
@@ -261,6 +261,28 @@ def _best(topic: Topic, found: SizingResult) -> Blocks:
         parts = [f"{slot.replace('_', ' ')}: {name}" for slot, name in best.parts.items()]
         yield Paragraph((*parts, best.needles))
         yield topic.figure("circuit", circuit_figure(found.circuit()), parts=best.part_names)
+
+
+def _values(topic: Topic, found: SizingResult) -> Blocks:
+    """Show the values of the best choice with their sources."""
+    if found.best is None:
+        return
+    circuit = found.circuit()
+    values = [
+        (one.key.removeprefix("components."), str(one.value), _origin(one.kind, one.origin))
+        for one in values_of(circuit)
+        if not one.key.endswith(".kind")
+    ]
+    named = {f"{key} = " for key, *_ in values}
+    rest = tuple(line for line in circuit.assumed() if not line.startswith(tuple(named)))
+    yield topic.table(values)
+    yield Paragraph(rest)
+
+
+def _origin(kind: str, said: str) -> str:
+    if kind in ("given", "default"):
+        return {"given": "the task, or the choice of parts", "default": "default"}[kind]
+    return said if kind == "source" or said.startswith("assumed") else f"{kind}: {said}"
 
 
 def _task(topic: Topic, found: SizingResult) -> Blocks:
