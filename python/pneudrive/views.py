@@ -408,6 +408,10 @@ class Viewed(Shown):
     def _card(self) -> Card:
         return self.view()._card()
 
+    def _picture(self) -> str:
+        draw = upper("figure_svg")
+        return "".join(draw(shown) for shown in self.view().figures[:MOST_PICTURES])
+
 
 class Reported(Viewed):
     """Base of results whose report is the page of their view."""
@@ -421,10 +425,6 @@ class Reported(Viewed):
             The folder cannot be written to.
         """
         return upper("view_report")(self.view(), synthetic=getattr(self, "synthetic", False)).write(folder)
-
-    def _picture(self) -> str:
-        draw = upper("figure_svg")
-        return "".join(draw(shown) for shown in self.view().figures[:MOST_PICTURES])
 
 
 def _cell(value: ShownValue | None, *, with_unit: bool) -> str:
