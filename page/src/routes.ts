@@ -37,7 +37,7 @@ export function follow(): void {
   route.value = { view: view ?? "studies", path: decoded(path ?? "") };
 }
 
-/** Decode a part of an address. What is no code, as in a truncated part, stays. */
+/** Decode a part of an address. Invalid codes, as in a truncated part, stay. */
 const decoded = (part: string): string =>
   new URLSearchParams(`part=${part.replace(/[+&]/g, encodeURIComponent)}`).get("part") ?? "";
 

@@ -19,7 +19,7 @@ import { Copied, Problems, SliderRow, TextField, Unsaved } from "../workspace/pa
 import { Answer, Values } from "../workspace/result";
 import { GoalField, goalOf, MEASURE, ScoreCard, Told } from "./score";
 
-/** What is run, besides the drive. */
+/** Request of a run, without its drive. */
 const START = { law: "nmpc", gains: {} as Record<string, number>, reference: "", setup: "real", mismatch: "" };
 const run = undoable(signal({ ...START, seed: 1, duration: "" }));
 const change = (values: Partial<typeof run.value>): void => void (run.value = { ...run.value, ...values });
@@ -139,7 +139,7 @@ function Start({ path }: { path: string }) {
   );
 }
 
-/** Inputs of a run beside its drive, law and reference. */
+/** Inputs of a run in addition to drive, law and reference. */
 const inputs = (found: Choices | null): Input[] => [
   { key: "setup", label: "Setup", kind: "choice", choices: [...(found?.setups ?? []), ...pathsOf("setup")] },
   {

@@ -64,7 +64,7 @@ function placed(u: uPlot, series: number) {
   };
 }
 
-/** Hooks of uPlot before and after what is drawn here. */
+/** Hooks of uPlot, called before and after this drawing. */
 export const save = (u: uPlot): void => u.ctx.save();
 export const restore = (u: uPlot): void => u.ctx.restore();
 

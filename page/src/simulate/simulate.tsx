@@ -25,7 +25,7 @@ const initial = undoable(signal(""));
 export const pinned = undoable(signal<string[]>([]));
 export const pin = (key: string): void => void (pinned.value = toggled(pinned.value, key));
 const moved = undoable(signal<Record<string, number>>({})); // by `placeOf` a value
-/** Frozen curves, with what was simulated in words. */
+/** Frozen curves, with a description of their run. */
 const frozen = signal<(Pick<Frame<Head>, "arrays"> & { label: string })[]>([]);
 const answer = signal<Frame<Head> | null>(null);
 const [wrong, attempt] = attempts();

@@ -212,7 +212,7 @@ interface RowProps {
   parts: Listed[];
 }
 
-/** A file with its line, its verdict and its actions. Comparison and origin of a file stand in the overview. */
+/** A file with its line, its verdict and its actions. The overview shows comparison and origin of a file. */
 function FileRow({ file: { path, kind, changed }, view = viewOf(kind), hasDate, parts }: RowProps) {
   const isOverview = route.value.view === "studies";
   const [, line = "", verdict] = /^(.*?)(?:: (needs you|open|in order))?$/.exec(useHeadlines()[path] ?? "") ?? [];
@@ -256,7 +256,7 @@ function FileRow({ file: { path, kind, changed }, view = viewOf(kind), hasDate, 
 
 const search = signal("");
 const closed = signal<string[]>(["Catalogue"]);
-/** Whether the tree lies above the view, not beside it. */
+/** True if the tree is above the view, as on a narrow screen. */
 export const isOverMain = (): boolean => typeof matchMedia !== "undefined" && !matchMedia("(min-width: 60rem)").matches;
 export const isShown = signal(!isOverMain());
 
