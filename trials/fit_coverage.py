@@ -4,9 +4,9 @@
 
 The truth is that of the Fisher table of the theory: Fc 30 N, Fs 40 N, vs 12 mm/s, Fv 60 N s/m. A map has 20 speeds from
 1 to 450 mm/s in logarithmic steps, with a noise of 0.5 N. The last case draws the truth too, with exponents of 0.5 to 2
-and the Lorentzian: the fit does not know the shape of the curve. The data are simulated and
-contain no other effects of real seals. The exit status is 1 if a fraction lies outside its bounds, or if the median half-width exceeds 1.5 times the
-Cramer-Rao bound.
+and the Lorentzian: the fit does not know the shape of the curve. The data are simulated and contain no other effects
+of real seals. The exit status is 1 if a fraction lies outside its bounds, or if the median half-width exceeds 1.5 times
+the Cramer-Rao bound.
 """
 
 from __future__ import annotations

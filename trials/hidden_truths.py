@@ -1,10 +1,10 @@
 """Campaigns of hidden truth: shapes of no law of the package, wild cycles, a Stribeck speed that moves with pressure.
 
 ``python -m trials.hidden_truths [--count 40] [--first 0]`` prints a line for each folder with its changes and warnings.
-It also has the coverage of measured points and the median half width over friction. The last lines are the coverage over all folders,
-and whether each folder below 90 % names the cause. Their plans repeat only sentinels. With ``--law tanh``, all folders
-have one plan and law, so that they differ by chance alone. The Stribeck speed of this law moves with pressure, except
-with ``--moves 0``.
+It also has the coverage of measured points and the median half width over friction. The last lines are the coverage
+over all folders, and whether each folder below 90 % names the cause. Their plans repeat only sentinels. With
+``--law tanh``, all folders have one plan and law, so that they differ by chance alone. The Stribeck speed of this law
+moves with pressure, except with ``--moves 0``.
 """
 
 from __future__ import annotations

@@ -150,7 +150,7 @@ def drawing(workspace: Workspace, path: str, text: str) -> Plain:
 
     found = circuit_shapes(described_at(workspace, path, text))
     words = [one.text for one in found.shapes if one.word == "text" and not one.component]  # title and notes come last
-    shapes = [one._replace(points=one.outline(steps=48)) for one in found.shapes[: -len(words)]]
+    shapes = [one._replace(points=one.outline(steps=48)) for one in found.shapes[: len(found.shapes) - len(words)]]
     moving = {name: one._asdict() for name, one in pistons(shapes).items()}
     drawn = {"shapes": [one._asdict() for one in shapes], "pistons": moving, "words": words}
     return drawn | {"nets": found.nets, "ports": found.ports, "box": found.box}
