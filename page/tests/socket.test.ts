@@ -29,7 +29,7 @@ vi.stubGlobal("location", { protocol: "http:", host: "here" });
 vi.stubGlobal("document", { documentElement: { dataset: {} } });
 vi.stubGlobal("WebSocket", Made);
 vi.stubGlobal("fetch", async () => new Response("{}"));
-const { liveSocket } = await import("../src/server/server");
+const { connection, liveSocket } = await import("../src/server/server");
 
 describe("the socket of a view", () => {
   beforeEach(() => void (vi.useFakeTimers(), (Made.all = [])));
@@ -56,5 +56,18 @@ describe("the socket of a view", () => {
     live.close();
     vi.advanceTimersByTime(600);
     expect(Made.all).toHaveLength(2);
+  });
+
+  it("is not called refused, if a later attempt opens before the server answers about an earlier one", async () => {
+    let answer = (): void => undefined;
+    vi.stubGlobal("fetch", () => new Promise((resolve) => (answer = () => resolve(new Response("{}")))));
+    const live = liveSocket(() => undefined);
+    live.request({ value: 1 });
+    Made.all[0]!.close(); // before it was open: the page looks whether the server answers
+    vi.advanceTimersByTime(600);
+    Made.all[1]!.open();
+    answer();
+    await vi.advanceTimersByTimeAsync(10);
+    expect(connection.value).toBe("open");
   });
 });

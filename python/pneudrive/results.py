@@ -1,4 +1,4 @@
-"""Reading of results and descriptions from any file or folder, and comparison of two of the same kind."""
+"""Reading of results and descriptions from any file or folder, and comparison of two results of the same kind."""
 
 from __future__ import annotations
 
@@ -54,8 +54,8 @@ from pneudrive.views import ShownCurve, ShownValue, View, Viewed
 _MARKS = {"law": "comparison of controllers", "friction_n": "friction map", "time_s": "run", "member": "ensemble"}
 MOST_PANELS, POINTS = 4, 61  # curves in a figure; places of a fitted curve
 COMPARED = (Look("black"), Look("orange", "--", "s"))  # looks of both results
-ONE_SIDED = " The differences contain the zero of the force sensor. Their intervals contain what the maps show of it."
-APART = " The laws are not compared: the maps share no speed and pressures. Measure both at the same ones."
+ONE_SIDED = " The differences contain the force sensor's zero error; the intervals contain its estimate from the maps."
+APART = " The laws are not compared: the maps have no common speed and pressures. Measure both at the same levels."
 SHOWN_PLACES = 5  # of a curve in a table
 JOINT = 1.5  # factor from a band of 95 % at one place to that of about 17 places together (Bonferroni)
 SAME_PA = 1.0  # rounding of a pressure
@@ -82,8 +82,18 @@ class StoredResult(Viewed):
     content: Keyed
 
     def view(self) -> View:
-        """Return the stored values, curves and sentences."""
-        return _VIEWS[self.kind](self)
+        """Return the stored values, curves and sentences.
+
+        Raises
+        ------
+        CommandError
+            A file lacks values that pneudrive writes.
+        """
+        try:
+            return _VIEWS[self.kind](self)
+        except (KeyError, TypeError) as error:
+            rule = f"a {self.kind} as pneudrive wrote it"
+            raise CommandError(f"{self.path} lacks {error}", rule=rule, remedy="Write it again.") from None
 
 
 #: Kind of a file or a folder -> function that reads it.
@@ -102,7 +112,7 @@ _READERS: dict[str, Callable[[Path], Any]] = {
 
 
 def load(path: str | Path) -> Any:  # noqa: ANN401 - one class for each kind
-    """Read a result or a description; its kind follows from its content.
+    """Read a result or a description. The kind is recognised from the content.
 
     Parameters
     ----------
@@ -113,9 +123,9 @@ def load(path: str | Path) -> Any:  # noqa: ANN401 - one class for each kind
     Returns
     -------
     object
-        Drive, Circuit, Tank, Regulator, SizingTask, Protocol or Layout; a fit of any kind; run, friction map or
-        ensemble as `xarray.Dataset`; evaluated campaign; comparison of controllers; sizing; validation and
-        characterisation as `StoredResult`; `Recording`.
+        A Drive, Circuit, Tank, Regulator, SizingTask, Protocol, Layout or `Recording`; a fit of any kind; a sizing; an
+        evaluated campaign; a comparison of controllers; a run, a friction map or an ensemble as `xarray.Dataset`; a
+        validation or a characterisation as `StoredResult`.
 
     Raises
     ------
@@ -195,7 +205,7 @@ def _frame(path: Path) -> tuple[pl.DataFrame, Plain]:
 
 
 def _dataset(frame: pl.DataFrame, attrs: Plain) -> xr.Dataset:
-    """Return the members of an ensemble."""
+    """Return the members of an ensemble as a data set."""
     variables = {}
     for column in frame.columns:
         name, unit, words = meaning(column)
@@ -270,9 +280,9 @@ def _fit_pairs(before: FrictionFit, after: FrictionFit) -> Iterator[CurvePair]:
 def _law_pair(
     label: str, before: FrictionFit, after: FrictionFit, x: Array, axes: tuple[str, str], at: tuple[Any, Any, Any]
 ) -> CurvePair:
-    """Return two laws at speeds and gauge pressures with their bands, and their difference.
+    """Return the curves of two laws at the given speeds and gauge pressures, with bands and difference.
 
-    The fits count as independent. The band of the difference does not contain common errors of the sensors.
+    The fits are treated as independent. The band of the difference does not contain common errors of the sensors.
     """
     laws = [fit.predict(*at) for fit in (before, after)]
     names = axes[0], "friction", axes[1], "N"
@@ -283,7 +293,7 @@ def _law_pair(
 
 
 def _is_one_sided(fit: FrictionFit) -> bool:
-    """Return whether a fit is of one direction. The zero of the force sensor is then part of its friction."""
+    """Return whether a fit is of one direction. Its friction then contains the zero error of the force sensor."""
     return fit.provenance["direction"] != "both"
 
 
@@ -323,7 +333,7 @@ class ComparedValue(NamedTuple):
 
 
 class ValuePair(NamedTuple):
-    """One value that differs.
+    """A value that differs between two results.
 
     Attributes
     ----------
@@ -347,7 +357,7 @@ class ValuePair(NamedTuple):
 
 
 class CurvePair(NamedTuple):
-    """A curve of two results, and their difference (second - first) with the half width of its 95 % band, SI."""
+    """A curve of two results, and the difference (second - first) with the half width of its 95 % band, in SI."""
 
     first: ShownCurve
     second: ShownCurve
@@ -408,7 +418,7 @@ class ResultComparison(Shown):
         Number of equal values.
     curves : tuple of CurvePair
     note : str
-        Sentence on an error that both results may contain.
+        Sentence on the limits of the comparison.
     """
 
     kind: str
@@ -423,13 +433,13 @@ class ResultComparison(Shown):
         """Number of values and curves that differ, and the value that differs most."""
         count, moved = self.same + len(self.values), sum(pair.differs for pair in self.curves)
         if not count and not self.curves:
-            return f"These two results of the kind {self.kind} have nothing in common to compare."
+            return f"These two results of the kind {self.kind} have no common values or curves."
         if not self.values and not moved:
             return f"No {'curve differs beyond its 95 % interval' if self.curve_rows() else 'value differs'}."
         parts = [f"{len(self.values)} of {count} values"] if count else []
         parts += [f"{moved} of {len(self.curves)} curves"] if self.curves else []
         most = max(self.values, key=lambda pair: abs(pair.change or 0.0), default=None)
-        first = f"; most: {most.key} {100.0 * most.change:+.3g} %" if most is not None and most.change else ""
+        first = f"; largest change: {most.key} {100.0 * most.change:+.3g} %" if most and most.change else ""
         gaps = (pair.sentence(self.names) for pair in self.curves if self.kind == "friction fit")
         alone = sum("" in (value.before, value.after) for value in self.values)
         single = f", {alone} of them in one result only" if alone else ""
@@ -442,7 +452,7 @@ class ResultComparison(Shown):
         ]
 
     def figure(self) -> Figure:
-        """Return the first curves that differ: both of them, and their difference with its band.
+        """Return up to four pairs of curves, those that differ first, and the difference of each pair with its band.
 
         Raises
         ------
@@ -513,8 +523,8 @@ def compare_results(first: Any, second: Any, names: tuple[str, str] = ("before",
     kinds = [kind_of(each) for each in results]
     if kinds[0] != kinds[1]:
         raise CommandError(
-            "only results of one kind can be compared",
-            value=f"a {kinds[0]} and a {kinds[1]}",
+            "only results of the same kind can be compared",
+            value=f"{kinds[0]} and {kinds[1]}",
             rule="two drives, circuits, fits, maps, runs, sizings, validations, campaigns or ensembles",
         )
     old, new = (_sides(each) for each in results)
@@ -533,7 +543,7 @@ def compare_results(first: Any, second: Any, names: tuple[str, str] = ("before",
 
 
 def _sides(result: Any) -> dict[str, ComparedValue]:  # noqa: ANN401 - any result
-    """Return the values of a result by their names."""
+    """Return the values of a result by key."""
     if isinstance(result, Drive | Circuit):
         ends = {key: " … ".join(one.interval) for key, one in (getattr(result, "provenance", None) or {}).items()}
         sides = {
@@ -570,7 +580,7 @@ def _side(row: ShownValue) -> ComparedValue:
 
 
 def _number(text: str) -> float | None:
-    """Return a quantity in SI, such as ``25 mm``; None for words."""
+    """Return a quantity, such as ``25 mm``, in SI; None for other texts."""
     found = _NUMBER.fullmatch(text)
     if found is None or " of " in text:
         return None
@@ -580,7 +590,7 @@ def _number(text: str) -> float | None:
 
 
 def _pair(key: str, old: ComparedValue, new: ComparedValue) -> ValuePair:
-    """Return two values in the unit of the first."""
+    """Return two values as a pair, in the unit of the first."""
     unit, text = old.text.partition(" ")[2], new.text
     if unit and old.si is not None and new.si is not None and not text.endswith(f" {unit}"):
         with suppress(DescriptionError):  # of another quantity, or words

@@ -115,12 +115,14 @@ def test_what_was_measured_predicts_the_drive(chain):
     assert np.sqrt(reach).max() < 10e-3
 
 
-def test_a_fit_of_the_campaign_applies_all_that_characterise_does(chain):
+def test_a_fit_of_the_campaign_applies_all_that_characterise_does(chain, refusal):
     out = str(chain / "curve.toml")
     assert run(["fit", str(chain / "c"), "--laws", "stribeck gaussian", "--pressure", "linear", "--out", out]) == 0
     assert run(["apply", out, str(chain / "drive.toml"), "--out", str(chain / "again.toml")]) == 0
     drives = [(chain / name).read_text("utf-8") for name in ("again.toml", "applied.toml")]
     assert len({re.sub(r'(fit|file) = "[^"]+"', "", text) for text in drives}) == 1  # but for the fit's file
+    circuit = Path(__file__).parents[2] / "examples/two_cylinders.toml"
+    assert "circuit" in refusal(["apply", out, str(circuit), "--out", str(chain / "circuit.toml")])
 
 
 # --- From the simulated rig to parameters: recordings with noise, characterised and fitted, give the truth back.

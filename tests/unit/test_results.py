@@ -95,8 +95,12 @@ def test_what_is_not_a_result_is_said(folder, tmp_path):
     ):
         with pytest.raises(CommandError, match=what):
             pn.load(path)
-    with pytest.raises(CommandError, match="only results of one kind"):
+    with pytest.raises(CommandError, match="only results of the same kind"):
         pn.compare_results(folder / "light.toml", folder / "light.parquet")
+    text = (ROOT / "tests/web/inputs/validation.toml").read_text()
+    (tmp_path / "validation.toml").write_text(text.replace("clean = ", "cleaned = "))
+    with pytest.raises(CommandError, match="validation.toml lacks 'clean'"):
+        pn.load(tmp_path / "validation.toml").view()
 
 
 def test_two_circuits_are_compared_in_one_unit(tmp_path):

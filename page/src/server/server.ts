@@ -26,10 +26,7 @@ export function unlock(): boolean {
     const isFirst = !token;
     token = newValue;
     if (isFirst) location.reload();
-    else if (connection.value === "locked") {
-      connection.value = "starting";
-      void look();
-    }
+    else if (connection.value === "locked") void look();
   });
   return token !== "";
 }
@@ -181,6 +178,9 @@ export function liveSocket<Head extends { number: number }>(draw: (frame: Frame<
   let [waiting, last, asked]: Request[] = [null, null, null]; // asked: what is on its way
   let socket: WebSocket | null = null;
 
+  /** Whether the server answers, but not this socket. A later attempt may already have opened it. */
+  const isRefused = (): boolean => !isClosed && socket?.readyState !== WebSocket.OPEN && connection.value === "open";
+
   function connect(): void {
     const made = new WebSocket(`${location.protocol.replace("http", "ws")}//${location.host}/api/live`, [
       "pneudrive",
@@ -210,7 +210,7 @@ export function liveSocket<Head extends { number: number }>(draw: (frame: Frame<
       onTheWay = 0;
       if (isClosed) return;
       if (wasOpen) lose();
-      else void look().then(() => !isClosed && connection.value === "open" && (connection.value = "full"));
+      else void look().then(() => isRefused() && (connection.value = "full"));
       setTimeout(() => isClosed || connect(), 500);
     };
     socket = made;

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from pneudrive.describe.connections import Joint, Port, Wiring, is_platform
 from pneudrive.describe.kinds import is_needed
-from pneudrive.errors import package_table, wrong
+from pneudrive.errors import CommandError, package_table, wrong
 from pneudrive.report.render import FONT, applied, load_matplotlib
 
 if TYPE_CHECKING:
@@ -677,4 +677,5 @@ def arranged(circuit: Circuit) -> tuple[dict[str, Block], list[Joint], Routes]:
         placed, joints = place(circuit, spread)
         with suppress(NoWayError):
             return placed, joints, Routes(placed, joints)
-    raise NoWayError
+    rule = f"a path for each line, with up to {SPREADS[-1]:g} times the usual distance between components"
+    raise CommandError(f"{circuit.name} cannot be drawn", rule=rule, remedy="Draw parts of the circuit.")
