@@ -39,7 +39,7 @@ With this page you can look up how closely the controllers follow a reference. *
 ## Random axes
 
 {count} axes are drawn at random: bore 16 to 80 mm, stroke 200 to 600 mm, spool 19 to 124 Hz, dead time 0.5 to 3 ms.
-A controller gets a description that differs from the true drive, in all of these at once:
+A controller gets a description that differs from the true drive in all of these values at once:
 
 | | described value / true value |
 |---|---|
@@ -50,16 +50,16 @@ A controller gets a description that differs from the true drive, in all of thes
 | dead time | 0.8 to 1.4 |
 | frequency of the spool | 0.75 to 1.2 |
 
-The law of friction differs, too: the description has a LuGre law, and the drives have one of {laws}.
-The instrumentation is `real`. The references are R1, R2 and R3, and S1, a sine as R1 with 0.3 Hz. Those that the
-described valve cannot follow are left out.
+The friction law differs, too: the description has a LuGre law, and the drives have one of {laws}.
+The instrumentation is `real`. The references are R1, R2, R3 and S1. S1 is a sine like R1, with 0.3 Hz. References that
+the described valve cannot follow are left out.
 """
 EXAMPLE_HEAD = """
 ## Axes of the examples
 
-The largest error of `nmpc` in µm with the instrumentation `real`. Along the sines R1 and R2 it is the error in the last
-4 s, along R3 the error in the whole run. The values are medians of {seeds} seeds. Peaks of fast moves differ by 30 %
-between seeds. The axes are files of `examples`:
+The table has the largest errors of `nmpc` in µm with the instrumentation `real`. Along the sines R1 and R2 they are the
+errors in the last 4 s, along R3 the errors in the whole run. The values are medians of {seeds} seeds. Peaks of fast
+moves differ by 30 % between seeds. The axes are files of `examples`:
 
 - P1 is `controlled_axis.toml`, and P2 is `axes/bench.toml`.
 - P3 is `axes/starter.toml`, a light piston with a sticky seal. P3h is `axes/starter_heavy.toml` with 4 kg more.

@@ -219,7 +219,7 @@ def summary(
     return [
         "# How well does it hold?",
         "",
-        "This page compares models with real recordings. `make real` writes it again from `data/measurements`.",
+        "This page compares models with real recordings. `make real` writes this page again from `data/measurements`.",
         "Errors are root mean squares in percent of the measured range. Intervals are 95 %.",
         "",
         "| data | identified from | predicted | error | intervals | unexplained |",
@@ -320,16 +320,16 @@ def friction_lines(friction: list[Level]) -> list[str]:
     lines += [
         "",
         f"Found: {counts}. The independent balance is the mean of the raw columns between {MIDDLE_M[0]:g} and "
-        f"{MIDDLE_M[1]:g} m, without any choice of samples. It differs by at most {100 * max(off):.1f} %.",
+        f"{MIDDLE_M[1]:g} m, without any choice of samples. The two differ by at most {100 * max(off):.1f} %.",
         "",
         f"The ambient air presses on the rod with {rod:.0f} N: the balance of absolute pressures contains this force. "
-        "The recordings confirm it. At 0.05 m/s both directions have one speed, and half the sum of both balances is "
-        f"{left[0]:+.0f} N (charged) and {left[1]:+.0f} N (vented). Without the air on the rod it would be "
+        "The recordings confirm it. At 0.05 m/s both directions have the same speed, and half the sum of both balances "
+        f"is {left[0]:+.0f} N (charged) and {left[1]:+.0f} N (vented). Without the air on the rod this would be "
         f"{left[0] + rod:+.0f} and {left[1] + rod:+.0f} N, and friction would be {rod:.0f} N too large in extension.",
         "",
         "The stated area of the ram has a standard uncertainty of 5 %, so U contains an error of 10 %.",
-        "This dominates U at high speed. U also contains a delay of 30 ms between the loggers. With pressures "
-        "that come 0.3 s later or earlier,",
+        "This error dominates U at high speed. U also contains a delay of 30 ms between the loggers. If the pressures "
+        "come 0.3 s later or earlier,",
         "`characterise` removes the delay, and friction changes by at most 2.6 %.",
         "",
     ]
