@@ -159,8 +159,8 @@ function Met() {
   const error = (head.max_error_m ?? Infinity) / MM;
   const isMet = error <= goalOf() && !head.lost;
   const limit = `${digits(goalOf())} mm`;
-  const title = `${head.law} keeps the error within ${digits(error)} mm; ${limit} are allowed${head.lost ? ". Lost: the error exceeded 20 mm" : ""}.`;
-  const state = head.lost ? "bad" : isMet ? "good" : "open";
+  const title = `${head.law} ${isMet ? "keeps" : "misses"} the goal: largest error ${digits(error)} mm, allowed ${limit}${head.lost ? ". Lost: the error exceeded 20 mm" : ""}.`;
+  const state = isMet ? "good" : "bad";
   const leading = head.view.leading.map((value) => {
     const own = { ...value, quantity: value.label, value: null };
     return value.key === MEASURE ? { ...own, limit, state: isMet ? ("good" as const) : ("bad" as const) } : own;

@@ -85,8 +85,8 @@ export function ScoreCard({ path }: { path: string }) {
       <JobList of={path} />
       {found && found.done > 0 && <Along found={found} reference={reference} now={tracks} />}
       <p class="note">
-        Synthetic: controllers and drive share the equations of the simulation. Only the controllers' parameters can be
-        wrong.
+        Synthetic: controllers and drive share the equations of the simulation, so only the parameters that controllers
+        assume can be wrong.
       </p>
       <Notes of={view?.notes ?? []} />
       {found && <Told view={found.told} />}
